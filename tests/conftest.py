@@ -1,0 +1,28 @@
+"""Settings that all tests share."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+os.environ.setdefault("MPLBACKEND", "Agg")  # draws without a display
+
+# The first call of a kernel compiles it, which no deadline should count; fixed examples keep two runs alike.
+settings.register_profile("homeward", deadline=None, derandomize=True)
+settings.load_profile("homeward")
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """Folder of the checkout."""
+    return Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """Folder of real recordings, from HOMEWARD_DATA; tests that need it are skipped without it."""
+    folder = os.environ.get("HOMEWARD_DATA")
+    if not folder:
+        pytest.skip("HOMEWARD_DATA does not name a folder of recordings")
+    return Path(folder)

@@ -1,0 +1,135 @@
+"""Dependencies point one way: physics <- envs <- agents, physics <- diagnosis; and `import homeward` stays light."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FORBIDDEN = {
+    "homeward/physics": {"homeward.envs", "homeward.agents", "homeward.diagnosis"},
+    "homeward/diagnosis": {"homeward.envs", "homeward.agents"},
+    "envs": {"homeward.agents", "homeward.diagnosis"},
+    "agents": {"homeward.diagnosis"},
+}
+PHYSICS_MAY_IMPORT = {"homeward", "numba", "numpy"} | sys.stdlib_module_names
+LEARNING = {"stable_baselines3", "tensorboard", "torch"}
+HEAVY = ["torch", "stable_baselines3", "matplotlib.pyplot", "pandas", "scipy"]
+
+
+def python_files(folder: str) -> list[Path]:
+    """Python files of the checkout under a folder; `rglob` does not enter the linked folders a second time."""
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+def module_name(file: Path) -> str:
+    """Import name of a file of the package, wherever its folder lies."""
+    parts = list(file.relative_to(ROOT).with_suffix("").parts)
+    if parts[0] in ("envs", "agents"):
+        parts.insert(0, "homeward")
+    return ".".join(parts)
+
+
+def imports(tree: ast.AST, module: str) -> Iterator[str]:
+    """Names that the import statements of a module or a statement refer to, relative ones made absolute."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            # The file's own name counts as the first level, for `__init__` as for any other file.
+            base = [*module.split(".")[: -node.level], node.module] if node.level else [node.module]
+            prefix = ".".join(part for part in base if part)
+            yield from (f"{prefix}.{alias.name}" for alias in node.names)
+
+
+def imports_on_load(file: Path) -> set[str]:
+    """Names imported when the file is loaded: outside functions and `if TYPE_CHECKING`."""
+    names: set[str] = set()
+    pending: list[ast.AST] = [ast.parse(file.read_text("utf-8"))]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names.update(imports(node, module_name(file)))
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            pending.extend(node.orelse)
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            pending.extend(ast.iter_child_nodes(node))
+    return names
+
+
+def all_imports(file: Path) -> set[str]:
+    """Names imported anywhere in the file, in functions too."""
+    return set(imports(ast.parse(file.read_text("utf-8")), module_name(file)))
+
+
+def within(name: str, packages: set[str]) -> bool:
+    """Whether a dotted name is one of the packages or lies in one."""
+    return any(name == package or name.startswith(package + ".") for package in packages)
+
+
+@pytest.mark.parametrize("folder", FORBIDDEN)
+def test_dependencies_point_one_way(folder: str) -> None:
+    files = python_files(folder)
+    assert files, f"{folder} holds no Python file"
+    wrong = [
+        f"{file.relative_to(ROOT)} imports {name}"
+        for file in files
+        for name in sorted(all_imports(file))
+        if within(name, FORBIDDEN[folder])
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_physics_needs_only_numpy_and_numba() -> None:
+    wrong = [
+        f"{file.relative_to(ROOT)} imports {name}"
+        for file in python_files("homeward/physics")
+        for name in sorted(all_imports(file))
+        if name.split(".")[0] not in PHYSICS_MAY_IMPORT
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_only_agents_import_learning_libraries() -> None:
+    wrong = [
+        f"{file.relative_to(ROOT)} imports {name}"
+        for file in [*python_files("homeward"), *python_files("envs"), ROOT / "evaluate.py", ROOT / "diagnose.py"]
+        for name in sorted(all_imports(file))
+        if within(name, LEARNING)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_module_of_the_package_loads_pyplot() -> None:
+    wrong = [
+        f"{file.relative_to(ROOT)} imports {name} when it is loaded"
+        for folder in ("homeward", "envs", "agents")
+        for file in python_files(folder)
+        if "plot" not in file.stem
+        for name in sorted(imports_on_load(file))
+        if within(name, {"matplotlib.pyplot"})
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("module", ["homeward", "homeward.envs", "homeward.agents"])
+def test_import_is_light(module: str) -> None:
+    code = f"import sys, {module}; print([name for name in {HEAVY} if name in sys.modules])"
+    run = subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert (run.returncode, run.stdout.strip()) == (0, "[]"), run.stdout + run.stderr
+
+
+@pytest.mark.parametrize("name", ["envs", "agents"])
+def test_bare_name_is_refused(name: str) -> None:
+    run = subprocess.run([sys.executable, "-c", f"import {name}"], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode != 0
+    assert run.stderr.strip().splitlines()[-1].startswith(f"ImportError: import it as homeward.{name}")
+
+
+def test_the_checks_see_every_form_of_import() -> None:
+    source = "from .. import agents\nfrom ..envs import base\nimport homeward.agents.ppo\ndef f():\n    import torch\n"
+    names = set(imports(ast.parse(source), "homeward.physics.model"))
+    assert names == {"homeward.agents", "homeward.envs.base", "homeward.agents.ppo", "torch"}

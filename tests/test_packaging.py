@@ -1,0 +1,102 @@
+"""What is installed is what lies in the folders."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import homeward
+
+ROOT = Path(__file__).parents[1]
+SOURCES = {"homeward": ROOT / "homeward", "homeward.envs": ROOT / "envs", "homeward.agents": ROOT / "agents"}
+
+
+@pytest.fixture(scope="module")
+def project() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+
+
+@pytest.fixture(scope="module")
+def wheel_names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    """Files of a wheel built from a copy of the sources with the setuptools that is installed."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    source.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    for top in SOURCES.values():
+        shutil.copytree(top, source / top.name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, source],
+        check=True,
+        env={**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1"},
+    )
+    (wheel,) = folder.glob("*.whl")
+    return set(zipfile.ZipFile(wheel).namelist())
+
+
+def files_of_packages() -> dict[str, Path]:
+    """Every file below the folders of the package, under the path that it is installed at."""
+    return {
+        "/".join([*package.split("."), *file.relative_to(top).parts]): file
+        for package, top in SOURCES.items()
+        for file in top.rglob("*")  # does not enter the linked folders
+        if file.is_file() and "__pycache__" not in file.parts
+    }
+
+
+def test_packages_are_the_folders_that_hold_python(project: dict[str, Any]) -> None:
+    assert set(project["tool"]["setuptools"]["packages"]) == {
+        name.rpartition("/")[0].replace("/", ".") for name in files_of_packages() if name.endswith(".py")
+    }
+
+
+def test_every_package_has_an_init_file(project: dict[str, Any]) -> None:
+    mapping = project["tool"]["setuptools"]["package-dir"]
+    for package in project["tool"]["setuptools"]["packages"]:
+        assert (ROOT / mapping.get(package, package.replace(".", "/")) / "__init__.py").is_file(), package
+
+
+@pytest.mark.parametrize("name", ["envs", "agents"])
+def test_links_are_relative(name: str) -> None:
+    link = ROOT / "homeward" / name
+    assert link.is_symlink()
+    assert os.readlink(link) == f"../{name}"
+
+
+def test_wheel_holds_the_files_of_the_packages_and_nothing_else(wheel_names: set[str]) -> None:
+    assert {name for name in wheel_names if ".dist-info/" not in name} == set(files_of_packages())
+
+
+def test_version_is_that_of_the_project(project: dict[str, Any]) -> None:
+    assert homeward.__version__ == project["project"]["version"]
+
+
+def test_entry_point_registers_environments() -> None:
+    (entry_point,) = (e for e in entry_points(group="gymnasium.envs") if e.value.startswith("homeward."))
+    assert entry_point.name == "__root__"
+    assert callable(entry_point.load())
+
+
+def test_every_dependency_is_pinned(project: dict[str, Any]) -> None:
+    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
+    pinned = {line.split("==")[0] for line in lines if line and not line.startswith("#")}
+    groups = [project["project"]["dependencies"], *project["project"]["optional-dependencies"].values()]
+    wanted = [requirement for group in groups for requirement in group]
+    assert {requirement.split(">=")[0] for requirement in wanted} <= pinned
+
+
+def test_uninstalled_checkout_imports() -> None:
+    code = (  # forgets the editable install, keeps the dependencies
+        "import sys; sys.meta_path = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
+        "import homeward.envs, homeward.agents; print(homeward.__file__)"
+    )
+    run = subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert run.stdout.strip() == str(ROOT / "homeward" / "__init__.py"), run.stderr
