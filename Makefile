@@ -1,0 +1,54 @@
+# make demo: train, evaluate and diagnose into runs/demo; make test: every check. Both first set up .venv where needed.
+
+# The first Python that is recent enough; choose another with `make PYTHON=/path/to/python test`.
+PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11; do \
+    $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$python && break; done)
+
+BIN := .venv/bin
+DEMO := runs/demo
+
+# HOMEWARD_DATA names a folder of real recordings; the project ships a small one for machines without it.
+ifdef HOMEWARD_DATA
+RECORDINGS = $(wildcard $(HOMEWARD_DATA)/husky_borealtc/FLOORING/pro_*.csv)
+COLUMNS = --columns husky
+else
+RECORDINGS = $(wildcard homeward/recordings/*.csv*)
+COLUMNS =
+endif
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test format clean
+
+help:
+	@echo "make demo    train, evaluate and diagnose into $(DEMO)"
+	@echo "make test    formatting, lint, types, tests and doctests"
+	@echo "make format  format the code and fix what the linter can"
+	@echo "make clean   remove .venv, runs and what tools left behind"
+
+demo: .venv/installed
+	$(BIN)/python train.py --env homeward/Survey-v0 --out $(DEMO)/ppo
+	$(BIN)/python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax dmax_mapped dmax_adaptive ppo=$(DEMO)/ppo \
+	    --episodes 500 --seed 7 --out $(DEMO)/evaluation
+	$(BIN)/python diagnose.py $(RECORDINGS) --robot husky $(COLUMNS) --out $(DEMO)/diagnosis
+
+test: .venv/installed
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest --numprocesses 2
+
+format: .venv/installed
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+# Only a change of what is to be installed runs this again; the stamp is written last, so an interrupted one starts over.
+.venv/installed: pyproject.toml constraints.txt
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	    echo "homeward needs Python 3.11 or later$(if $(PYTHON), (which '$(PYTHON)' is not)): install one or name it with 'make PYTHON=/path/to/python'" >&2; exit 2; }
+	"$(PYTHON)" -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[train,dev]'
+	@touch $@
+
+clean:
+	rm -rf .venv runs build dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find homeward envs agents tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
