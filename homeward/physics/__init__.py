@@ -1,0 +1,27 @@
+"""The battery-dissemination model, what it leaves out, and the step that both environments and diagnosis share."""
+
+from homeward.physics.effects import EFFECTS
+from homeward.physics.kernel import CAUSES
+from homeward.physics.model import ancillary_power, ideal_range, traction_force, usable_energy
+from homeward.physics.range import d_max, manoeuvring_energy, mission_energy, optimal_speed
+from homeward.physics.replay import Replay, replay
+from homeward.physics.robot import Robot, RobotError, load_robot, preset_names
+
+__all__ = [
+    "CAUSES",
+    "EFFECTS",
+    "Replay",
+    "Robot",
+    "RobotError",
+    "ancillary_power",
+    "d_max",
+    "ideal_range",
+    "load_robot",
+    "manoeuvring_energy",
+    "mission_energy",
+    "optimal_speed",
+    "preset_names",
+    "replay",
+    "traction_force",
+    "usable_energy",
+]

@@ -1,0 +1,24 @@
+"""Force that accelerates the robot."""
+
+from typing import Any
+
+from homeward.physics.effects.base import Effect, Parameter
+from homeward.physics.jit import inline
+
+
+@inline
+def inertia(p: Any, s: Any, x: Any, load: Any) -> Any:
+    return p.inertia_mass_factor * p.mass_kg * x.accel_mps2
+
+
+EFFECT = Effect(
+    id="inertia",
+    kind="force",
+    function=inertia,
+    parameters=(Parameter("mass_factor", "1", 0.0, 3.0, "accelerated over moving mass; above 1 for rotating parts"),),
+    sentence="Speeding up takes energy that braking does not give back.",
+    equation="F = mass_factor m dv/dt",
+    source="Newton's second law; the paper calls it negligible",
+    needs=("speed_mps",),
+    confused_with=("breakaway",),
+)

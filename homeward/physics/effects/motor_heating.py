@@ -1,0 +1,40 @@
+"""Windings that warm up and so resist more."""
+
+from typing import Any
+
+import numpy as np
+
+from homeward.physics.effects.base import Effect, Parameter
+from homeward.physics.jit import inline
+from homeward.physics.model import traction_efficiency
+
+
+@inline
+def motor_heating(p: Any, s: Any, x: Any, load: Any) -> Any:
+    return p.motor_heating_per_k * s.winding_k * np.maximum(load, 0.0) * x.speed_mps / traction_efficiency(p)
+
+
+@inline
+def remember(p: Any, s: Any, x: Any, passed_s: float) -> None:
+    """Warm the winding towards its steady temperature: the exact solution for a step of constant load."""
+    if p.motor_heating_per_k != 0.0:
+        work_w = np.maximum(s.traction_n, 0.0) * x.speed_mps / traction_efficiency(p)
+        steady_k = p.motor_heating_rise_k_per_w * work_w
+        s.winding_k = steady_k + (s.winding_k - steady_k) * np.exp(-passed_s / p.motor_heating_time_constant_s)
+
+
+EFFECT = Effect(
+    id="motor_heating",
+    kind="drive",
+    function=motor_heating,
+    parameters=(
+        Parameter("per_k", "1/K", 0.0, 0.02, "rise of the drive power per kelvin of winding temperature"),
+        Parameter("rise_k_per_w", "K/W", 0.0, 1000.0, "steady temperature rise per watt into the drive", 1.0),
+        Parameter("time_constant_s", "s", 1.0, 100000.0, "time constant of warming", 600.0),
+    ),
+    sentence="The motors lose more as they warm up during the run.",
+    equation="P = per_k T F v / Gamma, time_constant dT/dt = rise F v / Gamma - T",
+    source="first-order thermal model of a motor; copper gains 0.39 % of resistance per kelvin (IEC 60028)",
+    needs=("speed_mps", "time_s"),
+    confused_with=("intermittent_load", "ageing"),
+)

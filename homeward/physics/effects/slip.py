@@ -1,0 +1,27 @@
+"""Wheels that turn further than the robot travels."""
+
+from typing import Any
+
+import numpy as np
+
+from homeward.physics.effects.base import Effect, Parameter
+from homeward.physics.jit import inline
+from homeward.physics.model import GRAVITY_MPS2
+
+
+@inline
+def slip(p: Any, s: Any, x: Any, load: Any) -> Any:
+    return p.slip_per_load * load * np.abs(load) / (p.mass_kg * GRAVITY_MPS2)
+
+
+EFFECT = Effect(
+    id="slip",
+    kind="force",
+    function=slip,
+    parameters=(Parameter("per_load", "1", 0.0, 5.0, "slip per traction over weight"),),
+    sentence="The wheels slip more the harder they pull, so part of their work is lost.",
+    equation="F = F per_load |F| / (m g)",
+    source="linear slip-traction relation at small slip (Wong, Theory of Ground Vehicles)",
+    needs=("speed_mps", "grade_rad"),
+    confused_with=("copper_loss",),
+)

@@ -1,0 +1,24 @@
+"""Power that something draws all the time."""
+
+from typing import Any
+
+from homeward.physics.effects.base import Effect, Parameter
+from homeward.physics.jit import inline
+
+
+@inline
+def standby(p: Any, s: Any, x: Any, load: Any) -> Any:
+    return p.standby_power_w
+
+
+EFFECT = Effect(
+    id="standby",
+    kind="ancillary",
+    function=standby,
+    parameters=(Parameter("power_w", "W", 0.0, 10000.0, "constant power"),),
+    sentence="Something draws power all the time that the file does not list.",
+    equation="P = power_w",
+    source="s0 of the paper's Eq. 5, too small",
+    needs=("power_w",),
+    confused_with=("compute",),
+)

@@ -1,0 +1,25 @@
+"""Ground that rolls harder than the ground C_rr was measured on."""
+
+from typing import Any
+
+from homeward.physics.effects.base import Effect, Parameter
+from homeward.physics.jit import inline
+from homeward.physics.model import rolling_force
+
+
+@inline
+def surface(p: Any, s: Any, x: Any, load: Any) -> Any:
+    return p.surface_gain * x.roughness * rolling_force(p, x.cos_grade) * (x.speed_mps > 0.0)
+
+
+EFFECT = Effect(
+    id="surface",
+    kind="force",
+    function=surface,
+    parameters=(Parameter("gain", "1", -0.9, 10.0, "rise of C_rr over its value, at roughness 1"),),
+    sentence="The ground changes on the way and rolls harder or easier than assumed.",
+    equation="F = gain roughness C_rr m g cos(theta)",
+    source="rolling resistance by surface (Wong, Theory of Ground Vehicles)",
+    needs=("speed_mps", "distance_m"),
+    confused_with=("payload", "hidden_grade"),
+)

@@ -1,0 +1,123 @@
+"""Replay of a recorded drive through the kernel: what the model says the battery delivered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.physics.jit import announce_first_compilation, compiled
+from homeward.physics.kernel import CAUSES, Conditions, advance, full_charge
+from homeward.physics.robot import Robot
+
+_CHANNELS = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "speed_mps",
+            "sensing_hz",
+            "accel_mps2",
+            "grade_rad",
+            "yaw_rate_radps",
+            "roughness",
+            "headwind_mps",
+            "temperature_c",
+            "base_distance_m",
+        )
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What the model says of a drive; arrays of shape (n,), one value per sample, for the step that starts there."""
+
+    power_w: NDArray[np.float64]  # battery power
+    drive_w: NDArray[np.float64]  # electrical power into the drive
+    traction_n: NDArray[np.float64]  # force at the wheels
+    energy_j: dict[str, float]  # battery energy by cause over the whole drive
+
+
+def replay(
+    robot: Robot,
+    time_s: NDArray[np.float64],
+    speed_mps: Any,
+    *,
+    grade_rad: Any = 0.0,
+    yaw_rate_radps: Any = 0.0,
+    accel_mps2: Any = 0.0,
+    headwind_mps: Any = 0.0,
+    roughness: Any = 0.0,
+    temperature_c: Any = 20.0,
+    sensing_hz: Any = 0.0,
+    base_distance_m: Any = 0.0,
+) -> Replay:
+    """Drive a robot through recorded conditions.
+
+    Each sample holds until the next; the last one holds as long as the one before. The battery does not run out: a
+    recording shows that it did not. Driving backwards (negative speed) draws what driving forwards down the reversed
+    slope draws.
+
+    Args:
+        robot: The robot.
+        time_s: Times of the samples, s, increasing, shape (n,), n at least 2.
+        speed_mps: Speed, m/s, shape (n,) or a number, like all that follow.
+        grade_rad: Slope angle along the direction of forward travel, rad.
+        yaw_rate_radps: Turning rate, rad/s.
+        accel_mps2: Acceleration along the direction of forward travel, m/s^2.
+        headwind_mps: Wind against the direction of travel, m/s.
+        roughness: Surface roughness, 0 where C_rr was measured.
+        temperature_c: Air temperature, C.
+        sensing_hz: Sensing rate, Hz.
+        base_distance_m: Distance from base, m.
+
+    Raises:
+        ValueError: Times do not increase or there are fewer than two.
+    """
+    time_s = np.ascontiguousarray(time_s, dtype=np.float64)
+    if time_s.ndim != 1 or len(time_s) < 2 or not (np.diff(time_s) > 0.0).all():
+        raise ValueError("time_s must hold at least two increasing times in seconds")
+    announce_first_compilation()
+    samples = np.empty(len(time_s), _CHANNELS)
+    for name, values in (
+        ("speed_mps", speed_mps),
+        ("grade_rad", grade_rad),
+        ("yaw_rate_radps", yaw_rate_radps),
+        ("accel_mps2", accel_mps2),
+        ("headwind_mps", headwind_mps),
+        ("roughness", roughness),
+        ("temperature_c", temperature_c),
+        ("sensing_hz", sensing_hz),
+        ("base_distance_m", base_distance_m),
+    ):
+        samples[name] = values
+    output = np.empty((3, len(time_s)))
+    ledger_j, parts = np.zeros((2, len(CAUSES)))
+    _replay(robot.record(), full_charge(robot, np.inf), time_s, samples, output, ledger_j, parts)
+    return Replay(*output, energy_j=dict(zip(CAUSES, ledger_j.tolist(), strict=True)))
+
+
+@compiled
+def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any, ledger_j: Any, parts: Any) -> None:
+    p, s = robots[0], states[0]
+    for i in range(len(time_s)):
+        c = samples[i]
+        forward = 1.0 if c.speed_mps >= 0.0 else -1.0
+        x = Conditions(
+            abs(c.speed_mps),
+            c.sensing_hz,
+            forward * c.accel_mps2,
+            forward * np.sin(c.grade_rad),
+            np.cos(c.grade_rad),
+            c.yaw_rate_radps,
+            c.roughness,
+            c.headwind_mps,
+            c.temperature_c,
+            c.base_distance_m,
+            forward,
+        )
+        dt_s = time_s[i + 1] - time_s[i] if i + 1 < len(time_s) else time_s[i] - time_s[i - 1]
+        advance(p, s, x, dt_s, ledger_j, parts)
+        output[0, i], output[1, i], output[2, i] = s.power_w, s.drive_w, s.traction_n

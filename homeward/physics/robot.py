@@ -1,0 +1,285 @@
+"""A robot: the numbers of the model, read from a TOML file, checked, and turned into a record for compiled kernels."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.physics import model
+from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
+
+
+class RobotError(ValueError):
+    """A robot file or value that cannot be used: the message names the field, the value and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Allowed interval of a number; `open_low` and `open_high` exclude the ends."""
+
+    low: float
+    high: float
+    open_low: bool = False
+    open_high: bool = False
+
+    def __contains__(self, value: float) -> bool:
+        above = value > self.low if self.open_low else value >= self.low
+        below = value < self.high if self.open_high else value <= self.high
+        return above and below
+
+    def __str__(self) -> str:
+        return f"{'(' if self.open_low else '['}{self.low:g}, {self.high:g}{')' if self.open_high else ']'}"
+
+
+def _quantity(section: str, meaning: str, bounds: Bounds, default: float | None = None) -> Any:
+    """Declare one number of the robot file: its section, what it means and what is allowed."""
+    metadata = {"section": section, "meaning": meaning, "bounds": bounds}
+    return field(metadata=metadata) if default is None else field(default=default, metadata=metadata)
+
+
+_POSITIVE = Bounds(0.0, 1e9, open_low=True)
+_NOT_NEGATIVE = Bounds(0.0, 1e9)
+_LOSS = Bounds(0.0, 1.0, open_high=True)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A ground robot on one battery charge: the parameters of the battery-dissemination model, all in SI units.
+
+    Frozen: vary one with `dataclasses.replace(robot, mass_kg=1.0)`, which checks the new value as the file is checked.
+    Derived quantities are properties.
+
+    Raises:
+        RobotError: A value is missing, not a number or outside what is physically allowed.
+
+    Source: Tiwari, Xiao, Chong (IROS 2018); symbols in the comments are the paper's.
+    """
+
+    name: str
+    mass_kg: float = _quantity("body", "moving mass m_R, kg", _POSITIVE)
+    rolling_resistance: float = _quantity(
+        "body", "rolling resistance coefficient C_rr", Bounds(0.0, 1.0, open_low=True)
+    )
+    drag_ns2_per_m2: float = _quantity("body", "c of the air drag c v^2, N s^2/m^2", _NOT_NEGATIVE)
+    rated_energy_j: float = _quantity("battery", "rated battery energy E_O, J", _POSITIVE)
+    nominal_voltage_v: float = _quantity("battery", "nominal battery voltage, V", _POSITIVE)
+    motor_loss: float = _quantity("drive", "motor loss eta2, a share", _LOSS)
+    friction_loss: float = _quantity("drive", "internal friction loss eta3, a share", _LOSS)
+    min_speed_mps: float = _quantity("drive", "slowest driving speed, m/s", _POSITIVE)
+    max_speed_mps: float = _quantity("drive", "fastest driving speed, m/s", _POSITIVE)
+    sensing_idle_w: float = _quantity("ancillary", "idle power of the sensors s0, W", _NOT_NEGATIVE)
+    sensing_j_per_sample: float = _quantity("ancillary", "energy per sample s1, J", _NOT_NEGATIVE)
+    max_sensing_hz: float = _quantity("ancillary", "fastest sensing rate, Hz", _POSITIVE)
+    communication_w: float = _quantity("ancillary", "radio, part of P_C, W", _NOT_NEGATIVE)
+    controller_w: float = _quantity("ancillary", "micro-controller, part of P_C, W", _NOT_NEGATIVE)
+    computer_w: float = _quantity("ancillary", "computer when sensing starts, part of P_C, W", _NOT_NEGATIVE, 0.0)
+    computer_j_per_sample: float = _quantity("ancillary", "rise of the computer's power per Hz, J", _NOT_NEGATIVE, 0.0)
+    ancillary_loss: float = _quantity("ancillary", "ancillary loss eta4, a share", _LOSS, 0.0)
+    cycles: float = _quantity("battery", "charge cycles C, in the unit k1 is per", _NOT_NEGATIVE, 0.0)
+    age: float = _quantity("battery", "age t, in the unit k2 is per", _NOT_NEGATIVE, 0.0)
+    cycle_fade: float = _quantity("battery", "k1, fade per unit of cycles", _NOT_NEGATIVE, 0.0)
+    age_fade: float = _quantity("battery", "k2, fade per unit of age", _NOT_NEGATIVE, 0.0)
+    storage_loss: float = _quantity("battery", "battery loss eta1, a share", _LOSS, 0.0)
+    track_m: float = _quantity("body", "distance between left and right wheels, m (0: unknown)", _NOT_NEGATIVE, 0.0)
+    traction_n_per_a: float = _quantity("drive", "wheel thrust per ampere, N/A (0: unknown)", _NOT_NEGATIVE, 0.0)
+    description: str = ""
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for quantity in _QUANTITIES:
+            value = _checked(f"{quantity.metadata['section']}.{quantity.name}", getattr(self, quantity.name),
+                             quantity.metadata["bounds"])  # fmt: skip
+            object.__setattr__(self, quantity.name, value)
+        if self.min_speed_mps > self.max_speed_mps:
+            raise RobotError(
+                f"drive.min_speed_mps = {self.min_speed_mps:g} is above drive.max_speed_mps = {self.max_speed_mps:g}; "
+                "make it the smaller of the two"
+            )
+        object.__setattr__(self, "effects", _checked_effects(self.effects))
+        if "turning" in self.effects and self.track_m == 0.0:
+            raise RobotError(
+                "body.track_m is 0 (unknown), but effects.turning needs it; give the distance between wheels"
+            )
+
+    @property
+    def traction_efficiency(self) -> float:
+        """Gamma = (1 - eta2)(1 - eta3): share of the energy entering the drive that becomes traction work."""
+        return float(model.traction_efficiency(self))
+
+    @property
+    def overall_efficiency(self) -> float:
+        """Omega = (1 - eta1)(1 - eta2)(1 - eta3)(1 - eta4), the paper's overall system efficiency (Table I)."""
+        return (1.0 - self.storage_loss) * self.traction_efficiency * (1.0 - self.ancillary_loss)
+
+    @property
+    def usable_energy_j(self) -> float:
+        """Energy of a full charge after the robot's own cycles and age (Eq. 6), J."""
+        return float(model.usable_energy(self, self.cycles, self.age))
+
+    def record(self) -> NDArray[np.void]:
+        """Array of shape (1,) and dtype `ROBOT_DTYPE`, as compiled kernels take it."""
+        record = np.zeros(1, ROBOT_DTYPE)
+        for quantity in _QUANTITIES:
+            record[quantity.name] = getattr(self, quantity.name)
+        for bit, effect in enumerate(EFFECTS):
+            parameters = self.effects.get(effect.id)
+            for parameter in effect.parameters:
+                record[effect.field(parameter)] = (parameters or {}).get(parameter.name, parameter.default)
+            if parameters is not None and parameters[effect.switch.name] != 0.0:
+                record["effects"] |= np.uint64(1 << bit)
+        return record
+
+    def to_toml(self, comments: Mapping[str, str] = MappingProxyType({})) -> str:
+        """Text of a robot file that `load_robot` reads back as an equal robot.
+
+        Args:
+            comments: Comment for the line of a field, by field name.
+        """
+        lines = [f"name = {_toml_string(self.name)}", f"description = {_toml_string(self.description)}"]
+        for section in ("body", "battery", "drive", "ancillary"):
+            lines += ["", f"[{section}]"]
+            for quantity in _QUANTITIES:
+                if quantity.metadata["section"] == section:
+                    note = comments.get(quantity.name, quantity.metadata["meaning"])
+                    lines.append(f"{quantity.name} = {getattr(self, quantity.name)!r}  # {note}")
+        for effect_id, parameters in self.effects.items():
+            lines += ["", f"[effects.{effect_id}]"]
+            lines += [f"{name} = {value!r}" for name, value in parameters.items()]
+        return "\n".join(lines) + "\n"
+
+
+_QUANTITIES = tuple(quantity for quantity in fields(Robot) if "section" in quantity.metadata)
+_EFFECT_BY_ID: dict[str, Effect] = {effect.id: effect for effect in EFFECTS}
+
+ROBOT_DTYPE = np.dtype(
+    [("effects", np.uint64)]
+    + [(quantity.name, np.float64) for quantity in _QUANTITIES]
+    + [(name, np.float64) for name in PARAMETER_FIELDS],
+    align=True,
+)
+"""One robot as a record: the fields of `Robot`, the parameters of every effect, and the bits of those switched on."""
+
+
+def preset_names() -> list[str]:
+    """Names of the robots that ship with the package."""
+    return sorted(
+        entry.name.removesuffix(".toml") for entry in _preset_folder().iterdir() if entry.name.endswith(".toml")
+    )
+
+
+def load_robot(robot: str | Path | Robot) -> Robot:
+    """Load a robot by preset name or from a TOML file; a `Robot` is returned as it is.
+
+    Args:
+        robot: Preset name (see `preset_names`), path of a TOML file, or a `Robot`.
+
+    Raises:
+        RobotError: Unknown name, unreadable file, or a field that is wrong, missing or unphysical.
+
+    >>> round(load_robot("rusti").overall_efficiency, 6)
+    0.086144
+    """
+    if isinstance(robot, Robot):
+        return robot
+    if not isinstance(robot, str | Path):
+        raise RobotError(f"robot = {robot!r} is not a preset name, a path or a Robot")
+    preset = _preset_folder() / f"{robot}.toml"
+    source = preset if isinstance(robot, str) and "/" not in robot and preset.is_file() else Path(robot)
+    if not source.is_file():
+        raise RobotError(
+            f"robot {str(robot)!r} is neither a preset nor a file; presets: {', '.join(preset_names())}"
+            f"{_did_you_mean(str(robot), preset_names())}"
+        )
+    try:
+        data = tomllib.loads(source.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise RobotError(f"{source}: not a readable TOML file: {error}") from error
+    try:
+        return _from_tables(data)
+    except RobotError as error:
+        raise RobotError(f"{source}: {error}") from None
+
+
+def _preset_folder() -> Any:
+    return files("homeward") / "robots"
+
+
+def _from_tables(data: dict[str, Any]) -> Robot:
+    sections: dict[str, dict[str, Any]] = {}
+    for quantity in _QUANTITIES:
+        sections.setdefault(quantity.metadata["section"], {})[quantity.name] = quantity
+    _refuse_unknown(data, ["name", "description", "effects", *sections], "")
+    values: dict[str, Any] = {"effects": data.get("effects", {}), "description": data.get("description", "")}
+    if not isinstance(data.get("name"), str):
+        raise RobotError(f"name = {data.get('name')!r} is not a text; give the robot a name")
+    values["name"] = data["name"]
+    for section, quantities in sections.items():
+        table = data.get(section, {})
+        if not isinstance(table, dict):
+            raise RobotError(f"{section} = {table!r} is not a table; write [{section}] with {', '.join(quantities)}")
+        _refuse_unknown(table, list(quantities), f"{section}.")
+        for name, quantity in quantities.items():
+            if name in table:
+                values[name] = table[name]
+            elif quantity.default is dataclasses.MISSING:
+                meaning, bounds = quantity.metadata["meaning"], quantity.metadata["bounds"]
+                raise RobotError(f"{section}.{name} is missing ({meaning}); give a number in {bounds}")
+    return Robot(**values)
+
+
+def _refuse_unknown(table: Mapping[str, Any], known: list[str], prefix: str) -> None:
+    for name in table:
+        if name not in known:
+            raise RobotError(
+                f"{prefix}{name} is not a known field; known: {', '.join(known)}{_did_you_mean(str(name), known)}"
+            )
+
+
+def _did_you_mean(name: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _checked(name: str, value: Any, bounds: Bounds) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise RobotError(f"{name} = {value!r} is not a number; allowed: a number in {bounds}")
+    if not math.isfinite(value) or value not in bounds:
+        raise RobotError(f"{name} = {value!r} is not allowed; allowed: a number in {bounds}")
+    return float(value)
+
+
+def _checked_effects(effects: Any) -> Mapping[str, Mapping[str, float]]:
+    if not isinstance(effects, Mapping):
+        raise RobotError(f"effects = {effects!r} is not a table of effects")
+    checked: dict[str, Mapping[str, float]] = {}
+    for effect_id, parameters in effects.items():
+        _refuse_unknown({effect_id: None}, list(_EFFECT_BY_ID), "effects.")
+        effect = _EFFECT_BY_ID[effect_id]
+        if not isinstance(parameters, Mapping):
+            names = ", ".join(parameter.name for parameter in effect.parameters)
+            raise RobotError(f"effects.{effect_id} = {parameters!r} is not a table with {names}")
+        _refuse_unknown(parameters, [parameter.name for parameter in effect.parameters], f"effects.{effect_id}.")
+        checked[effect_id] = MappingProxyType({
+            parameter.name: _checked(
+                f"effects.{effect_id}.{parameter.name}", parameters.get(parameter.name, parameter.default),
+                Bounds(parameter.low, parameter.high))
+            for parameter in effect.parameters
+        })  # fmt: skip
+    return MappingProxyType(checked)
+
+
+def _toml_string(text: str) -> str:
+    escaped = "".join(c if c.isprintable() and c not in '"\\' else f"\\u{ord(c):04X}" if ord(c) < 0x10000 else
+                      f"\\U{ord(c):08X}" for c in text)  # fmt: skip
+    return f'"{escaped}"'
