@@ -85,6 +85,12 @@ def test_entry_point_registers_environments() -> None:
     assert callable(entry_point.load())
 
 
+def test_make_needs_no_import(tmp_path: Path) -> None:
+    code = "import gymnasium; print(gymnasium.make('homeward:homeward/Survey-v0').spec.id)"
+    run = subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert (run.stdout.strip(), run.stderr) == ("homeward/Survey-v0", ""), run.stderr
+
+
 def test_every_dependency_is_pinned(project: dict[str, Any]) -> None:
     lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
     pinned = {line.split("==")[0] for line in lines if line and not line.startswith("#")}
