@@ -10,7 +10,7 @@ DEMO := runs/demo
 # HOMEWARD_DATA names a folder of real recordings; the project ships a small one for machines without it.
 ifdef HOMEWARD_DATA
 RECORDINGS = $(wildcard $(HOMEWARD_DATA)/husky_borealtc/FLOORING/pro_*.csv)
-COLUMNS = --columns husky
+COLUMNS = --columns husky_borealtc
 else
 RECORDINGS = $(wildcard homeward/recordings/*.csv*)
 COLUMNS =
