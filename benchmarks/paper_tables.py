@@ -197,7 +197,7 @@ def errata() -> list[str]:
     return [
         f"eta3: Table I's efficiency of 9.2 % gives Omega = {rusti.overall_efficiency:.4%} (8.615 % printed); the loss "
         f"of 91.8 % in the text would give {text.overall_efficiency:.4%}. The text's own formula is an efficiency, not "
-        f"a loss: {by_hours:.1%} from Table II's hours and the rated energy, {by_power:.1%} with Table III's most power.",
+        f"a loss: {by_hours:.1%} from Table II's hours and the rated energy, {by_power:.1%} with Table III's power.",
         "eta4: AE = eta4 E_hat contradicts Eq. 7 and Table I; Eq. 7 is the model.",
         f"k1, k2: no unit is given. As printed, ten cycles would take {lost:.0%} of the battery; the preset says what "
         "one unit is, and is new.",
