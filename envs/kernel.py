@@ -1,0 +1,336 @@
+"""The compiled step and reset of missions: one decision is driven place by place through the physics kernel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from homeward.envs import difficulty, missions, routes
+from homeward.envs.difficulty import KNOWN
+from homeward.envs.features import gauge_energy, home_cost, observe
+from homeward.envs.state import RETURN, STOP
+from homeward.physics import model
+from homeward.physics.jit import compiled, inline
+from homeward.physics.kernel import Conditions, advance, demand
+
+LEVELS = 5
+"""Levels of speed and of sensing rate that a discrete action chooses from."""
+
+
+@inline
+def _conditions(
+    m: Any, place: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, headwind_mps: float, ahead: float
+) -> Any:
+    """Conditions at a place; `ahead` is 1 away from home and -1 towards it, the headwind that of the way out."""
+    sine = ahead * place.sin_grade
+    return Conditions(
+        speed_mps,
+        sensing_hz,
+        accel_mps2,
+        sine,
+        np.sqrt(1.0 - sine * sine),
+        ahead * place.curvature_per_m * speed_mps,
+        place.roughness,
+        ahead * headwind_mps,
+        m.temperature_c,
+        m.position_m,
+        ahead,
+    )
+
+
+@inline
+def _map_place(m: Any, places: Any, believed: Any, b: Any, shared: Any, parts: Any) -> None:
+    """Cost the place that the robot comes to for the first time, by its own model; `b` is a state to work in."""
+    place = places[m.mapped]
+    cruise = shared.cruise_mps
+    headwind = place.headwind_mps if shared.difficulty == KNOWN else 0.0
+    b.speed_mps, b.step_s = cruise, shared.decision_s
+    standing_w = demand(believed, b, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0), parts)
+    out_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0), parts)
+    home_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0), parts)
+    place.standing_w = standing_w
+    place.out_j_per_m = (out_w - standing_w) / cruise
+    place.back_j_per_m = (home_w - standing_w) / cruise
+    place.home_j_per_m = home_w / cruise
+    m.mapped += 1
+    if m.mapped < len(places):
+        places[m.mapped].home_cost_j = place.home_cost_j + place.home_j_per_m * shared.place_m
+
+
+@inline
+def _potential(m: Any, place: Any, shared: Any) -> float:
+    """Potential of a state, from d_max: the score so far and what spare energy may add, if the way home still fits.
+
+    It fades to nothing as the energy falls short of the way home by a tenth of the battery.
+    """
+    spare_j = gauge_energy(m, shared) - home_cost(m, place, shared)
+    fits = min(max(1.0 + 10.0 * spare_j / shared.usable_j, 0.0), 1.0)
+    return fits * (m.score + missions.hope(m, shared, spare_j)) / shared.score_scale
+
+
+@inline
+def _reset(
+    m: Any, p: Any, places: Any, rng: Any, nominal: Any, b: Any, shared: Any, fixed: Any, day: Any, parts: Any
+) -> None:
+    """Begin a mission: draw the day, the route and the true robot."""
+    m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.step_s = 0.0
+    m.traction_n = m.drive_w = m.power_w = 0.0
+    m.position_m = m.furthest_m = m.dwell_s = m.legs = 0.0
+    m.backlog = m.backlog_information = m.delivered = m.lost = m.modelled_j = m.sensing_hz = 0.0
+    m.place = m.mapped = m.decisions = 0
+    m.score = m.cost = 0.0
+    m.returning = m.home = m.over = m.depleted = False
+    m.direction = 1.0
+    difficulty.draw(rng, p, nominal, m, shared)
+    if shared.generated:
+        routes.generate(rng, places, m, shared.place_m, shared.reach_m, shared.hidden_wind)
+    else:
+        for k in range(len(places)):
+            _copy_place(fixed[k], places[k])
+        m.temperature_c, m.wind_mps, m.wind_from_rad = day[0], day[1], day[2]
+    rise = 0.0
+    for k in range(len(places)):
+        place = places[k]
+        rise += place.sin_grade
+        place.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
+        place.samples_per_m = 0.0
+    m.mean_grade = rise / len(places)
+    for k in range(len(places)):
+        places[k].grade_near, places[k].interest_near = _mean_ahead(places, k + 1, k + 3)
+        if shared.difficulty == KNOWN:
+            places[k].grade_far, places[k].interest_far = _mean_ahead(places, k + 3, k + 11)
+    places[0].home_cost_j = 0.0
+    _map_place(m, places, nominal, b, shared, parts)
+    m.potential = _potential(m, places[0], shared) if shared.shaped else 0.0
+
+
+@inline
+def _copy_place(source: Any, target: Any) -> None:
+    target.sin_grade = source.sin_grade
+    target.roughness = source.roughness
+    target.curvature_per_m = source.curvature_per_m
+    target.heading_rad = source.heading_rad
+    target.interest = source.interest
+
+
+@inline
+def _mean_ahead(places: Any, start: int, stop: int) -> Any:
+    grade, interest, count = 0.0, 0.0, 0
+    for k in range(start, min(stop, len(places))):
+        grade += places[k].sin_grade
+        interest += places[k].interest
+        count += 1
+    return grade / max(count, 1), interest / max(count, 1)
+
+
+@inline
+def _cross(m: Any, places: Any, nominal: Any, b: Any, shared: Any, parts: Any) -> None:
+    """Pass the border ahead: into the next place, or to an end of the route."""
+    ahead = m.place + (1 if m.direction > 0.0 else -1)
+    if ahead < 0 or ahead == len(places):
+        missions.arrive(m, shared)
+        return
+    m.place = ahead
+    if m.place == m.mapped:
+        _map_place(m, places, nominal, b, shared, parts)
+
+
+@inline
+def _account(m: Any, place: Any, nominal: Any, shared: Any, x: Any, passed_s: float) -> None:
+    """Book what the robot's own model says of a stretch, and what was sensed and sent on it."""
+    way_m = x.speed_mps * passed_s
+    slow_n = model.drag_force(nominal, x.speed_mps) - model.drag_force(nominal, shared.cruise_mps)
+    drive_j_per_m = (place.out_j_per_m if x.direction > 0.0 else place.back_j_per_m) + slow_n / (
+        model.traction_efficiency(nominal)
+    )
+    ancillary_w = place.standing_w + model.ancillary_power(nominal, x.sensing_hz) - model.ancillary_power(nominal, 0.0)
+    m.modelled_j += max(drive_j_per_m, 0.0) * way_m + ancillary_w * passed_s
+    if x.sensing_hz > 0.0 and passed_s > 0.0:
+        missions.sense(m, place, shared, x.sensing_hz, passed_s)
+    if m.backlog > 0.0:
+        missions.transmit(m, shared, x.speed_mps > 0.0, passed_s)
+
+
+@inline
+def _decide(
+    m: Any,
+    p: Any,
+    places: Any,
+    nominal: Any,
+    b: Any,
+    shared: Any,
+    ledger_j: Any,
+    parts: Any,
+    speed_mps: float,
+    sensing_hz: float,
+    mode: int,
+) -> None:
+    """Carry out one decision, place by place, until its time is over, the battery is empty or the robot is home."""
+    if mode == RETURN and not m.returning:
+        m.returning, m.direction, m.dwell_s = True, -1.0, 0.0
+        m.home = m.position_m <= 0.0
+    m.decisions += 1
+    m.sensing_hz = sensing_hz
+    # The change of speed is spread over the decision.
+    accel = (speed_mps - m.speed_mps) / shared.decision_s
+    left_s = shared.decision_s
+    while left_s > 0.0 and not m.home and not m.depleted:
+        place = places[m.place]
+        at_far_end = m.direction > 0.0 and m.position_m >= shared.length_m
+        if mode == STOP or m.dwell_s > 0.0 or at_far_end:
+            dt_s = min(left_s, m.dwell_s) if m.dwell_s > 0.0 else left_s
+            x = _conditions(m, place, 0.0, sensing_hz, 0.0, place.headwind_mps, m.direction)
+            passed_s = advance(p, m, x, dt_s, ledger_j, parts)
+            m.dwell_s = max(m.dwell_s - passed_s, 0.0)
+            _account(m, place, nominal, shared, x, passed_s)
+        else:
+            border_m = (m.place + (m.direction > 0.0)) * shared.place_m
+            ahead_m = m.direction * (border_m - m.position_m)
+            if ahead_m <= 0.0:
+                _cross(m, places, nominal, b, shared, parts)
+                continue
+            crossing = ahead_m <= speed_mps * left_s
+            dt_s = ahead_m / speed_mps if crossing else left_s
+            x = _conditions(m, place, speed_mps, sensing_hz, accel, place.headwind_mps, m.direction)
+            passed_s = advance(p, m, x, dt_s, ledger_j, parts)
+            _account(m, place, nominal, shared, x, passed_s)
+            if crossing and not m.depleted:
+                m.position_m = border_m
+                m.furthest_m = max(m.furthest_m, border_m)
+                _cross(m, places, nominal, b, shared, parts)
+            else:
+                m.position_m += m.direction * speed_mps * passed_s
+                m.furthest_m = max(m.furthest_m, m.position_m)
+        left_s -= passed_s
+
+
+@inline
+def _level(action: int, low: float, high: float) -> float:
+    return low + (high - low) * action / (LEVELS - 1)
+
+
+@inline
+def _first_bad_action(choices: Any, levels: Any, shared: Any) -> int:
+    if shared.discrete:
+        for i in range(len(choices)):
+            if not (0 <= choices[i, 0] < LEVELS and 0 <= choices[i, 1] < LEVELS and 0 <= choices[i, 2] < 3):
+                return i
+    else:
+        for i in range(len(levels)):
+            if not (abs(levels[i, 0]) <= 1.0 and abs(levels[i, 1]) <= 1.0 and abs(levels[i, 2]) <= 1.0):
+                return i
+    return -1
+
+
+def _step(
+    choices: Any,
+    levels: Any,
+    records: Any,
+    robots: Any,
+    routes_: Any,
+    nominals: Any,
+    beliefs: Any,
+    shareds: Any,
+    ledgers: Any,
+    works: Any,
+    observations: Any,
+    rewards: Any,
+    terminated: Any,
+    truncated: Any,
+) -> int:
+    """Step every mission by one decision; those that are over are left as they are.
+
+    Args:
+        choices: Discrete actions, int64, shape (n, 3): speed level, sensing level, stop / go / return; or (0, 3).
+        levels: Continuous actions, float32, shape (n, 3), within [-1, 1]; or (0, 3).
+        records: `MISSION_DTYPE`, shape (n,).
+        robots: True robots, `ROBOT_DTYPE`, shape (n,).
+        routes_: `PLACE_DTYPE`, shape (n, places).
+        nominals: The robot as its file says, shape (1,).
+        beliefs: States to work in, `ROBOT_STATE_DTYPE`, shape (n,).
+        shareds: `SHARED_DTYPE`, shape (1,).
+        ledgers: Energy by cause, J, shape (n, causes).
+        works: Rows to work in, shape (n, causes).
+        observations: Written, float32, shape (n, features).
+        rewards: Written, shape (n,).
+        terminated: Written, shape (n,).
+        truncated: Written, shape (n,).
+
+    Returns:
+        Number of missions that ended in this step, or -1 - i if action i is not in the action space: then nothing
+        was done.
+    """
+    shared, nominal = shareds[0], nominals[0]
+    bad = _first_bad_action(choices, levels, shared)
+    if bad >= 0:
+        return -1 - bad
+    ended = 0
+    for i in numba.prange(len(records)):
+        m = records[i]
+        rewards[i], terminated[i], truncated[i] = 0.0, False, False
+        if not m.over:
+            if shared.discrete:
+                speed = _level(choices[i, 0], shared.min_speed_mps, shared.max_speed_mps)
+                sensing_hz = _level(choices[i, 1], 0.0, shared.max_sensing_hz)
+                mode = choices[i, 2]
+            else:
+                speed = _level(2.0 * (levels[i, 0] + 1.0), shared.min_speed_mps, shared.max_speed_mps)
+                sensing_hz = _level(2.0 * (levels[i, 1] + 1.0), 0.0, shared.max_sensing_hz)
+                mode = min(int(1.5 * (levels[i, 2] + 1.0)), 2)
+            places = routes_[i]
+            _decide(m, robots[i], places, nominal, beliefs[i], shared, ledgers[i], works[i], speed, sensing_hz, mode)
+            place = places[m.place]
+            done = m.home or m.depleted
+            m.score = missions.score(m, shared)
+            m.cost = 1.0 if m.depleted else 0.0
+            reward = m.score / shared.score_scale if m.home else 0.0
+            if shared.shaped:
+                potential = 0.0 if done else _potential(m, place, shared)
+                reward += shared.discount * potential - m.potential
+                m.potential = potential
+            rewards[i] = reward
+            terminated[i] = done
+            truncated[i] = not done and m.decisions >= shared.max_decisions
+            m.over = done or truncated[i]
+            ended += m.over
+        observe(m, routes_[i, m.place], shared, observations[i])
+    return ended
+
+
+step_in_turn = compiled(_step)
+step_in_parallel = compiled(_step, parallel=True)
+
+
+@compiled
+def reset_missions(
+    indices: Any,
+    generators: Any,
+    records: Any,
+    robots: Any,
+    routes_: Any,
+    nominals: Any,
+    beliefs: Any,
+    shareds: Any,
+    ledgers: Any,
+    works: Any,
+    observations: Any,
+    fixed: Any,
+    day: Any,
+) -> None:
+    """Begin new missions at some indices; arguments as in the step, and:
+
+    Args:
+        indices: Which missions, int64, shape (k,).
+        generators: One `numpy.random.Generator` a mission, a typed list of length n.
+        fixed: The route of every mission unless routes are generated, shape (places,).
+        day: Temperature (C), wind (m/s) and its direction (rad) of that route.
+    """
+    for i in indices:
+        robots[i] = nominals[0]
+        ledgers[i] = 0.0
+        _reset(
+            records[i], robots[i], routes_[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed, day, works[i]
+        )
+        observe(records[i], routes_[i, 0], shareds[0], observations[i])

@@ -1,0 +1,84 @@
+"""The three missions: what a robot does at the end of the route, what it scores, and what it may still hope to score."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from homeward.envs.state import OUT_AND_BACK, PATROL, SURVEY
+from homeward.physics.jit import inline
+
+DRIVING_LINK = 0.5
+"""Share of its rate that the radio keeps while driving: antennas move and the channel fades."""
+
+
+@inline
+def information_per_metre(interest: float, samples_per_m: float, saturation_per_m: float) -> float:
+    """Information in a metre of ground: interest times n / (n + n_half), saturating with the samples taken there."""
+    return interest * samples_per_m / (samples_per_m + saturation_per_m)
+
+
+@inline
+def link(distance_m: float, half_m: float) -> float:
+    """Share of its rate that the radio keeps at a distance from base: free-space falling, 1 / (1 + (r / r_half)^2)."""
+    ratio = distance_m / half_m
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@inline
+def sense(m: Any, place: Any, shared: Any, sensing_hz: float, passed_s: float) -> None:
+    """Take samples for a while: information goes on board, and what does not fit is lost."""
+    samples = sensing_hz * passed_s
+    before = information_per_metre(place.interest, place.samples_per_m, shared.saturation_per_m)
+    place.samples_per_m += samples / shared.place_m
+    after = information_per_metre(place.interest, place.samples_per_m, shared.saturation_per_m)
+    information = (after - before) * shared.place_m
+    kept = min(1.0, (shared.backlog_limit - m.backlog) / samples)
+    m.backlog += kept * samples
+    m.backlog_information += kept * information
+    m.lost += (1.0 - kept) * information
+
+
+@inline
+def transmit(m: Any, shared: Any, moving: bool, passed_s: float) -> None:
+    """Send samples home for a while: slower far from base and while driving."""
+    rate_hz = shared.radio_hz * link(m.position_m, shared.link_m) * (DRIVING_LINK if moving else 1.0)
+    share = min(1.0, rate_hz * passed_s / m.backlog)
+    m.delivered += share * m.backlog_information
+    m.backlog_information -= share * m.backlog_information
+    m.backlog -= share * m.backlog
+
+
+@inline
+def arrive(m: Any, shared: Any) -> None:
+    """Reach an end of the route: home ends a mission that returns, and a patrol turns round after a pit stop."""
+    if shared.mission == PATROL and (m.position_m > 0.0 or m.legs % 2.0 == 1.0):
+        m.legs += 1.0
+    if m.returning:
+        m.home = m.position_m <= 0.0
+    elif shared.mission == PATROL:
+        m.dwell_s = shared.pit_stop_s
+        m.direction = -m.direction
+
+
+@inline
+def score(m: Any, shared: Any) -> float:
+    """What the mission is worth once the robot is home: furthest distance (m), information, or laps."""
+    if shared.mission == OUT_AND_BACK:
+        return m.furthest_m
+    if shared.mission == SURVEY:
+        return m.delivered + m.backlog_information
+    return 0.5 * m.legs
+
+
+@inline
+def hope(m: Any, shared: Any, spare_j: float) -> float:
+    """What the mission may still add to its score with spare energy, by the range that it buys (Eq. 8)."""
+    if m.returning:
+        return 0.0
+    out_m = 0.5 * max(spare_j, 0.0) / shared.energy_per_m
+    if shared.mission == PATROL:
+        return out_m / shared.length_m
+    room_m = min(out_m, shared.length_m - m.position_m)
+    if shared.mission == OUT_AND_BACK:
+        return max(m.position_m + room_m - m.furthest_m, 0.0)
+    return room_m * shared.information_per_m

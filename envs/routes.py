@@ -1,0 +1,204 @@
+"""Routes: a seeded generator, and profiles read from CSV files.
+
+Along a route: grade, surface roughness, interest, heading and curvature; for the day: air temperature and wind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.physics.jit import inline
+
+GENERATED = "generated"
+HIDDEN_WIND = "hidden_wind"
+COLUMNS = ("distance_m", "grade_rad", "elevation_m", "roughness", "interest", "heading_rad", "temperature_c", "wind_mps",
+           "wind_from_rad")  # fmt: skip
+
+_LIMITS = {
+    "grade_rad": (-0.8, 0.8, "rad; degrees or per cent?"),
+    "roughness": (0.0, 10.0, "0 where C_rr was measured"),
+    "interest": (0.0, 1e6, "a weight, not negative"),
+    "heading_rad": (-1e3, 1e3, "rad, counter-clockwise from east"),
+    "temperature_c": (-60.0, 60.0, "degrees Celsius"),
+    "wind_mps": (0.0, 60.0, "m/s; km/h?"),
+    "wind_from_rad": (-10.0, 10.0, "rad; degrees?"),
+}
+
+
+class RouteError(ValueError):
+    """A route that cannot be used; the message says where and what to change."""
+
+
+@dataclass(frozen=True)
+class Route:
+    """A route cut into places of equal length; arrays of shape (places,).
+
+    Attributes:
+        place_m: Length of one place, m.
+        grade_rad: Slope angle along the way out, rad.
+        roughness: Surface roughness, 0 where C_rr was measured.
+        interest: Weight of the information to be found there.
+        heading_rad: Direction of the way out, rad counter-clockwise from east.
+        temperature_c: Air temperature of the day, C.
+        wind_mps: Wind speed of the day, m/s.
+        wind_from_rad: Direction that the wind blows from, rad counter-clockwise from east.
+    """
+
+    place_m: float
+    grade_rad: NDArray[np.float64]
+    roughness: NDArray[np.float64]
+    interest: NDArray[np.float64]
+    heading_rad: NDArray[np.float64]
+    temperature_c: float = 20.0
+    wind_mps: float = 0.0
+    wind_from_rad: float = 0.0
+
+    @property
+    def length_m(self) -> float:
+        """Length of the route, m."""
+        return self.place_m * len(self.grade_rad)
+
+    @property
+    def curvature_per_m(self) -> NDArray[np.float64]:
+        """Turning per metre from each place to the next, rad/m."""
+        turn = np.diff(self.heading_rad, append=self.heading_rad[-1:])
+        return (np.mod(turn + np.pi, 2.0 * np.pi) - np.pi) / self.place_m
+
+
+def route_names() -> list[str]:
+    """Names of the routes that ship: generated ones and profiles."""
+    profiles = (entry.name.removesuffix(".csv") for entry in _folder().iterdir() if entry.name.endswith(".csv"))
+    return [GENERATED, HIDDEN_WIND, *sorted(profiles)]
+
+
+def load_route(route: str | Path, place_m: float) -> Route:
+    """Read a route profile from a CSV file or by the name of one that ships, and cut it into equal places.
+
+    Columns: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`, `roughness`,
+    `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row, `temperature_c`,
+    `wind_mps`, `wind_from_rad`. Between rows values are linear; a place takes their mean, and from an elevation the
+    slope from its start to its end.
+
+    Args:
+        route: Path or name.
+        place_m: Length of a place, m; made shorter so that places fill the route.
+
+    Raises:
+        RouteError: The file is unreadable, has wrong columns or values.
+    """
+    shipped = _folder() / f"{route}.csv"
+    path = shipped if isinstance(route, str) and "/" not in route and shipped.is_file() else Path(route)
+    if not path.is_file():
+        raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
+    try:
+        table = np.genfromtxt(path.read_text(encoding="utf-8").splitlines(), delimiter=",", names=True, ndmin=1)
+    except (ValueError, IndexError, UnicodeDecodeError, OSError) as error:
+        raise RouteError(f"{path}: not a readable CSV table with a header: {str(error).splitlines()[0]}") from None
+    names = table.dtype.names or ()
+    unknown = [name for name in names if name not in COLUMNS]
+    if unknown or "distance_m" not in names:
+        problem = f"unknown column {unknown[0]!r}" if unknown else "no column distance_m"
+        raise RouteError(f"{path}: {problem}; columns are {', '.join(COLUMNS)}")
+    columns = {name: np.atleast_1d(table[name]) for name in names}
+    _check_profile(path, columns)
+    return _cut(columns, place_m)
+
+
+def _folder() -> Any:
+    return files("homeward") / "routes"
+
+
+def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]]) -> None:
+    distance = columns["distance_m"]
+    for name, values in columns.items():
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise RouteError(f"{path}: row {row + 2}: {name} is not a finite number")
+        if name in _LIMITS:
+            low, high, hint = _LIMITS[name]
+            if ((values < low) | (values > high)).any():
+                row = int(np.flatnonzero((values < low) | (values > high))[0])
+                raise RouteError(f"{path}: row {row + 2}: {name} = {values[row]:g} is not in [{low:g}, {high:g}] ({hint})")
+    if len(distance) < 2 or distance[0] != 0.0 or not (np.diff(distance) > 0.0).all():
+        raise RouteError(f"{path}: distance_m must hold at least two values, from 0 and increasing, in metres")
+
+
+def _cut(columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
+    distance = columns["distance_m"]
+    count = max(1, int(np.ceil(distance[-1] / place_m - 1e-9)))
+    edges = np.linspace(0.0, distance[-1], count + 1)
+    length = edges[1]
+
+    def mean(name: str, default: float) -> NDArray[np.float64]:
+        values = columns.get(name)
+        if values is None:
+            return np.full(count, default)
+        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(distance)
+        integral = np.concatenate(([0.0], np.cumsum(steps)))
+        return np.diff(np.interp(edges, distance, integral)) / length
+
+    grade = mean("grade_rad", 0.0)
+    if "elevation_m" in columns:
+        rise = np.diff(np.interp(edges, distance, columns["elevation_m"]))
+        grade = np.arcsin(np.clip(rise / length, -0.7, 0.7))
+    day = {name: float(columns[name][0]) for name in ("temperature_c", "wind_mps", "wind_from_rad") if name in columns}
+    return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **day)
+
+
+@inline
+def generate(rng: Any, places: Any, m: Any, place_m: float, reach_m: float, tailwind_out: bool) -> None:
+    """Draw a route and its day into the places of a mission.
+
+    Distributions, with lengths as shares of the robot's reach so that any robot meets the same variety:
+
+    * sine of the grade: a mean of N(0, 0.02) over the route plus an autoregressive part of deviation 0.04 that forgets
+      over a tenth of the reach, within +-0.2;
+    * roughness: patches that change with probability place / (reach / 8) to U(0, 1), or to 0 half of the time;
+    * interest: 0.3 everywhere, and six hot spots of height U(0.5, 3) and half width U(0.01, 0.04) of the reach;
+    * curvature: turning that wanders as an autoregressive process over a twentieth of the reach, deviation 3 rad per
+      reach; the heading is its integral, from U(0, 2 pi);
+    * temperature: N(12, 8) within -10 to 35 C; wind: Rayleigh of scale 1.5 m/s from any direction.
+
+    In the case `hidden_wind` the wind of U(3, 6) m/s blows along the way out: the robot drives home against it.
+    """
+    count = len(places)
+    mean_grade = 0.02 * rng.standard_normal()
+    keep, patch = np.exp(-place_m / (0.1 * reach_m)), place_m / (0.125 * reach_m)
+    keep_turn = np.exp(-place_m / (0.05 * reach_m))
+    spread, spread_turn = np.sqrt(1.0 - keep * keep), np.sqrt(1.0 - keep_turn * keep_turn)
+    slope, turn, roughness = rng.standard_normal(), rng.standard_normal(), 0.0
+    heading = 2.0 * np.pi * rng.random()
+    east, north = 0.0, 0.0
+    for place in places:
+        slope = keep * slope + spread * rng.standard_normal()
+        turn = keep_turn * turn + spread_turn * rng.standard_normal()
+        if rng.random() < patch:
+            roughness = max(0.0, 2.0 * rng.random() - 1.0)
+        curvature = 3.0 * turn / reach_m
+        place.sin_grade = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
+        place.roughness = roughness
+        place.curvature_per_m = curvature
+        place.heading_rad = heading
+        place.interest = 0.3
+        heading += curvature * place_m
+        east += np.cos(heading)
+        north += np.sin(heading)
+    for _ in range(6):
+        height, width_m = 0.5 + 2.5 * rng.random(), (0.01 + 0.03 * rng.random()) * reach_m
+        centre_m = count * place_m * rng.random()
+        for k in range(count):
+            offset = ((k + 0.5) * place_m - centre_m) / width_m
+            places[k].interest += height / (1.0 + offset * offset)
+    m.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
+    strength, direction = rng.random(), rng.random()
+    m.wind_mps = 1.5 * np.sqrt(-2.0 * np.log(1.0 - strength))
+    m.wind_from_rad = 2.0 * np.pi * direction
+    if tailwind_out:
+        m.wind_mps = 3.0 + 3.0 * strength
+        m.wind_from_rad = np.arctan2(-north, -east)

@@ -1,0 +1,101 @@
+"""The scalar environment: a batch of one mission."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.envs.batch import Batch, EnergyLedger, action_space, observation_space
+from homeward.envs.options import OptionError, parse_options
+
+
+class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
+    """One mission: drive out, gather what scores, and be home before the battery is empty.
+
+    Args:
+        mission: `OutAndBack`, `Survey` or `Patrol`.
+        render_mode: `None` or `ansi`.
+        **options: See `homeward.envs.options.Options`.
+
+    Raises:
+        OptionError: A keyword or value is not allowed.
+
+    Example:
+        >>> import gymnasium as gym, homeward
+        >>> env = gym.make("homeward/Survey-v0", difficulty="known")
+        >>> observation, info = env.reset(seed=0)
+        >>> observation, reward, terminated, truncated, info = env.step([4, 2, 1])  # top speed, half rate, go
+        >>> bool(abs(info["energy_j"].total() - info["energy_j"]["rolling"]) > 0)
+        True
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi"]}
+
+    def __init__(self, *, mission: str = "Survey", render_mode: str | None = None, **options: Any) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise OptionError(f"render_mode = {render_mode!r} is not allowed; choose from None, ansi")
+        self.render_mode = render_mode
+        self.options = parse_options({"mission": mission, **options}, ("render_mode",))
+        self.observation_space = observation_space()
+        self.action_space = action_space(self.options)
+        self.batch = Batch(self.options, 1)
+        self._first = np.zeros(1, np.int64)
+        self._observation_shape = (1, *(self.observation_space.shape or ()))
+        self._rewards, self._terminated, self._truncated = np.zeros(1), np.zeros(1, np.bool_), np.zeros(1, np.bool_)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin a new mission; `options` are not used."""
+        super().reset(seed=seed)
+        generators = self.batch.generators
+        if not generators or generators[0] is not self.np_random:
+            self.batch.generators = [self.np_random]
+        observations = np.empty(self._observation_shape, np.float32)
+        self.batch.reset(self._first, observations)
+        return observations[0], self._info()
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Carry out one decision.
+
+        Raises:
+            OptionError: The action is not in the action space.
+            gymnasium.error.ResetNeeded: No mission has begun, or it is over.
+        """
+        batch = self.batch
+        if not batch.generators or batch.records["over"][0]:
+            raise gym.error.ResetNeeded("the mission is over or has not begun; call reset() before step()")
+        observations = np.empty(self._observation_shape, np.float32)
+        batch.step(np.asarray(action)[None], observations, self._rewards, self._terminated, self._truncated)
+        return (
+            observations[0],
+            self._rewards.item(),
+            self._terminated.item(),
+            self._truncated.item(),
+            self._info(),
+        )
+
+    def render(self) -> str | None:  # type: ignore[override]
+        """A line of text on where the robot is, in mode `ansi`."""
+        if self.render_mode is None:
+            return None
+        m = self.batch.records[0]
+        state = "home" if m["home"] else "stranded" if m["depleted"] else "returning" if m["returning"] else "out"
+        return (
+            f"{state}: {m['position_m']:.0f} m from home after {m['time_s']:.0f} s, "
+            f"{100.0 * m['energy_j'] / m['capacity_j']:.0f} % charge, score {m['score']:.3g}"
+        )
+
+    def _info(self) -> dict[str, Any]:
+        m = self.batch.records[0]
+        return {
+            "energy_j": EnergyLedger(self.batch.ledgers[0].copy()),
+            "score": m["score"].item(),
+            "cost": m["cost"].item(),
+            "position_m": m["position_m"].item(),
+            "home": m["home"].item(),
+            "stranded": m["depleted"].item(),
+        }

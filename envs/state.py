@@ -1,0 +1,100 @@
+"""Records of the environments: one mission, one place of a route, and what all missions of an env share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from homeward.physics.kernel import STATE_FIELDS
+
+OUT_AND_BACK, SURVEY, PATROL = range(3)
+STOP, GO, RETURN = range(3)
+
+MISSION_DTYPE = np.dtype(
+    [
+        *STATE_FIELDS,
+        ("position_m", np.float64),  # along the route, home is 0
+        ("direction", np.float64),  # of travel: 1 away from home, -1 towards it
+        ("furthest_m", np.float64),
+        ("dwell_s", np.float64),  # left of a pit stop
+        ("legs", np.float64),  # between check posts, completed
+        ("backlog", np.float64),  # samples on board
+        ("backlog_information", np.float64),  # information in them
+        ("delivered", np.float64),  # information sent home by radio
+        ("lost", np.float64),  # information that did not fit on board
+        ("modelled_j", np.float64),  # what the robot's own model says it has used
+        ("gauge_bias", np.float64),  # share by which the fuel gauge misreads what was used
+        ("temperature_c", np.float64),  # air, on this day
+        ("wind_mps", np.float64),
+        ("wind_from_rad", np.float64),
+        ("mean_grade", np.float64),  # sine of the route's mean slope, known beforehand
+        ("sensing_hz", np.float64),  # in the decision before
+        ("potential", np.float64),  # of the state, for the shaping
+        ("score", np.float64),  # if the robot were home now
+        ("cost", np.float64),  # 1 once stranded
+        ("place", np.int64),  # index of the place that the robot is in
+        ("mapped", np.int64),  # places whose cost is known: those driven
+        ("decisions", np.int64),
+        ("returning", np.bool_),
+        ("home", np.bool_),
+        ("over", np.bool_),
+    ],
+    align=True,
+)
+"""One mission: the kernel's state and what the environment adds."""
+
+PLACE_DTYPE = np.dtype(
+    [
+        (name, np.float32)
+        for name in (
+            "sin_grade",  # along the way out
+            "roughness",
+            "curvature_per_m",
+            "heading_rad",
+            "headwind_mps",  # along the way out, on this day
+            "interest",
+            "samples_per_m",  # taken here so far
+            "home_cost_j",  # from the start of this place home; this and the next four by the robot's own model
+            "home_j_per_m",  # towards home, all power
+            "back_j_per_m",  # towards home, drive only
+            "out_j_per_m",  # away from home, drive only
+            "standing_w",  # standing here, nothing sensed
+            "grade_near",  # mean ahead, within sight
+            "grade_far",  # mean ahead, beyond it
+            "interest_near",
+            "interest_far",
+        )
+    ]
+)
+"""One place of a route in one mission: 64 bytes, a cache line."""
+
+SHARED_DTYPE = np.dtype(
+    [
+        ("mission", np.int64),
+        ("difficulty", np.int64),
+        ("hidden_wind", np.bool_),
+        ("generated", np.bool_),
+        ("shaped", np.bool_),
+        ("discrete", np.bool_),
+        ("max_decisions", np.int64),
+        ("decision_s", np.float64),
+        ("min_speed_mps", np.float64),
+        ("max_speed_mps", np.float64),
+        ("max_sensing_hz", np.float64),
+        ("place_m", np.float64),  # length of one place
+        ("length_m", np.float64),  # of the route
+        ("reach_m", np.float64),  # distance scale of the observation
+        ("usable_j", np.float64),  # of a full battery, as the robot believes
+        ("cruise_mps", np.float64),  # speed at which the way home is costed
+        ("energy_per_m", np.float64),  # of the robot's own model, from d_max
+        ("saturation_per_m", np.float64),  # samples per metre that give half of the information
+        ("backlog_limit", np.float64),  # samples
+        ("radio_hz", np.float64),  # samples the radio sends per second beside the base
+        ("link_m", np.float64),  # distance at which it sends half of that
+        ("pit_stop_s", np.float64),
+        ("information_per_m", np.float64),  # expected, for the potential
+        ("score_scale", np.float64),  # score of a good mission
+        ("discount", np.float64),
+    ],
+    align=True,
+)
+"""What all missions of an environment share."""

@@ -1,0 +1,172 @@
+"""The native vector environment: all missions in one compiled step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from homeward.envs.batch import Batch, EnergyLedger, action_space, observation_space
+from homeward.envs.options import OptionError, parse_options
+
+INFO_KEYS = ("energy_j", "score", "cost", "position_m", "home", "stranded")
+"""Keys of `info`, of the scalar and the vector environments."""
+
+
+class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any]]):
+    """Missions side by side; equal, step for step, to as many scalar environments with the same seeds.
+
+    The arrays in `info` are live views of the running missions: copy what is to be kept beyond the next step.
+
+    Args:
+        num_envs: Number of missions.
+        mission: `OutAndBack`, `Survey` or `Patrol`.
+        autoreset_mode: A `gymnasium.vector.AutoresetMode` or its value.
+        render_mode: Only `None`; render the scalar environment.
+        **options: See `homeward.envs.options.Options`.
+
+    Raises:
+        OptionError: A keyword or value is not allowed.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        mission: str = "Survey",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: None = None,
+        **options: Any,
+    ) -> None:
+        if not isinstance(num_envs, int) or num_envs < 1:
+            raise OptionError(f"num_envs = {num_envs!r} is not allowed; give a whole number of at least 1")
+        if render_mode is not None:
+            raise OptionError(f"render_mode = {render_mode!r} is not allowed here; render a scalar environment")
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            modes = ", ".join(mode.value for mode in AutoresetMode)
+            raise OptionError(f"autoreset_mode = {autoreset_mode!r} is not allowed; choose from {modes}") from None
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}  # type: ignore[misc]
+        self.options = parse_options({"mission": mission, **options}, ("num_envs", "autoreset_mode", "render_mode"))
+        self.num_envs = num_envs
+        self.render_mode = None
+        self.single_observation_space = observation_space()
+        self.single_action_space = action_space(self.options)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.batch = Batch(self.options, num_envs)
+        self._over = np.zeros(num_envs, np.bool_)
+        self._any_over = False
+        self._everyone = np.arange(num_envs)
+        self._masks = {f"_{key}": np.ones(num_envs, np.bool_) for key in INFO_KEYS}
+        self._observation_shape = (num_envs, *(self.single_observation_space.shape or ()))
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin new missions, all or those of `options["reset_mask"]`.
+
+        Args:
+            seed: One seed, from which environment i takes `seed + i`, or one a mission.
+            options: `reset_mask`, bool of shape (num_envs,): which missions to begin anew.
+
+        Raises:
+            OptionError: The seeds or the mask have the wrong length.
+        """
+        indices = self._chosen(options)
+        self._seed(seed, indices)
+        observations = np.empty(self._observation_shape, np.float32)
+        if len(indices) < self.num_envs:
+            observations[:] = self._last_observations
+        self.batch.reset(indices, observations)
+        self._over[indices] = False
+        self._any_over = bool(self._over.any())
+        self._last_observations = observations
+        return observations, self._info()
+
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Step all missions; those that are over are begun anew as the autoreset mode says.
+
+        Raises:
+            OptionError: An action is not in the action space, or with autoreset disabled a mission is over.
+        """
+        count = self.num_envs
+        observations = np.empty(self._observation_shape, np.float32)
+        rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
+        if self._any_over and self.autoreset_mode is AutoresetMode.DISABLED:
+            over = np.flatnonzero(self._over).tolist()
+            raise OptionError(f"missions {over} are over; reset them with options={{'reset_mask': mask}} before the step")
+        ended = self.batch.step(actions, observations, rewards, terminated, truncated)
+        if self._any_over:  # next-step mode: the kernel left these alone
+            self.batch.reset(np.flatnonzero(self._over), observations)
+            self._over[:] = False
+            self._any_over = False
+        info = self._info()
+        if ended:
+            self._any_over = True
+            np.logical_or(terminated, truncated, out=self._over)
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
+                self._reset_at_once(observations, info)
+        self._last_observations = observations
+        return observations, rewards, terminated, truncated, info
+
+    def _chosen(self, options: dict[str, Any] | None) -> NDArray[np.int64]:
+        if not options or "reset_mask" not in options:
+            return self._everyone
+        mask = np.asarray(options["reset_mask"])
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise OptionError(f"reset_mask must be a bool array of shape ({self.num_envs},) with at least one True")
+        if not self.batch.generators:
+            raise OptionError("a reset_mask needs missions that have begun; call reset() without one first")
+        return np.flatnonzero(mask)
+
+    def _seed(self, seed: int | Sequence[int | None] | None, indices: NDArray[np.int64]) -> None:
+        seeds: list[int | None]
+        if seed is None or isinstance(seed, int | np.integer):
+            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = list(seed)
+        if len(seeds) != self.num_envs:
+            raise OptionError(f"{len(seeds)} seeds were given for {self.num_envs} missions; give one each")
+        if self.batch.generators and all(one is None for one in seeds):
+            return
+        generators = list(self.batch.generators) or [seeding.np_random(one)[0] for one in seeds]
+        for i in indices:
+            if seeds[i] is not None:
+                generators[i] = seeding.np_random(seeds[i])[0]
+        self.batch.generators = generators
+
+    def _reset_at_once(self, observations: NDArray[np.float32], info: dict[str, Any]) -> None:
+        """Same-step mode: keep what the ended missions came to, and begin them anew."""
+        over = np.flatnonzero(self._over)
+        final = np.full(self.num_envs, None, dtype=object)
+        for i in over:
+            final[i] = observations[i].copy()
+        mask = self._over.copy()
+        info["final_obs"], info["_final_obs"] = final, mask
+        info["final_info"] = self._info(lambda array: array.copy()) | {f"_{key}": mask for key in INFO_KEYS}
+        info["_final_info"] = mask
+        self.batch.reset(over, observations)
+        self._over[:] = False
+        self._any_over = False
+
+    def _info(self, kept: Callable[[NDArray[Any]], NDArray[Any]] = lambda array: array) -> dict[str, Any]:
+        records = self.batch.records
+        return {
+            "energy_j": EnergyLedger(kept(self.batch.ledgers)),
+            "score": kept(records["score"]),
+            "cost": kept(records["cost"]),
+            "position_m": kept(records["position_m"]),
+            "home": kept(records["home"]),
+            "stranded": kept(records["depleted"]),
+        } | self._masks
