@@ -70,12 +70,10 @@ class Batch:
         self.setting = settle(options)
         self.count = count
         self.records = np.zeros(count, MISSION_DTYPE)
-        self.ledgers = np.zeros((count, len(CAUSES)))
         self._robots = np.zeros(count, ROBOT_DTYPE)
         self._routes = np.zeros((count, len(self.setting.fixed)), PLACE_DTYPE)
         self._nominals = self.setting.robot.record()
         self._beliefs = np.zeros(count, ROBOT_STATE_DTYPE)
-        self._works = np.zeros((count, len(CAUSES)))
         self._generators: list[np.random.Generator] = []
         self._typed_generators: Any = None
         self._step = kernel.step_in_parallel if count >= _PARALLEL_FROM else kernel.step_in_turn
@@ -116,7 +114,7 @@ class Batch:
             self._typed_generators = numba.typed.List(self._generators)
         kernel.reset_missions(
             indices, self._typed_generators, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, self.ledgers, self._works, observations, self.setting.fixed, self.setting.day,
+            self.setting.shared, observations, self.setting.fixed, self.setting.day,
         )  # fmt: skip
 
     def step(
@@ -139,7 +137,7 @@ class Batch:
             levels = self._as_actions(actions, np.float32)
         ended = self._step(
             choices, levels, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, self.ledgers, self._works, observations, rewards, terminated, truncated,
+            self.setting.shared, observations, rewards, terminated, truncated,
         )  # fmt: skip
         if ended < 0:
             self._refuse(actions, -1 - ended)

@@ -25,6 +25,7 @@ def _conditions(
 ) -> Any:
     """Conditions at a place; `ahead` is 1 away from home and -1 towards it, the headwind that of the way out."""
     sine = ahead * place.sin_grade
+    roughness = float(place.roughness)
     return Conditions(
         speed_mps,
         sensing_hz,
@@ -32,7 +33,7 @@ def _conditions(
         sine,
         np.sqrt(1.0 - sine * sine),
         ahead * place.curvature_per_m * speed_mps,
-        place.roughness,
+        roughness,
         ahead * headwind_mps,
         m.temperature_c,
         m.position_m,
@@ -41,15 +42,15 @@ def _conditions(
 
 
 @inline
-def _map_place(m: Any, places: Any, believed: Any, b: Any, shared: Any, parts: Any) -> None:
+def _map_place(m: Any, places: Any, believed: Any, b: Any, shared: Any) -> None:
     """Cost the place that the robot comes to for the first time, by its own model; `b` is a state to work in."""
     place = places[m.mapped]
     cruise = shared.cruise_mps
-    headwind = place.headwind_mps if shared.difficulty == KNOWN else 0.0
+    headwind = float(place.headwind_mps) if shared.difficulty == KNOWN else 0.0
     b.speed_mps, b.step_s = cruise, shared.decision_s
-    standing_w = demand(believed, b, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0), parts)
-    out_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0), parts)
-    home_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0), parts)
+    standing_w = demand(believed, b, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0))
+    out_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
+    home_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
     place.standing_w = standing_w
     place.out_j_per_m = (out_w - standing_w) / cruise
     place.back_j_per_m = (home_w - standing_w) / cruise
@@ -72,7 +73,7 @@ def _potential(m: Any, place: Any, shared: Any) -> float:
 
 @inline
 def _reset(
-    m: Any, p: Any, places: Any, rng: Any, nominal: Any, b: Any, shared: Any, fixed: Any, day: Any, parts: Any
+    m: Any, p: Any, places: Any, rng: Any, nominal: Any, b: Any, shared: Any, fixed: Any, day: Any
 ) -> None:
     """Begin a mission: draw the day, the route and the true robot."""
     m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.step_s = 0.0
@@ -83,6 +84,7 @@ def _reset(
     m.score = m.cost = 0.0
     m.returning = m.home = m.over = m.depleted = False
     m.direction = 1.0
+    m.ledger_j[:] = 0.0
     difficulty.draw(rng, p, nominal, m, shared)
     if shared.generated:
         routes.generate(rng, places, m, shared.place_m, shared.reach_m, shared.hidden_wind)
@@ -102,7 +104,7 @@ def _reset(
         if shared.difficulty == KNOWN:
             places[k].grade_far, places[k].interest_far = _mean_ahead(places, k + 3, k + 11)
     places[0].home_cost_j = 0.0
-    _map_place(m, places, nominal, b, shared, parts)
+    _map_place(m, places, nominal, b, shared)
     m.potential = _potential(m, places[0], shared) if shared.shaped else 0.0
 
 
@@ -126,7 +128,7 @@ def _mean_ahead(places: Any, start: int, stop: int) -> Any:
 
 
 @inline
-def _cross(m: Any, places: Any, nominal: Any, b: Any, shared: Any, parts: Any) -> None:
+def _cross(m: Any, places: Any, nominal: Any, b: Any, shared: Any) -> None:
     """Pass the border ahead: into the next place, or to an end of the route."""
     ahead = m.place + (1 if m.direction > 0.0 else -1)
     if ahead < 0 or ahead == len(places):
@@ -134,7 +136,7 @@ def _cross(m: Any, places: Any, nominal: Any, b: Any, shared: Any, parts: Any) -
         return
     m.place = ahead
     if m.place == m.mapped:
-        _map_place(m, places, nominal, b, shared, parts)
+        _map_place(m, places, nominal, b, shared)
 
 
 @inline
@@ -161,8 +163,6 @@ def _decide(
     nominal: Any,
     b: Any,
     shared: Any,
-    ledger_j: Any,
-    parts: Any,
     speed_mps: float,
     sensing_hz: float,
     mode: int,
@@ -182,24 +182,24 @@ def _decide(
         if mode == STOP or m.dwell_s > 0.0 or at_far_end:
             dt_s = min(left_s, m.dwell_s) if m.dwell_s > 0.0 else left_s
             x = _conditions(m, place, 0.0, sensing_hz, 0.0, place.headwind_mps, m.direction)
-            passed_s = advance(p, m, x, dt_s, ledger_j, parts)
+            passed_s = advance(p, m, x, dt_s)
             m.dwell_s = max(m.dwell_s - passed_s, 0.0)
             _account(m, place, nominal, shared, x, passed_s)
         else:
             border_m = (m.place + (m.direction > 0.0)) * shared.place_m
             ahead_m = m.direction * (border_m - m.position_m)
             if ahead_m <= 0.0:
-                _cross(m, places, nominal, b, shared, parts)
+                _cross(m, places, nominal, b, shared)
                 continue
             crossing = ahead_m <= speed_mps * left_s
             dt_s = ahead_m / speed_mps if crossing else left_s
             x = _conditions(m, place, speed_mps, sensing_hz, accel, place.headwind_mps, m.direction)
-            passed_s = advance(p, m, x, dt_s, ledger_j, parts)
+            passed_s = advance(p, m, x, dt_s)
             _account(m, place, nominal, shared, x, passed_s)
             if crossing and not m.depleted:
                 m.position_m = border_m
                 m.furthest_m = max(m.furthest_m, border_m)
-                _cross(m, places, nominal, b, shared, parts)
+                _cross(m, places, nominal, b, shared)
             else:
                 m.position_m += m.direction * speed_mps * passed_s
                 m.furthest_m = max(m.furthest_m, m.position_m)
@@ -233,8 +233,6 @@ def _step(
     nominals: Any,
     beliefs: Any,
     shareds: Any,
-    ledgers: Any,
-    works: Any,
     observations: Any,
     rewards: Any,
     terminated: Any,
@@ -251,8 +249,6 @@ def _step(
         nominals: The robot as its file says, shape (1,).
         beliefs: States to work in, `ROBOT_STATE_DTYPE`, shape (n,).
         shareds: `SHARED_DTYPE`, shape (1,).
-        ledgers: Energy by cause, J, shape (n, causes).
-        works: Rows to work in, shape (n, causes).
         observations: Written, float32, shape (n, features).
         rewards: Written, shape (n,).
         terminated: Written, shape (n,).
@@ -280,7 +276,7 @@ def _step(
                 sensing_hz = _level(2.0 * (levels[i, 1] + 1.0), 0.0, shared.max_sensing_hz)
                 mode = min(int(1.5 * (levels[i, 2] + 1.0)), 2)
             places = routes_[i]
-            _decide(m, robots[i], places, nominal, beliefs[i], shared, ledgers[i], works[i], speed, sensing_hz, mode)
+            _decide(m, robots[i], places, nominal, beliefs[i], shared, speed, sensing_hz, mode)
             place = places[m.place]
             done = m.home or m.depleted
             m.score = missions.score(m, shared)
@@ -313,8 +309,6 @@ def reset_missions(
     nominals: Any,
     beliefs: Any,
     shareds: Any,
-    ledgers: Any,
-    works: Any,
     observations: Any,
     fixed: Any,
     day: Any,
@@ -329,8 +323,7 @@ def reset_missions(
     """
     for i in indices:
         robots[i] = nominals[0]
-        ledgers[i] = 0.0
         _reset(
-            records[i], robots[i], routes_[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed, day, works[i]
+            records[i], robots[i], routes_[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed, day
         )
         observe(records[i], routes_[i, 0], shareds[0], observations[i])

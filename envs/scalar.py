@@ -92,7 +92,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     def _info(self) -> dict[str, Any]:
         m = self.batch.records[0]
         return {
-            "energy_j": EnergyLedger(self.batch.ledgers[0].copy()),
+            "energy_j": EnergyLedger(m["ledger_j"].copy()),
             "score": m["score"].item(),
             "cost": m["cost"].item(),
             "position_m": m["position_m"].item(),

@@ -63,7 +63,8 @@ PLACE_DTYPE = np.dtype(
             "interest_near",
             "interest_far",
         )
-    ]
+    ],
+    align=True,
 )
 """One place of a route in one mission: 64 bytes, a cache line."""
 

@@ -163,7 +163,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
     def _info(self, kept: Callable[[NDArray[Any]], NDArray[Any]] = lambda array: array) -> dict[str, Any]:
         records = self.batch.records
         return {
-            "energy_j": EnergyLedger(kept(self.batch.ledgers)),
+            "energy_j": EnergyLedger(kept(records["ledger_j"])),
             "score": kept(records["score"]),
             "cost": kept(records["cost"]),
             "position_m": kept(records["position_m"]),

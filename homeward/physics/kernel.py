@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.physics import model
-from homeward.physics.effects import EFFECTS, Kind, motor_heating
+from homeward.physics.effects import EFFECTS, Kind, intermittent_load, motor_heating
 from homeward.physics.jit import inline
 from homeward.physics.robot import Robot
 
 BASE_CAUSES = ("sensing", "communication", "controller", "computer", "rolling", "drag", "grade", "braking")
 CAUSES = BASE_CAUSES + tuple(effect.id for effect in EFFECTS)
-"""Columns of the energy ledger. `grade` is negative downhill, and `braking` is what the robot then cannot take back."""
+"""Columns of the energy ledger. Forces are charged while the drive works: `grade` is then negative downhill. Where the
+slope drives the robot by itself, no force is. `braking` is regenerated energy that a full battery cannot take."""
 
 SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING = range(len(BASE_CAUSES))
-_BASE, _EFFECTS = len(BASE_CAUSES), len(EFFECTS)
+_BASE, _EFFECTS, _FORCES = len(BASE_CAUSES), len(EFFECTS), sum(effect.kind == "force" for effect in EFFECTS)
+_INTERMITTENT = np.uint64(1 << [effect.id for effect in EFFECTS].index("intermittent_load"))
+_HALVINGS = 60  # of a step, down to the rounding of its length
 
 STATE_FIELDS = (
     ("energy_j", np.float64),  # left in the battery
@@ -36,6 +39,8 @@ STATE_FIELDS = (
     ("drive_w", np.float64),  # power into the drive in the last step
     ("power_w", np.float64),  # power out of the battery in the last step
     ("depleted", np.bool_),
+    ("ledger_j", np.float64, (len(CAUSES),)),  # energy that left the battery, by cause
+    ("parts_w", np.float64, (len(CAUSES),)),  # power of each effect that is on, in the step under way
 )
 """Fields of the state record that the step reads and writes; an environment's record adds its own."""
 
@@ -62,12 +67,12 @@ class Conditions(NamedTuple):
 def _compose(kind: Kind, *, cumulative: bool) -> Callable[..., float]:
     """Compose all effects of a kind into one function: what those that are switched on add to a load.
 
-    It notes each one's own power in its column of `parts`: its contribution times `watts_per_unit`. With `cumulative`
-    each effect sees the load with all before it added, else each sees the load alone.
+    It notes each one's own power in its column of the state's `parts_w`: its contribution times `watts_per_unit`. With
+    `cumulative` each effect sees the load with all before it added, else each sees the load alone.
     """
 
     @inline
-    def nothing(p: Any, s: Any, x: Any, parts: Any, load: float, watts_per_unit: float) -> float:
+    def nothing(p: Any, s: Any, x: Any, load: float, watts_per_unit: float) -> float:
         return 0.0
 
     total = nothing
@@ -81,13 +86,13 @@ def _append(before: Callable[..., float], effect: Callable[..., float], index: i
     mask, column = np.uint64(1 << index), _BASE + index
 
     @inline
-    def total(p: Any, s: Any, x: Any, parts: Any, load: float, watts_per_unit: float) -> float:
-        added = before(p, s, x, parts, load, watts_per_unit)
+    def total(p: Any, s: Any, x: Any, load: float, watts_per_unit: float) -> float:
+        added = before(p, s, x, load, watts_per_unit)
+        part = 0.0
         if p.effects & mask:
             part = effect(p, s, x, load + added if cumulative else load)
-            parts[column] = part * watts_per_unit
-            added += part
-        return added
+        s.parts_w[column] = part * watts_per_unit
+        return added + part
 
     return total
 
@@ -99,63 +104,90 @@ _extra_battery = _compose("battery", cumulative=True)
 
 
 @inline
-def demand(p: Any, s: Any, x: Any, parts: Any) -> float:
+def demand(p: Any, s: Any, x: Any) -> Any:
     """Power that the battery delivers under constant conditions, W.
 
     Args:
         p: Robot record.
-        s: State record; `traction_n`, `drive_w` and `power_w` are written.
+        s: State record; `traction_n`, `drive_w`, `power_w` and, if any effect is on, `parts_w` are written.
         x: `Conditions`.
-        parts: Row of shape (len(CAUSES),); the power of each effect that is on is written to its column, W.
     """
-    moving = x.speed_mps > 0.0
     force_n = 0.0
-    if moving:
+    if x.speed_mps > 0.0:
         force_n = (
             model.rolling_force(p, x.cos_grade) + model.drag_force(p, x.speed_mps) + model.grade_force(p, x.sin_grade)
         )
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
     if p.effects != 0:
-        force_n += _extra_force(p, s, x, parts, force_n, x.speed_mps / model.traction_efficiency(p))
-        ancillary_w += _extra_ancillary(p, s, x, parts, ancillary_w, 1.0)
+        return _demand_with_effects(p, s, x, force_n, ancillary_w)
     drive_w = model.drive_power(p, force_n, x.speed_mps)
-    if p.effects != 0:
-        drive_w += _extra_drive(p, s, x, parts, force_n, 1.0)
+    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, ancillary_w + drive_w
+    return ancillary_w + drive_w
+
+
+# Apart from `demand`, so that the paper's model alone stays small enough to be inlined.
+@inline
+def _demand_with_effects(p: Any, s: Any, x: Any, force_n: float, ancillary_w: float) -> Any:
+    force_n += _extra_force(p, s, x, force_n, x.speed_mps / model.traction_efficiency(p))
+    ancillary_w += _extra_ancillary(p, s, x, ancillary_w, 1.0)
+    drive_w = model.drive_power(p, force_n, x.speed_mps) + _extra_drive(p, s, x, force_n, 1.0)
     power_w = ancillary_w + drive_w
-    if p.effects != 0:
-        power_w += _extra_battery(p, s, x, parts, power_w, 1.0)
+    power_w += _extra_battery(p, s, x, power_w, 1.0)
     s.traction_n, s.drive_w, s.power_w = force_n, drive_w, power_w
     return power_w
 
 
 @inline
-def advance(p: Any, s: Any, x: Any, dt_s: float, ledger_j: Any, parts: Any) -> float:
+def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
     """Let time pass under constant conditions, until `dt_s` is over or the battery is empty.
 
     Args:
         p: Robot record.
-        s: State record (`STATE_FIELDS`), updated; `depleted` is set, and stays set, when the battery runs out.
+        s: State record (`STATE_FIELDS`), updated; `depleted` is set, and stays set, when the battery runs out, and
+            `ledger_j` sums to what the battery has lost.
         x: `Conditions`.
         dt_s: Time to pass, s, above zero.
-        ledger_j: Row of shape (len(CAUSES),): energy by cause, J, added to. It sums to what the battery lost.
-        parts: Row of shape (len(CAUSES),) to work in.
 
     Returns:
         Time that passed, s.
     """
+    if s.depleted:
+        return 0.0
+    if p.effects & _INTERMITTENT:
+        return _advance_by_switches(p, s, x, dt_s)
+    return _advance_once(p, s, x, dt_s)
+
+
+@inline
+def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
+    left_s = dt_s
+    while True:
+        switch_s = intermittent_load.until_switch(p, s)
+        if switch_s >= left_s:
+            passed_s = _advance_once(p, s, x, left_s)
+            return dt_s if passed_s == left_s else dt_s - left_s + passed_s
+        left_s -= _advance_once(p, s, x, switch_s)
+        if s.depleted:
+            return dt_s - left_s
+
+
+@inline
+def _advance_once(p: Any, s: Any, x: Any, dt_s: float) -> Any:
     s.step_s = dt_s
-    power_w = demand(p, s, x, parts)
+    power_w = demand(p, s, x)
     passed_s = dt_s
     spent_j = power_w * dt_s
     if spent_j >= s.energy_j:
         s.depleted = True
+        if p.effects != 0:
+            power_w = _demand_until_empty(p, s, x)
         passed_s = s.energy_j / power_w if power_w > 0.0 else 0.0
         spent_j = s.energy_j
-    elif s.energy_j - spent_j > s.capacity_j:  # a full battery takes nothing back: the brakes do
-        ledger_j[BRAKING] += s.energy_j - spent_j - s.capacity_j
+    elif spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j:  # a full battery takes nothing back: the brakes do
+        s.ledger_j[BRAKING] += s.energy_j - spent_j - s.capacity_j
         spent_j = s.energy_j - s.capacity_j
     s.energy_j -= spent_j
-    _book(p, s, x, passed_s, ledger_j, parts)
+    _book(p, s, x, passed_s)
     s.time_s += passed_s
     s.distance_m += x.speed_mps * passed_s
     s.speed_mps = x.speed_mps
@@ -163,24 +195,40 @@ def advance(p: Any, s: Any, x: Any, dt_s: float, ledger_j: Any, parts: Any) -> f
 
 
 @inline
-def _book(p: Any, s: Any, x: Any, passed_s: float, ledger_j: Any, parts: Any) -> None:
+def _demand_until_empty(p: Any, s: Any, x: Any) -> Any:
+    """Mean power until the battery is empty, W: effects that act at the start or build up change it within the step."""
+    low_s, high_s, power_w = 0.0, s.step_s, 0.0
+    for halving in range(_HALVINGS + 1):
+        s.step_s = 0.5 * (low_s + high_s) if halving < _HALVINGS else high_s
+        power_w = demand(p, s, x)
+        if power_w * s.step_s < s.energy_j:
+            low_s = s.step_s
+        else:
+            high_s = s.step_s
+    return power_w
+
+
+@inline
+def _book(p: Any, s: Any, x: Any, passed_s: float) -> None:
     """Add the energy of a step to the ledger, and let the effects remember."""
-    ledger_j[SENSING] += model.sensing_power(p, x.sensing_hz) * passed_s
-    ledger_j[COMMUNICATION] += p.communication_w * passed_s
-    ledger_j[CONTROLLER] += p.controller_w * passed_s
-    ledger_j[COMPUTER] += model.computer_power(p, x.sensing_hz) * passed_s
-    if x.speed_mps > 0.0:
+    s.ledger_j[SENSING] += model.sensing_power(p, x.sensing_hz) * passed_s
+    s.ledger_j[COMMUNICATION] += p.communication_w * passed_s
+    s.ledger_j[CONTROLLER] += p.controller_w * passed_s
+    s.ledger_j[COMPUTER] += model.computer_power(p, x.sensing_hz) * passed_s
+    if s.traction_n > 0.0:
         travel = x.speed_mps * passed_s / model.traction_efficiency(p)  # J of the battery per N at the wheels
-        ledger_j[ROLLING] += model.rolling_force(p, x.cos_grade) * travel
-        ledger_j[DRAG] += model.drag_force(p, x.speed_mps) * travel
-        ledger_j[GRADE] += model.grade_force(p, x.sin_grade) * travel
-        if s.traction_n < 0.0:
-            ledger_j[BRAKING] -= s.traction_n * travel
+        s.ledger_j[ROLLING] += model.rolling_force(p, x.cos_grade) * travel
+        s.ledger_j[DRAG] += model.drag_force(p, x.speed_mps) * travel
+        s.ledger_j[GRADE] += model.grade_force(p, x.sin_grade) * travel
     if p.effects != 0:
-        for index in range(_EFFECTS):
-            if (p.effects >> np.uint64(index)) & np.uint64(1):
-                ledger_j[_BASE + index] += parts[_BASE + index] * passed_s
-        motor_heating.remember(p, s, x, passed_s)
+        _book_effects(p, s, x, passed_s)
+
+
+@inline
+def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
+    for column in range(_BASE if s.traction_n > 0.0 else _BASE + _FORCES, _BASE + _EFFECTS):
+        s.ledger_j[column] += s.parts_w[column] * passed_s
+    motor_heating.remember(p, s, x, passed_s)
 
 
 ROBOT_STATE_DTYPE = np.dtype(list(STATE_FIELDS), align=True)

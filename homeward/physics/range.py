@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.physics import model
 from homeward.physics.jit import compiled
-from homeward.physics.kernel import CAUSES, Conditions, advance, full_charge
+from homeward.physics.kernel import Conditions, advance, full_charge
 from homeward.physics.robot import Robot
 
 _SPEED_GRID = 201
@@ -147,7 +147,6 @@ def _range_by_kernel(
 ) -> NDArray[np.float64]:
     speed, grade, share, rate, energy = np.broadcast_arrays(speed_mps, grade_rad, duty, sensing_hz, energy_j)
     distance_m = np.empty(speed.shape)
-    ledger_j, parts = np.zeros((2, len(CAUSES)))
     paper = robot.usable_energy_j / model.ancillary_power(robot, 0.0)  # s, longer than any charge lasts
     for place in np.ndindex(speed.shape):
         state = full_charge(robot, float(energy[place]))
@@ -155,7 +154,7 @@ def _range_by_kernel(
         standing = driving._replace(speed_mps=0.0)
         drain_s = paper / _STEPS_A_CHARGE
         distance_m[place] = _drive_until_empty(
-            robot.record(), state, driving, standing, float(share[place]), drain_s, ledger_j, parts
+            robot.record(), state, driving, standing, float(share[place]), drain_s
         )
     return distance_m[()]
 
@@ -178,13 +177,13 @@ def _steady(speed_mps: float, sensing_hz: float, grade_rad: float) -> Conditions
 
 @compiled
 def _drive_until_empty(
-    robots: Any, states: Any, driving: Any, standing: Any, duty: float, cycle_s: float, ledger_j: Any, parts: Any
+    robots: Any, states: Any, driving: Any, standing: Any, duty: float, cycle_s: float
 ) -> float:
     p, s = robots[0], states[0]
     s.speed_mps = driving.speed_mps
     while not s.depleted:
-        advance(p, s, driving, duty * cycle_s, ledger_j, parts)
+        advance(p, s, driving, duty * cycle_s)
         if duty < 1.0 and not s.depleted:
-            advance(p, s, standing, (1.0 - duty) * cycle_s, ledger_j, parts)
+            advance(p, s, standing, (1.0 - duty) * cycle_s)
             s.speed_mps = driving.speed_mps  # an average speed: stops and starts are not part of the range
     return s.distance_m

@@ -94,13 +94,14 @@ def replay(
     ):
         samples[name] = values
     output = np.empty((3, len(time_s)))
-    ledger_j, parts = np.zeros((2, len(CAUSES)))
-    _replay(robot.record(), full_charge(robot, np.inf), time_s, samples, output, ledger_j, parts)
-    return Replay(*output, energy_j=dict(zip(CAUSES, ledger_j.tolist(), strict=True)))
+    state = full_charge(robot, np.inf)
+    _replay(robot.record(), state, time_s, samples, output)
+    power_w, drive_w, traction_n = output
+    return Replay(power_w, drive_w, traction_n, dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True)))
 
 
 @compiled
-def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any, ledger_j: Any, parts: Any) -> None:
+def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any) -> None:
     p, s = robots[0], states[0]
     for i in range(len(time_s)):
         c = samples[i]
@@ -119,5 +120,5 @@ def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any, le
             forward,
         )
         dt_s = time_s[i + 1] - time_s[i] if i + 1 < len(time_s) else time_s[i] - time_s[i - 1]
-        advance(p, s, x, dt_s, ledger_j, parts)
+        advance(p, s, x, dt_s)
         output[0, i], output[1, i], output[2, i] = s.power_w, s.drive_w, s.traction_n

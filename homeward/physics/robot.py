@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import math
+import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -48,9 +48,11 @@ def _quantity(section: str, meaning: str, bounds: Bounds, default: float | None 
     return field(metadata=metadata) if default is None else field(default=default, metadata=metadata)
 
 
-_POSITIVE = Bounds(0.0, 1e9, open_low=True)
-_NOT_NEGATIVE = Bounds(0.0, 1e9)
+_POSITIVE = Bounds(0.0, 1e6, open_low=True)
+_NOT_NEGATIVE = Bounds(0.0, 1e6)
+_SPEED = Bounds(0.0, 100.0, open_low=True)
 _LOSS = Bounds(0.0, 1.0, open_high=True)
+_LEAST_HEALTH = 0.01
 
 
 @dataclass(frozen=True)
@@ -72,12 +74,12 @@ class Robot:
         "body", "rolling resistance coefficient C_rr", Bounds(0.0, 1.0, open_low=True)
     )
     drag_ns2_per_m2: float = _quantity("body", "c of the air drag c v^2, N s^2/m^2", _NOT_NEGATIVE)
-    rated_energy_j: float = _quantity("battery", "rated battery energy E_O, J", _POSITIVE)
+    rated_energy_j: float = _quantity("battery", "rated battery energy E_O, J", Bounds(0.0, 1e12, open_low=True))
     nominal_voltage_v: float = _quantity("battery", "nominal battery voltage, V", _POSITIVE)
     motor_loss: float = _quantity("drive", "motor loss eta2, a share", _LOSS)
     friction_loss: float = _quantity("drive", "internal friction loss eta3, a share", _LOSS)
-    min_speed_mps: float = _quantity("drive", "slowest driving speed, m/s", _POSITIVE)
-    max_speed_mps: float = _quantity("drive", "fastest driving speed, m/s", _POSITIVE)
+    min_speed_mps: float = _quantity("drive", "slowest driving speed, m/s", _SPEED)
+    max_speed_mps: float = _quantity("drive", "fastest driving speed, m/s", _SPEED)
     sensing_idle_w: float = _quantity("ancillary", "idle power of the sensors s0, W", _NOT_NEGATIVE)
     sensing_j_per_sample: float = _quantity("ancillary", "energy per sample s1, J", _NOT_NEGATIVE)
     max_sensing_hz: float = _quantity("ancillary", "fastest sensing rate, Hz", _POSITIVE)
@@ -94,9 +96,12 @@ class Robot:
     track_m: float = _quantity("body", "distance between left and right wheels, m (0: unknown)", _NOT_NEGATIVE, 0.0)
     traction_n_per_a: float = _quantity("drive", "wheel thrust per ampere, N/A (0: unknown)", _NOT_NEGATIVE, 0.0)
     description: str = ""
-    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
+        for name, value in (("name", self.name), ("description", self.description)):
+            if not isinstance(value, str) or (name == "name" and not value):
+                raise RobotError(f"{name} = {value!r} is not a text; allowed: a text in quotes")
         for quantity in _QUANTITIES:
             value = _checked(f"{quantity.metadata['section']}.{quantity.name}", getattr(self, quantity.name),
                              quantity.metadata["bounds"])  # fmt: skip
@@ -106,11 +111,24 @@ class Robot:
                 f"drive.min_speed_mps = {self.min_speed_mps:g} is above drive.max_speed_mps = {self.max_speed_mps:g}; "
                 "make it the smaller of the two"
             )
-        object.__setattr__(self, "effects", _checked_effects(self.effects))
-        if "turning" in self.effects and self.track_m == 0.0:
+        health = self.usable_energy_j / self.rated_energy_j
+        if health < _LEAST_HEALTH:
             raise RobotError(
-                "body.track_m is 0 (unknown), but effects.turning needs it; give the distance between wheels"
+                f"battery.cycles = {self.cycles:g} and battery.age = {self.age:g} leave {health:.2g} of the rated energy; "
+                f"allowed: at least {_LEAST_HEALTH:g}. They count in the units that cycle_fade and age_fade are per"
             )
+        object.__setattr__(self, "effects", _checked_effects(self.effects))
+        if "turning" in self.active_effects and self.track_m == 0.0:
+            raise RobotError(
+                "body.track_m = 0 (unknown), but effects.turning needs it; allowed: the distance between wheels, above 0"
+            )
+
+    @property
+    def active_effects(self) -> tuple[str, ...]:
+        """Ids of the effects that are switched on: those whose first parameter is not zero."""
+        return tuple(
+            effect.id for effect in EFFECTS if self.effects.get(effect.id, _OFF).get(effect.switch.name, 0.0) != 0.0
+        )
 
     @property
     def traction_efficiency(self) -> float:
@@ -133,10 +151,10 @@ class Robot:
         for quantity in _QUANTITIES:
             record[quantity.name] = getattr(self, quantity.name)
         for bit, effect in enumerate(EFFECTS):
-            parameters = self.effects.get(effect.id)
             for parameter in effect.parameters:
-                record[effect.field(parameter)] = (parameters or {}).get(parameter.name, parameter.default)
-            if parameters is not None and parameters[effect.switch.name] != 0.0:
+                value = self.effects.get(effect.id, _OFF).get(parameter.name, parameter.default)
+                record[effect.field(parameter)] = value
+            if effect.id in self.active_effects:
                 record["effects"] |= np.uint64(1 << bit)
         return record
 
@@ -151,7 +169,7 @@ class Robot:
             lines += ["", f"[{section}]"]
             for quantity in _QUANTITIES:
                 if quantity.metadata["section"] == section:
-                    note = comments.get(quantity.name, quantity.metadata["meaning"])
+                    note = " ".join(comments.get(quantity.name, quantity.metadata["meaning"]).split())
                     lines.append(f"{quantity.name} = {getattr(self, quantity.name)!r}  # {note}")
         for effect_id, parameters in self.effects.items():
             lines += ["", f"[effects.{effect_id}]"]
@@ -160,6 +178,7 @@ class Robot:
 
 
 _QUANTITIES = tuple(quantity for quantity in fields(Robot) if "section" in quantity.metadata)
+_OFF: Mapping[str, float] = MappingProxyType({})
 _EFFECT_BY_ID: dict[str, Effect] = {effect.id: effect for effect in EFFECTS}
 
 ROBOT_DTYPE = np.dtype(
@@ -194,16 +213,15 @@ def load_robot(robot: str | Path | Robot) -> Robot:
         return robot
     if not isinstance(robot, str | Path):
         raise RobotError(f"robot = {robot!r} is not a preset name, a path or a Robot")
-    preset = _preset_folder() / f"{robot}.toml"
-    source = preset if isinstance(robot, str) and "/" not in robot and preset.is_file() else Path(robot)
-    if not source.is_file():
+    source = _preset_folder() / f"{robot}.toml" if robot in preset_names() else Path(robot)
+    if not os.path.isfile(source):
         raise RobotError(
             f"robot {str(robot)!r} is neither a preset nor a file; presets: {', '.join(preset_names())}"
             f"{_did_you_mean(str(robot), preset_names())}"
         )
     try:
         data = tomllib.loads(source.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+    except (ValueError, OSError, RecursionError) as error:
         raise RobotError(f"{source}: not a readable TOML file: {error}") from error
     try:
         return _from_tables(data)
@@ -221,8 +239,8 @@ def _from_tables(data: dict[str, Any]) -> Robot:
         sections.setdefault(quantity.metadata["section"], {})[quantity.name] = quantity
     _refuse_unknown(data, ["name", "description", "effects", *sections], "")
     values: dict[str, Any] = {"effects": data.get("effects", {}), "description": data.get("description", "")}
-    if not isinstance(data.get("name"), str):
-        raise RobotError(f"name = {data.get('name')!r} is not a text; give the robot a name")
+    if "name" not in data:
+        raise RobotError('name is missing; give the robot a name, such as name = "my_robot"')
     values["name"] = data["name"]
     for section, quantities in sections.items():
         table = data.get(section, {})
@@ -242,8 +260,14 @@ def _refuse_unknown(table: Mapping[str, Any], known: list[str], prefix: str) -> 
     for name in table:
         if name not in known:
             raise RobotError(
-                f"{prefix}{name} is not a known field; known: {', '.join(known)}{_did_you_mean(str(name), known)}"
+                f"{prefix}{name} = {table[name]!r} is not a known field; known: {', '.join(known)}"
+                f"{_belongs_in(str(name)) or _did_you_mean(str(name), known)}"
             )
+
+
+def _belongs_in(name: str) -> str:
+    sections = [quantity.metadata["section"] for quantity in _QUANTITIES if quantity.name == name]
+    return f" ({name} belongs in [{sections[0]}])" if sections else ""
 
 
 def _did_you_mean(name: str, known: list[str]) -> str:
@@ -254,7 +278,7 @@ def _did_you_mean(name: str, known: list[str]) -> str:
 def _checked(name: str, value: Any, bounds: Bounds) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         raise RobotError(f"{name} = {value!r} is not a number; allowed: a number in {bounds}")
-    if not math.isfinite(value) or value not in bounds:
+    if value not in bounds:  # nor is NaN
         raise RobotError(f"{name} = {value!r} is not allowed; allowed: a number in {bounds}")
     return float(value)
 
@@ -264,19 +288,24 @@ def _checked_effects(effects: Any) -> Mapping[str, Mapping[str, float]]:
         raise RobotError(f"effects = {effects!r} is not a table of effects")
     checked: dict[str, Mapping[str, float]] = {}
     for effect_id, parameters in effects.items():
-        _refuse_unknown({effect_id: None}, list(_EFFECT_BY_ID), "effects.")
+        _refuse_unknown({effect_id: parameters}, list(_EFFECT_BY_ID), "effects.")
         effect = _EFFECT_BY_ID[effect_id]
+        names = [parameter.name for parameter in effect.parameters]
         if not isinstance(parameters, Mapping):
-            names = ", ".join(parameter.name for parameter in effect.parameters)
-            raise RobotError(f"effects.{effect_id} = {parameters!r} is not a table with {names}")
-        _refuse_unknown(parameters, [parameter.name for parameter in effect.parameters], f"effects.{effect_id}.")
-        checked[effect_id] = MappingProxyType({
+            raise RobotError(f"effects.{effect_id} = {parameters!r} is not a table with {', '.join(names)}")
+        _refuse_unknown(parameters, names, f"effects.{effect_id}.")
+        if effect.switch.name not in parameters:
+            raise RobotError(
+                f"effects.{effect_id}.{effect.switch.name} is missing ({effect.switch.meaning}); "
+                f"give a number in {Bounds(effect.switch.low, effect.switch.high)}, 0 switches the effect off"
+            )
+        checked[effect_id] = {
             parameter.name: _checked(
                 f"effects.{effect_id}.{parameter.name}", parameters.get(parameter.name, parameter.default),
                 Bounds(parameter.low, parameter.high))
             for parameter in effect.parameters
-        })  # fmt: skip
-    return MappingProxyType(checked)
+        }  # fmt: skip
+    return checked
 
 
 def _toml_string(text: str) -> str:

@@ -26,7 +26,8 @@ from homeward.physics.effects import (
 )
 from homeward.physics.effects.base import Effect, Kind, Parameter
 
-# In the order in which loads add up: slip sees the force of all before it, regeneration that of all forces.
+# In the order in which loads add up: slip sees the force of all before it, regeneration that of all forces. Forces come
+# first, as the kernel counts on. The losses of a start and of capacity follow the battery's effects of momentary power.
 EFFECTS: tuple[Effect, ...] = (
     inertia.EFFECT,
     viscous.EFFECT,
@@ -36,7 +37,6 @@ EFFECTS: tuple[Effect, ...] = (
     hidden_grade.EFFECT,
     slip.EFFECT,
     turning.EFFECT,
-    breakaway.EFFECT,
     regeneration.EFFECT,
     copper_loss.EFFECT,
     no_load.EFFECT,
@@ -48,6 +48,7 @@ EFFECTS: tuple[Effect, ...] = (
     intermittent_load.EFFECT,
     internal_resistance.EFFECT,
     rate_capacity.EFFECT,
+    breakaway.EFFECT,
     ageing.EFFECT,
     cold_battery.EFFECT,
 )

@@ -8,7 +8,7 @@ from homeward.physics.jit import inline
 
 @inline
 def inertia(p: Any, s: Any, x: Any, load: Any) -> Any:
-    return p.inertia_mass_factor * p.mass_kg * x.accel_mps2
+    return p.inertia_mass_factor * p.mass_kg * x.accel_mps2 * (x.speed_mps > 0.0)
 
 
 EFFECT = Effect(
@@ -17,7 +17,7 @@ EFFECT = Effect(
     function=inertia,
     parameters=(Parameter("mass_factor", "1", 0.0, 3.0, "accelerated over moving mass; above 1 for rotating parts"),),
     sentence="Speeding up takes energy that braking does not give back.",
-    equation="F = mass_factor m dv/dt",
+    equation="F = mass_factor m dv/dt while moving",
     source="Newton's second law; the paper calls it negligible",
     needs=("speed_mps",),
     confused_with=("breakaway",),

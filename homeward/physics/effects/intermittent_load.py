@@ -10,13 +10,21 @@ from homeward.physics.jit import inline
 
 @inline
 def intermittent_load(p: Any, s: Any, x: Any, load: Any) -> Any:
-    # Seconds of load in the step: integral of the square wave up to its end minus up to its start.
-    on_s = p.intermittent_load_duty * p.intermittent_load_period_s
-    start, end = s.time_s / p.intermittent_load_period_s, (s.time_s + s.step_s) / p.intermittent_load_period_s
-    loaded_s = (np.floor(end) - np.floor(start)) * on_s
-    loaded_s += np.minimum((end - np.floor(end)) * p.intermittent_load_period_s, on_s)
-    loaded_s -= np.minimum((start - np.floor(start)) * p.intermittent_load_period_s, on_s)
-    return p.intermittent_load_power_w * loaded_s / s.step_s
+    return p.intermittent_load_power_w * (_phase(p, s) < p.intermittent_load_duty)
+
+
+@inline
+def until_switch(p: Any, s: Any) -> Any:
+    """Time until the load switches, s: the kernel ends a step there, as the battery's losses are not linear."""
+    phase = _phase(p, s)
+    edge = np.where(phase < p.intermittent_load_duty, p.intermittent_load_duty, 1.0)
+    return np.maximum((edge - phase) * p.intermittent_load_period_s, 1e-6)  # rounding must not stop the clock
+
+
+@inline
+def _phase(p: Any, s: Any) -> Any:
+    periods = s.time_s / p.intermittent_load_period_s
+    return periods - np.floor(periods)
 
 
 EFFECT = Effect(
@@ -30,7 +38,7 @@ EFFECT = Effect(
     ),
     sentence="Something switches on and off by the clock.",
     equation="P = power_w for the first duty share of every period",
-    source="square wave, averaged exactly over a step",
+    source="square wave",
     needs=("time_s",),
     confused_with=("motor_heating", "compute"),
 )

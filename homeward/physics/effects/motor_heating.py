@@ -11,7 +11,12 @@ from homeward.physics.model import traction_efficiency
 
 @inline
 def motor_heating(p: Any, s: Any, x: Any, load: Any) -> Any:
-    return p.motor_heating_per_k * s.winding_k * np.maximum(load, 0.0) * x.speed_mps / traction_efficiency(p)
+    work_w = np.maximum(load, 0.0) * x.speed_mps / traction_efficiency(p)
+    steady_k = p.motor_heating_rise_k_per_w * work_w
+    # Mean of the temperature over the step, so that its length does not matter.
+    constants = np.maximum(s.step_s / p.motor_heating_time_constant_s, 1e-9)
+    mean_k = steady_k - (s.winding_k - steady_k) * np.expm1(-constants) / constants
+    return p.motor_heating_per_k * mean_k * work_w
 
 
 @inline

@@ -11,7 +11,9 @@ from homeward.physics.model import GRAVITY_MPS2
 
 @inline
 def slip(p: Any, s: Any, x: Any, load: Any) -> Any:
-    return p.slip_per_load * load * np.abs(load) / (p.mass_kg * GRAVITY_MPS2)
+    # Positive when braking too: a wheel that slips backwards takes less work out of the motion.
+    pull = np.abs(load)
+    return pull * np.minimum(p.slip_per_load * pull / (p.mass_kg * GRAVITY_MPS2), 1.0)
 
 
 EFFECT = Effect(
@@ -20,7 +22,7 @@ EFFECT = Effect(
     function=slip,
     parameters=(Parameter("per_load", "1", 0.0, 5.0, "slip per traction over weight"),),
     sentence="The wheels slip more the harder they pull, so part of their work is lost.",
-    equation="F = F per_load |F| / (m g)",
+    equation="F = |F| min(per_load |F| / (m g), 1)",
     source="linear slip-traction relation at small slip (Wong, Theory of Ground Vehicles)",
     needs=("speed_mps", "grade_rad"),
     confused_with=("copper_loss",),

@@ -10,13 +10,8 @@ from homeward.physics.jit import inline
 
 @inline
 def wind(p: Any, s: Any, x: Any, load: Any) -> Any:
-    air_mps = x.speed_mps + x.headwind_mps
-    return (
-        p.wind_exposure
-        * p.drag_ns2_per_m2
-        * (air_mps * np.abs(air_mps) - x.speed_mps * x.speed_mps)
-        * (x.speed_mps > 0.0)
-    )
+    air_mps = x.speed_mps + p.wind_exposure * x.headwind_mps
+    return p.drag_ns2_per_m2 * (air_mps * np.abs(air_mps) - x.speed_mps * x.speed_mps) * (x.speed_mps > 0.0)
 
 
 EFFECT = Effect(
@@ -25,7 +20,7 @@ EFFECT = Effect(
     function=wind,
     parameters=(Parameter("exposure", "1", 0.0, 3.0, "share of the wind that the robot meets"),),
     sentence="Wind pushes: a headwind costs energy and a tailwind saves some.",
-    equation="F = exposure c ((v + w)|v + w| - v^2)",
+    equation="F = c (u |u| - v^2), u = v + exposure w",
     source="air drag on relative wind",
     needs=("speed_mps", "heading_rad"),
     confused_with=("hidden_grade", "viscous"),
