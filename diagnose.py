@@ -1,0 +1,113 @@
+"""Say which physics a robot's simulator lacks, from recordings of the robot.
+
+`python diagnose.py RUN... --robot PRESET_OR_TOML [--columns MAP] --out DIR` writes DIR/diagnosis.json, DIR/report.html
+and DIR/corrected.toml. Without RUN it diagnoses the recording that ships with the project.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
+from homeward.diagnosis import Analysis, RecordingError, analyse
+from homeward.diagnosis.report import write_outputs
+from homeward.physics import RobotError
+
+STAGES = ("reading", "checking", "refitting", "testing what remains", "locating")
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to diagnose."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    """Recordings (.csv, .csv.gz, .parquet), one run a file; none: the one that ships with the project."""
+    robot: str | None = None
+    """Robot that the simulator uses: preset name or TOML file; the data set's own, or husky, if left out."""
+    columns: str | None = None
+    """Mapping for foreign recordings: shipped name or TOML file."""
+    dataset: str | None = None
+    """Public data set to fetch instead of RUN, or a group of it, such as husky_borealtc/FLOORING."""
+    out: Path = Path("runs/diagnosis")
+    """Folder for diagnosis.json, report.html and corrected.toml."""
+    seed: int = 0
+    """Seed of the bootstrap draws."""
+
+
+def main(args: Args) -> Analysis:
+    """Diagnose, write the outputs and print the verdict.
+
+    Raises:
+        RecordingError, RobotError, DatasetError: Input that cannot be used.
+        OSError: The output folder cannot be written to.
+    """
+    runs, robot, columns = _inputs(args)
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description:<22}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
+    ) as bar:
+        task = bar.add_task("starting", total=len(STAGES) + 1)
+
+        def show(stage: str) -> None:
+            bar.update(task, description=stage, completed=STAGES.index(stage))
+
+        analysis = analyse(runs, robot, columns, args.seed, show)
+        bar.update(task, description="writing", completed=len(STAGES))
+        written = write_outputs(analysis, args.out)
+    _print(analysis, written)
+    return analysis
+
+
+def _inputs(args: Args) -> tuple[list[Path], str, str | None]:
+    if args.dataset is None:
+        return list(args.runs) or [shipped_recording()], args.robot or "husky", args.columns
+    if args.runs:
+        raise RecordingError("give either RUN or --dataset, not both")
+    name, _, group = args.dataset.partition("/")
+    runs = fetch(name, group)
+    robot = args.robot or DATASETS[name].robot
+    if robot is None:
+        raise DatasetError(f"{name}: no preset fits this robot; name one with --robot")
+    return runs, robot, args.columns or DATASETS[name].columns
+
+
+def _print(analysis: Analysis, written: list[Path]) -> None:
+    console, diagnosis = Console(), analysis.diagnosis
+    console.print(f"[bold]{diagnosis.verdict}[/bold]")
+    console.print(diagnosis.summary, markup=False, highlight=False)
+    if diagnosis.fit is not None:
+        for name, arm in diagnosis.fit.arms.items():
+            r2 = "" if arm.r2 is None else f", R^2 {arm.r2:.3f}"
+            energy = "" if arm.energy_error_pct is None else f", trip energy off by {arm.energy_error_pct:.1f} %"
+            console.print(f"  {name:8} RMSE {arm.rmse:.3g} {diagnosis.fit.unit}{r2}{energy}", highlight=False)
+        console.print(f"  held out by {diagnosis.fit.held_out_by}, {diagnosis.fit.folds} folds", highlight=False)
+    if diagnosis.next_experiment:
+        console.print(f"Next experiment: {diagnosis.next_experiment}", markup=False, highlight=False)
+    console.print(f"Report: {next(path for path in written if path.suffix == '.html')}", markup=False, highlight=False)
+
+
+def run() -> int:
+    """Run from the command line: 0 for any verdict, 2 with one line for input or output that cannot be used."""
+    try:
+        main(tyro.cli(Args, description=__doc__))
+    except (RecordingError, RobotError, DatasetError) as error:
+        message = str(error)
+    except OSError as error:
+        message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
+    except KeyboardInterrupt:
+        message = "interrupted; nothing half-written is left"
+    else:
+        return 0
+    print(f"diagnose.py: {' '.join(message.split())}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(run())

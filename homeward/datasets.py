@@ -1,0 +1,138 @@
+"""Public recordings of real robots, fetched once with a checksum and kept in a cache, or taken from a local folder."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pooch
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn
+
+LOCAL_FOLDER = "HOMEWARD_DATA"
+"""Environment variable that names a folder with the data sets, to be used instead of the network."""
+
+
+class DatasetError(OSError):
+    """A data set that is unknown or cannot be had: the message says what to do."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Where a data set comes from, and the mapping and robot that fit it."""
+
+    name: str
+    base_url: str
+    columns: str  # mapping file that ships with the package
+    robot: str | None  # preset that drove it
+    licence: str
+
+
+DATASETS = {
+    dataset.name: dataset
+    for dataset in (
+        Dataset(
+            "husky_borealtc",
+            "https://raw.githubusercontent.com/norlab-ulaval/BorealTC/2e64df4074f28f7e037b22eb4dc0f26843e24e69/data/borealtc/",
+            "husky_borealtc",
+            "husky",
+            "CC0 1.0, LaRocque et al., IROS 2024",
+        ),
+        Dataset(
+            "f1tenth_frictionmaps",
+            "https://raw.githubusercontent.com/AhmadAmine998/FrictionMaps/e747ecacea6ec47697919ca616f9f4f5b406d516/DataSets/DS5/",
+            "f1tenth_frictionmaps",
+            None,
+            "MIT, (c) 2022 AhmadAmine998",
+        ),
+    )
+}
+"""The data sets, by name. Addresses carry the commit, so that the files cannot change."""
+
+
+def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
+    """Paths of a data set's recordings, downloaded at the first call.
+
+    Args:
+        name: One of `DATASETS`.
+        group: Only the files below this folder, such as `FLOORING`.
+        progress: Show a progress bar per file.
+
+    Raises:
+        DatasetError: Unknown name or group, no network, or a file that differs from its checksum.
+    """
+    if name not in DATASETS:
+        raise DatasetError(f"unknown data set {name!r}; known: {', '.join(DATASETS)}")
+    registry = _registry(name)
+    wanted = [file for file in registry if file.startswith(f"{group}/" if group else "")]
+    if not wanted:
+        groups = sorted({file.split("/")[0] for file in registry if "/" in file})
+        raise DatasetError(f"{name} has no group {group!r}; groups: {', '.join(groups) or 'none'}")
+    local = os.environ.get(LOCAL_FOLDER)
+    if local:
+        return [_local(Path(local) / name, file, registry[file]) for file in wanted]
+    source = pooch.create(
+        path=pooch.os_cache("homeward") / name, base_url=DATASETS[name].base_url, registry=registry, retry_if_failed=2
+    )
+    downloader = pooch.HTTPDownloader(progressbar=_Bar() if progress else False, timeout=30)
+    pooch.get_logger().setLevel("WARNING")
+    paths = []
+    for file in wanted:
+        try:
+            paths.append(Path(source.fetch(file, downloader=downloader)))
+        except ValueError as error:
+            raise DatasetError(f"{name}: {file} differs from its checksum; delete {source.path} and retry") from error
+        except OSError as error:  # requests' errors are OSErrors
+            raise DatasetError(
+                f"{name}: {file} cannot be downloaded ({type(error).__name__}); without network set {LOCAL_FOLDER} "
+                f"to a folder that holds {name}/, or run on the recording that ships with the package"
+            ) from error
+    return paths
+
+
+def shipped_recording() -> Path:
+    """The recording that ships with the package: synthetic, of a Husky that differs from the preset `husky`."""
+    return Path(str(files("homeward") / "recordings" / "synthetic_husky.csv.gz"))
+
+
+class _Bar:
+    """A rich progress bar in the form that pooch takes: one per file, gone when the file is there."""
+
+    def __init__(self) -> None:
+        self.total = 0
+
+    def update(self, count: int) -> None:
+        """Count received bytes, or those pooch adds at the end so that the bar is full."""
+        self._bar.update(self._task, total=self.total or None, advance=count)
+
+    def reset(self) -> None:
+        """Start a new file."""
+        columns = (TextColumn("fetching recordings"), BarColumn(), DownloadColumn())
+        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._task = self._bar.add_task("", total=None)
+        self._bar.start()
+
+    def close(self) -> None:
+        """End the bar."""
+        self._bar.stop()
+
+
+def _registry(name: str) -> dict[str, str]:
+    """Files of a data set and their SHA-256."""
+    lines = (files("homeward") / "recordings" / f"{name}.sha256").read_text(encoding="utf-8").splitlines()
+    pairs = (line.split() for line in lines if line and not line.startswith("#"))
+    return {file: digest for digest, file in pairs}
+
+
+def _local(folder: Path, file: str, digest: str) -> Path:
+    """A file of a local copy, by its path in the data set or by the name that prefixes it with the folder."""
+    found: Any = [path for path in (folder / file, *folder.glob(f"*_{file}")) if path.is_file()]
+    if not found:
+        raise DatasetError(f"{LOCAL_FOLDER}: {folder / file} does not exist")
+    if pooch.file_hash(found[0]) != digest:
+        raise DatasetError(f"{LOCAL_FOLDER}: {found[0]} differs from its checksum")
+    path: Path = found[0]
+    return path

@@ -1,0 +1,68 @@
+"""Blocks and folds: stretches of a recording that count as independent, and those that are held out together."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.signals import Array
+
+FEWEST_BLOCKS = 16
+"""With fewer independent stretches no test at the stated false alarm rate is possible."""
+
+_SHORTEST = 5  # windows
+_MOST_BLOCKS = 2000
+_MEMORY_TIMES = 3.0  # blocks are this many correlation times long
+_MOST_FOLDS = 10
+_BLOCK_FOLDS = 5
+_FEWEST_RUNS = 3
+
+
+def correlation_windows(residual: Array, run: NDArray[np.intp]) -> float:
+    """Integrated autocorrelation time of residuals, in windows, summed to the first lag without correlation.
+
+    >>> rng = np.random.default_rng(0)
+    >>> round(correlation_windows(rng.normal(size=20000), np.zeros(20000, int)))
+    1
+    """
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    total, lag = 1.0, 1
+    while lag < len(centred) // 4 and power > 0.0:
+        together = run[lag:] == run[:-lag]
+        correlation = float(centred[lag:][together] @ centred[:-lag][together]) / power
+        if correlation < 0.05:
+            break
+        total += 2.0 * correlation
+        lag += 1
+    return total
+
+
+def cut_blocks(run: NDArray[np.intp], residual: Array | None = None) -> NDArray[np.intp]:
+    """Block number of each window, shape (windows,): within one run, and long enough to outlast the residual's memory.
+
+    Blocks are shortened where fewer than `FEWEST_BLOCKS` would remain.
+    """
+    memory = 0.0 if residual is None else correlation_windows(residual, run)
+    length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_MEMORY_TIMES * memory)))
+    length = max(_SHORTEST, min(length, len(run) // FEWEST_BLOCKS))
+    block = np.empty(len(run), dtype=np.intp)
+    following = 0
+    for one in np.unique(run):
+        inside = np.flatnonzero(run == one)
+        count = max(1, round(len(inside) / length))
+        block[inside] = following + np.arange(len(inside)) * count // len(inside)
+        following += count
+    return block
+
+
+def cut_folds(runs: Runs, block: NDArray[np.intp]) -> tuple[NDArray[np.intp], Literal["run", "block"]]:
+    """Fold of each window, shape (windows,): whole runs held out, or long stretches of fewer than three."""
+    count = len(runs.signals)
+    if count >= _FEWEST_RUNS:
+        return runs.run % _MOST_FOLDS if count > _MOST_FOLDS else runs.run, "run"
+    blocks = int(block.max()) + 1
+    return block * min(_BLOCK_FOLDS, blocks) // blocks, "block"

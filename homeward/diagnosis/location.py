@@ -1,0 +1,147 @@
+"""Where a mismatch sits: the values of a channel, in plain words, that hold most of the excess."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.signals import Array
+from homeward.diagnosis.structure import Channel, Dependence
+
+
+@dataclass(frozen=True)
+class Place:
+    """One stretch of one recording under the located condition, as `where` of diagnosis.json has it."""
+
+    recording: str
+    start_s: float
+    end_s: float
+    condition: str
+    share_of_excess: float
+
+
+@dataclass(frozen=True)
+class Location:
+    """The located condition: in words, for which windows it holds, and where that is in each recording."""
+
+    condition: str
+    inside: NDArray[np.bool_]  # (windows,)
+    excess: Array  # (windows,), W or A above the rest
+    places: tuple[Place, ...]
+
+    @property
+    def share(self) -> float:
+        """Share of the whole excess that lies under the condition."""
+        return min(1.0, sum(place.share_of_excess for place in self.places))
+
+
+def locate(dependence: Dependence, runs: Runs) -> Location:
+    """Find the split of a channel's values that separates the excess best, and say it in words."""
+    if dependence.channel.name == "time_s":
+        return _locate_in_time(dependence, runs)
+    bins = _Bins(dependence)
+    inside_bins, condition = _best_split(dependence.channel, bins)
+    known = dependence.bin >= 0
+    inside = known & inside_bins[dependence.bin]
+    rest = np.average(bins.effect[~inside_bins], weights=bins.weight[~inside_bins])
+    excess = np.where(known, bins.effect[dependence.bin] - rest, 0.0) * dependence.weight
+    return Location(condition, inside, excess, _places(condition, inside, excess, runs))
+
+
+class _Bins:
+    """Bins with windows in them, in the order of the channel."""
+
+    def __init__(self, dependence: Dependence) -> None:
+        self.effect = dependence.effect
+        count = np.bincount(dependence.bin[dependence.bin >= 0], minlength=len(self.effect))
+        self.weight = count.astype(np.float64) + 1e-9
+        self.edges = dependence.edges
+
+
+def _best_split(channel: Channel, bins: _Bins) -> tuple[NDArray[np.bool_], str]:
+    """The threshold with the largest sum of squares between its sides; the side away from the bulk is the condition."""
+    total = bins.weight.sum()
+    best, split = -1.0, 1
+    for k in range(1, len(bins.effect)):
+        low, high = bins.weight[:k].sum(), bins.weight[k:].sum()
+        means = (np.average(bins.effect[side], weights=bins.weight[side]) for side in (slice(k), slice(k, None)))
+        below, above = means
+        between = low * high / total * (below - above) ** 2
+        if between > best:
+            best, split = between, k
+    limit = f"{_plain(bins.edges[split])} {channel.unit}".strip()
+    upper = np.arange(len(bins.effect)) >= split
+    if channel.magnitude or bins.weight[upper].sum() <= total / 2.0:
+        return upper, f"{channel.above} {limit}"
+    return ~upper, f"{channel.below} {limit}"
+
+
+def _plain(value: float) -> str:
+    """Two significant digits, as one would say it.
+
+    >>> _plain(0.20417), _plain(412.0), _plain(-0.0)
+    ('0.2', '410', '0')
+    """
+    if value == 0.0:
+        return "0"
+    digits = 1 - int(np.floor(np.log10(abs(value))))
+    rounded = round(float(value), digits)
+    return f"{rounded:.{max(digits, 0)}f}".rstrip("0").rstrip(".") if digits > 0 else f"{rounded:.0f}"
+
+
+def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
+    """The stretches of each run that lie furthest from the level of all runs."""
+    effect, number = dependence.effect, dependence.bin
+    weight = np.bincount(number, minlength=len(effect)).astype(np.float64)
+    middle = _weighted_median(effect, weight)
+    spread = effect - middle
+    far = np.abs(spread) > 0.5 * np.max(np.abs(spread))
+    rest = np.average(effect[~far], weights=weight[~far]) if (~far).any() else middle
+    excess = (effect - rest)[number] * dependence.weight
+    inside = far[number]
+    return Location("in some stretches of time", inside, excess, _stretches(inside, excess, runs))
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    heap = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(heap, heap[-1] / 2.0)])
+
+
+def _stretches(inside: NDArray[np.bool_], excess: Array, runs: Runs) -> tuple[Place, ...]:
+    whole = float(np.abs(excess * runs.duration_s).sum()) or 1.0
+    places = []
+    for run, name in enumerate(runs.names):
+        here = np.flatnonzero(runs.run == run)
+        changes = np.flatnonzero(np.diff(inside[here].astype(int), prepend=0, append=0))
+        for first, after in zip(changes[::2], changes[1::2], strict=True):
+            part = here[first:after]
+            start_s, end_s = float(runs.time_s[part[0]]), float(runs.time_s[part[-1]])
+            origin_s = float(runs.time_s[here[0]])
+            share = float(np.abs(excess * runs.duration_s)[part].sum()) / whole
+            if first == 0 and after == len(here):
+                condition = "all of the run"
+            elif after == len(here):
+                condition = f"after {_plain(start_s - origin_s)} s"
+            elif first == 0:
+                condition = f"before {_plain(end_s - origin_s)} s"
+            else:
+                condition = f"from {_plain(start_s - origin_s)} to {_plain(end_s - origin_s)} s"
+            places.append(Place(name, start_s, end_s, condition, share))
+    return tuple(places)
+
+
+def _places(condition: str, inside: NDArray[np.bool_], excess: Array, runs: Runs) -> tuple[Place, ...]:
+    """First to last moment under the condition in each recording, and its share of the excess of all."""
+    energy = np.abs(excess * runs.duration_s)
+    whole = float(energy.sum()) or 1.0
+    places = []
+    for run, name in enumerate(runs.names):
+        here = np.flatnonzero(inside & (runs.run == run))
+        if len(here):
+            start_s, end_s = float(runs.time_s[here[0]]), float(runs.time_s[here[-1]])
+            places.append(Place(name, start_s, end_s, condition, float(energy[here].sum()) / whole))
+    return tuple(places)

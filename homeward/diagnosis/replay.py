@@ -1,0 +1,92 @@
+"""Recorded runs replayed through the physics: what a robot file predicts, window by window."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.signals import Array, Signals, Unit, Windows, usual_step_s, windows
+from homeward.physics import Robot, replay
+
+WINDOW_S = 1.0
+"""Length of the averaging windows, s; a recording with longer steps keeps its samples."""
+
+_MOST_WINDOWS = 100_000  # of very long recordings the windows grow instead
+
+_SLOW_MPS = 0.02  # wheels slower than this stand: a motor's current vanishes with the motion
+
+
+@dataclass(frozen=True)
+class Runs:
+    """The usable runs, averaged over windows and laid end to end; arrays of shape (windows,)."""
+
+    signals: Sequence[Signals]
+    windows: Sequence[Windows]
+    unit: Unit
+    run: NDArray[np.intp]  # which of `signals` a window belongs to
+    time_s: Array
+    duration_s: Array  # time that a window stands for
+    observed: Array
+    context: Mapping[str, Array]  # NaN where a run lacks the channel
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the runs."""
+        return [run.name for run in self.signals]
+
+
+def average(signals: Sequence[Signals]) -> Runs:
+    """Average runs over windows.
+
+    Args:
+        signals: Runs with the same unit of what was observed.
+    """
+    total_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in signals)
+    lengths = [max(WINDOW_S, usual_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
+    cuts = [windows(run.time_s, length) for run, length in zip(signals, lengths, strict=True)]
+    pairs = list(zip(signals, cuts, strict=True))
+    counts = [int(cut.keep.sum()) for cut in cuts]
+    names = dict.fromkeys(name for run in signals for name in run.context)
+    context = {
+        name: np.concatenate([
+            cut.means(run.context[name]) if name in run.context else np.full(int(cut.keep.sum()), np.nan)
+            for run, cut in pairs
+        ])
+        for name in names
+    }  # fmt: skip
+    return Runs(
+        signals,
+        cuts,
+        signals[0].unit,
+        np.repeat(np.arange(len(signals)), counts),
+        np.concatenate([cut.means(run.time_s) for run, cut in pairs]),
+        np.repeat(lengths, counts),
+        np.concatenate([cut.means(run.observed) for run, cut in pairs]),
+        context,
+    )
+
+
+def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0) -> Array:
+    """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
+
+    Motor current is thrust over `traction_n_per_a` and Gamma, plus what the motors draw at rest; a descent that the
+    robot rolls down draws none, as in the power of the drive.
+    """
+    means = []
+    for run, cut in zip(runs.signals, runs.windows, strict=True):
+        model = replay(
+            robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+            accel_mps2=run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
+            base_distance_m=run.base_distance_m,
+        )  # fmt: skip
+        if runs.unit == "W":
+            predicted = model.power_w
+        else:
+            thrust_n_per_a = robot.traction_n_per_a * robot.traction_efficiency
+            rolling = np.minimum(np.abs(run.speed_mps) / _SLOW_MPS, 1.0)
+            predicted = rest_current_a + rolling * np.maximum(model.traction_n, 0.0) / thrust_n_per_a
+        means.append(cut.means(predicted))
+    return np.concatenate(means)

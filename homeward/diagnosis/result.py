@@ -1,0 +1,163 @@
+"""The verdict as data: what `diagnosis.json` holds, with a round trip through JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from homeward.diagnosis.arms import Arm
+from homeward.diagnosis.location import Place
+
+SCHEMA = 1
+
+Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
+VERDICTS = ("no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable")
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """A recording that the verdict rests on."""
+
+    path: str
+    sha256: str
+    duration_s: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class ParameterOff:
+    """A group of parameters whose interval excludes what the robot file assumes."""
+
+    group: str
+    assumed: float
+    fitted: float
+    ci95: tuple[float, float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Value:
+    """A fitted parameter of an effect."""
+
+    value: float
+    ci95: tuple[float, float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """How strongly recordings speak for an effect."""
+
+    delta_bic: float | None
+    held_out_gain: float | None
+    p_value: float | None
+
+
+@dataclass(frozen=True)
+class MissingPhysics:
+    """An effect that the simulator lacks, where it acts and how sure that is."""
+
+    effect: str
+    name: str
+    sentence: str
+    equation: str
+    source: str
+    parameters: dict[str, Value]
+    where: tuple[Place, ...]
+    evidence: Evidence
+    confused_with: tuple[str, ...]
+    to_tell_apart: str
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Arms of the comparison, by name, and how they were held out."""
+
+    unit: str
+    held_out_by: Literal["run", "block"]
+    folds: int
+    arms: dict[str, Arm]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict on a robot file and its recordings; the fields are those of `diagnosis.json`."""
+
+    robot: str
+    recordings: tuple[RecordingInfo, ...]
+    verdict: Verdict
+    summary: str
+    parameters_off: tuple[ParameterOff, ...] = ()
+    missing_physics: tuple[MissingPhysics, ...] = ()
+    where: tuple[Place, ...] = ()
+    fit: Fit | None = None
+    what_this_log_can_show: dict[str, float | None] = field(default_factory=dict)
+    range_change_m: float | None = None
+    next_experiment: str | None = None
+    schema: int = SCHEMA
+
+    def to_json(self) -> str:
+        """Text of diagnosis.json: valid JSON, with null for what the channels do not allow."""
+        data = dataclasses.asdict(self)
+        data = {"schema": data.pop("schema"), **data}
+        return json.dumps(_without_nan(data), indent=2, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str) -> Diagnosis:
+        """Read what `to_json` wrote.
+
+        Raises:
+            ValueError: The text is not a diagnosis of this schema.
+        """
+        try:
+            data = json.loads(text)
+            if data["schema"] != SCHEMA or data["verdict"] not in VERDICTS:
+                raise ValueError(f"not a diagnosis of schema {SCHEMA}: {data['schema']!r}, {data['verdict']!r}")
+            return cls(**{
+                **data,
+                "recordings": tuple(RecordingInfo(**one) for one in data["recordings"]),
+                "parameters_off": tuple(
+                    ParameterOff(**{**one, "ci95": _pair(one["ci95"])}) for one in data["parameters_off"]
+                ),
+                "missing_physics": tuple(_missing(one) for one in data["missing_physics"]),
+                "where": tuple(Place(**one) for one in data["where"]),
+                "fit": None if data["fit"] is None else _fit(data["fit"]),
+            })  # fmt: skip
+        except (KeyError, TypeError, AttributeError, IndexError) as error:
+            raise ValueError(f"not a diagnosis of schema {SCHEMA}: {error!r}") from error
+
+
+def _pair(values: Any) -> Any:
+    low, high = values
+    return low, high
+
+
+def _fit(data: dict[str, Any]) -> Fit:
+    arms = {name: Arm(**{**arm, "rmse_ci95": _pair(arm["rmse_ci95"])}) for name, arm in data["arms"].items()}
+    return Fit(**{**data, "arms": arms})
+
+
+def _missing(data: dict[str, Any]) -> MissingPhysics:
+    parameters = {
+        name: Value(**{**value, "ci95": _pair(value["ci95"])}) for name, value in data["parameters"].items()
+    }  # fmt: skip
+    return MissingPhysics(**{
+        **data,
+        "parameters": parameters,
+        "where": tuple(Place(**one) for one in data["where"]),
+        "evidence": Evidence(**data["evidence"]),
+        "confused_with": tuple(data["confused_with"]),
+    })  # fmt: skip
+
+
+def _without_nan(data: Any) -> Any:
+    if isinstance(data, float):
+        return data if math.isfinite(data) else None
+    if isinstance(data, dict):
+        return {key: _without_nan(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_without_nan(value) for value in data]
+    return data

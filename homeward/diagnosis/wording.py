@@ -1,0 +1,138 @@
+"""The sentences of a diagnosis, as a roboticist would say them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from homeward.diagnosis.blocks import FEWEST_BLOCKS
+from homeward.diagnosis.location import Location
+from homeward.diagnosis.quality import Finding
+from homeward.diagnosis.refit import Estimate
+from homeward.diagnosis.result import Fit, ParameterOff, Verdict
+from homeward.diagnosis.structure import FALSE_ALARM_RATE
+
+if TYPE_CHECKING:
+    from homeward.diagnosis.chain import Evidence
+
+_MEASURED = {"W": "battery power", "A": "motor current"}
+
+
+def nothing_usable(findings: Sequence[Finding]) -> str:
+    """Why no run can be used."""
+    refused = [one for one in findings if one.refused]
+    reasons = "; ".join(f"{PurePath(one.recording).name} {one.text}" for one in refused[:3])
+    more = f"; and {len(refused) - 3} more" if len(refused) > 3 else ""
+    return f"None of the recordings can be used: {reasons}{more}."
+
+
+def summary(
+    verdict: Verdict, evidence: Evidence, off: Sequence[ParameterOff], fit: Fit, findings: Sequence[Finding]
+) -> str:
+    """The verdict in one or two sentences, and how many runs were set aside."""
+    first = {
+        "not_testable": _not_testable,
+        "unknown_physics": _unknown_physics,
+        "parameters_off": _parameters_off,
+        "no_mismatch": _no_mismatch,
+    }[verdict](evidence, off, fit)
+    refused = [one for one in findings if one.refused]
+    if refused:
+        names = PurePath(refused[0].recording).name
+        first += (
+            f" {len(refused)} of the runs set aside ({names} {refused[0].text}{', ...' if len(refused) > 1 else ''})."
+        )
+    return first
+
+
+def _not_testable(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:
+    blocks = int(evidence.block.max()) + 1
+    if blocks < FEWEST_BLOCKS:
+        return (
+            f"These recordings are too short to test anything: they hold {blocks} independent stretches "
+            f"and {FEWEST_BLOCKS} are needed."
+        )
+    reasons = "; ".join(f"{one.group.symbol}: {why_open(one)}" for one in evidence.estimates)
+    return f"These recordings determine none of the model's parameters ({reasons}); vary speed, grade and sensing rate."
+
+
+def _unknown_physics(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:
+    if evidence.location is None:
+        stuck = ", ".join(one.group.symbol for one in evidence.estimates if one.status == "at bound")
+        return (
+            f"The robot file does not explain the recorded {_MEASURED[fit.unit]}, and the best refit ends at the bound "
+            f"of what is physical ({stuck}): something is missing that no recorded channel points to."
+        )
+    measured, refitted = _MEASURED[fit.unit], fit.arms["refit"]
+    r2 = "" if refitted.r2 is None else f" (held-out R^2 {round(refitted.r2, 2) + 0.0:.2f})"
+    inside = evidence.location.inside
+    error = evidence.runs.observed - evidence.refit
+    drift = float(error[inside].mean() - error[~inside].mean()) if (~inside).any() else float(error[inside].mean())
+    return (
+        f"Even with its parameters refitted the model does not explain the recorded {measured}{r2}: "
+        f"{_condition(evidence.location)}, the robot draws {abs(drift):.2g} {fit.unit} "
+        f"{'more' if drift > 0 else 'less'} than elsewhere beyond what the model says, "
+        f"{evidence.location.share:.0%} of the unexplained excess."
+    )
+
+
+def _condition(location: Location) -> str:
+    """The condition; for changes in time, the first of the stretches that hold most of the excess."""
+    if all(place.condition == location.condition for place in location.places):
+        return location.condition
+    first = max(location.places, key=lambda place: place.share_of_excess)
+    more = len(location.places) - 1
+    others = f" and in {more} more stretch{'es' if more > 1 else ''} of time" if more else ""
+    return f"{first.condition} in {PurePath(first.recording).name}{others}"
+
+
+def _parameters_off(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:
+    told = ", ".join(f"{one.group} is {one.fitted:.3g} {one.unit}, not {one.assumed:.3g}" for one in off)
+    told = told or "which of them, these recordings cannot tell"
+    before, after = fit.arms["nominal"].rmse, fit.arms["refit"].rmse
+    return (
+        f"The model's structure fits but its parameters are off: {told}. Held out, the error falls from "
+        f"{before:.3g} to {after:.3g} {fit.unit} and nothing structured remains."
+    )
+
+
+def _no_mismatch(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:
+    if evidence.nominal is None:
+        return (
+            "The model's structure explains the recorded motor current; the robot file gives no thrust per ampere "
+            "(traction_n_per_a), so its parameters cannot be compared."
+        )
+    return (
+        f"The robot file explains the recorded {_MEASURED[fit.unit]}: the refit is no better on held-out data and "
+        f"nothing that remains depends on a recorded channel (false alarm rate {FALSE_ALARM_RATE:.0%})."
+    )
+
+
+def why_open(estimate: Estimate) -> str:
+    """Why a group has no value, in a few words."""
+    mixed = estimate.mixed_with
+    return {
+        "fitted": "fitted",
+        "not excited": "has no influence on these recordings",
+        "confounded": f"cannot be told apart from {', '.join(mixed)}" if mixed else "varies by measurement noise only",
+        "too uncertain": "too uncertain to print",
+        "at bound": "pulled to the bound of what is physical, so not a measurement",
+    }[estimate.status]
+
+
+def next_experiment(verdict: Verdict, evidence: Evidence) -> str | None:
+    """The drive that would settle what these recordings leave open, or None."""
+    open_groups = {one.group.name for one in evidence.estimates if one.fitted is None}
+    if verdict != "not_testable":
+        return None
+    wishes = []
+    if open_groups & {"rolling", "drag", "idle_power", "rest_current"}:
+        wishes.append("stand, then drive straight at three speeds from slow to top speed, a minute each")
+    if "mass" in open_groups:
+        wishes.append("drive up and down a slope")
+    if "sample_energy" in open_groups:
+        wishes.append("switch the sensing rate between zero and its maximum")
+    return (
+        ("; ".join(wishes) + ".").capitalize() if wishes else "Record the same drive for longer, at least five minutes."
+    )

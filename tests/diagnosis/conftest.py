@@ -1,0 +1,61 @@
+"""Recordings for the tests: a plain one to spoil, and drives of a known robot through the project's own kernel."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks.make_recording import record
+from homeward import Robot, load_robot
+from homeward.diagnosis import Recording
+
+Drive = Callable[..., list[Recording]]
+
+
+@pytest.fixture
+def table() -> pd.DataFrame:
+    """A valid recording of 600 samples at 10 Hz."""
+    rng = np.random.default_rng(0)
+    time_s = np.arange(600) / 10.0
+    speed = 0.5 + 0.4 * np.sin(time_s / 5.0)
+    return pd.DataFrame({
+        "time_s": time_s,
+        "speed_mps": speed,
+        "grade_rad": 0.05 * np.sin(time_s / 11.0),
+        "power_w": 80.0 + 100.0 * speed + rng.normal(size=600),
+    })  # fmt: skip
+
+
+@pytest.fixture
+def csv(tmp_path: Path) -> Callable[[pd.DataFrame], Path]:
+    """Write a table as a CSV file."""
+
+    def write(table: pd.DataFrame) -> Path:
+        path = tmp_path / "run.csv"
+        table.to_csv(path, index=False)
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def husky() -> Robot:
+    return load_robot("husky")
+
+
+@pytest.fixture(scope="session")
+def drive() -> Drive:
+    """Noisy recordings of a robot that may differ from what the diagnosis is told."""
+
+    def recordings(robot: Robot, runs: int = 3, **changes: object) -> list[Recording]:
+        robot = dataclasses.replace(robot, **changes)  # type: ignore[arg-type]
+        tables = [record(robot, seed) for seed in range(runs)]
+        return [
+            Recording(f"run{i}.csv", str(i), {str(name): table[name].to_numpy(dtype=float) for name in table})
+            for i, table in enumerate(tables)
+        ]
+
+    return recordings

@@ -1,0 +1,232 @@
+"""Recordings are read whole or refused in one line that says what is wrong, where, and what to do."""
+
+import gzip
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from homeward.diagnosis import RecordingError, load_columns, read_recording
+
+Write = Callable[[pd.DataFrame], Path]
+
+
+def refusal(path: Path, columns: str | Path | None = None) -> str:
+    """The message with which a recording is refused: one line that starts with the file."""
+    with pytest.raises(RecordingError) as error:
+        read_recording(path, columns)
+    message = str(error.value)
+    assert "\n" not in message and len(message) < 500
+    return message
+
+
+finite = st.floats(-60.0, 60.0, allow_subnormal=False)
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    speed=st.lists(finite, min_size=2, max_size=30),
+    kind=st.sampled_from([".csv", ".csv.gz", ".parquet"]),
+    step=st.floats(0.01, 5.0),
+)
+def test_every_format_gives_back_what_was_written(tmp_path: Path, speed: list[float], kind: str, step: float) -> None:
+    table = pd.DataFrame({"time_s": np.arange(len(speed)) * step, "speed_mps": speed, "power_w": np.abs(speed)})
+    path = tmp_path / f"run{kind}"
+    table.to_parquet(path) if kind == ".parquet" else table.to_csv(path, index=False)
+    channels = read_recording(path).channels
+    for name in table:
+        np.testing.assert_allclose(channels[str(name)], table[name], rtol=1e-12)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(junk=st.binary(max_size=300), kind=st.sampled_from([".csv", ".csv.gz", ".parquet"]))
+def test_junk_never_raises_anything_else(tmp_path: Path, junk: bytes, kind: str) -> None:
+    path = tmp_path / f"junk{kind}"
+    path.write_bytes(junk)
+    assert refusal(path).startswith(str(path))
+
+
+def test_missing_values_and_columns_in_any_order_are_read(table: pd.DataFrame, csv: Write) -> None:
+    table.loc[5, "power_w"] = np.nan
+    recording = read_recording(csv(table[table.columns[::-1]].assign(note=1.0)))
+    assert np.isnan(recording.channels["power_w"][5]) and len(recording) == 600
+    assert "note" not in recording.channels
+
+
+def test_last_line_with_an_empty_cell_is_not_a_cut_one(table: pd.DataFrame, csv: Write) -> None:
+    table.loc[599, "power_w"] = np.nan
+    assert len(read_recording(csv(table))) == 600
+
+
+def test_no_file_folder_and_unknown_kind(tmp_path: Path) -> None:
+    assert "no such file" in refusal(tmp_path / "none.csv")
+    assert "is a folder" in refusal(tmp_path)
+    (tmp_path / "run.xlsx").write_text("x")
+    assert ".parquet" in refusal(tmp_path / "run.xlsx")
+
+
+def test_empty_and_header_only(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("")
+    assert "is empty" in refusal(path)
+    path.write_text("time_s,speed_mps,power_w\n")
+    assert "0 samples" in refusal(path)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_half_last_line(table: pd.DataFrame, csv: Write, tmp_path: Path, packed: bool) -> None:
+    text = csv(table).read_bytes().rstrip(b"\n")
+    text = text[: text.rindex(b",")]
+    path = tmp_path / ("run.csv.gz" if packed else "run.csv")
+    path.write_bytes(gzip.compress(text) if packed else text)
+    assert "last line is cut off (3 of 4 cells)" in refusal(path)
+
+
+@pytest.mark.parametrize("kind", ["csv.gz", "parquet"])
+@pytest.mark.parametrize("share", [0.1, 0.6, 0.98])
+def test_cut_files(table: pd.DataFrame, tmp_path: Path, kind: str, share: float) -> None:
+    path = tmp_path / f"run.{kind}"
+    table.to_parquet(path) if kind == "parquet" else table.to_csv(path, index=False)
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    assert "is not a whole" in refusal(path)
+
+
+def test_binary_in_a_csv(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_bytes(np.random.default_rng(0).bytes(5000))
+    assert "binary" in refusal(path)
+
+
+def test_time_must_increase(table: pd.DataFrame, csv: Write) -> None:
+    table.loc[100, "time_s"] = 3.0
+    assert "time_s goes back in row 101" in refusal(csv(table))
+    table.loc[100, "time_s"] = 9.9
+    assert "time_s repeats in row 101" in refusal(csv(table))
+    table.loc[100, "time_s"] = np.nan
+    assert "time_s in row 101 is missing" in refusal(csv(table))
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+def test_time_in_another_unit(table: pd.DataFrame, csv: Write, factor: float, unit: str) -> None:
+    table["time_s"] *= factor
+    assert f"looks like {unit}" in refusal(csv(table))
+    table["time_s"] += 1.65e9 * factor
+    assert f"looks like {unit}" in refusal(csv(table))
+
+
+@pytest.mark.parametrize(
+    ("channel", "values", "unit"),
+    [
+        ("speed_mps", (0.0, 900.0), "mm/s"),
+        ("speed_mps", (0.0, 130.0), "km/h"),
+        ("grade_rad", (-12.0, 12.0), "degrees"),
+        ("yaw_rate_radps", (-90.0, 90.0), "degrees per second"),
+        ("heading_rad", (0.0, 359.0), "degrees"),
+        ("soc", (20.0, 95.0), "per cent"),
+        ("temperature_c", (270.0, 300.0), "kelvin"),
+        ("power_w", (1e6, 4e6), "milliwatts"),
+        ("voltage_v", (2.2e4, 2.5e4), "millivolts"),
+        ("current_a", (2e3, 9e3), "milliamperes"),
+        ("motor_left_a", (2e3, 9e3), "milliamperes"),
+    ],
+)
+def test_values_in_another_unit(
+    table: pd.DataFrame, csv: Write, channel: str, values: tuple[float, float], unit: str
+) -> None:
+    table[channel] = np.tile([values[0], values[1], sum(values) / 2], 200)
+    message = refusal(csv(table))
+    assert channel in message and f"looks like {unit}" in message
+
+
+def test_speed_in_km_per_hour_shows_against_distance(table: pd.DataFrame, csv: Write) -> None:
+    table["distance_m"] = np.cumsum(table.speed_mps) / 10.0
+    assert len(read_recording(csv(table))) == 600
+    table["speed_mps"] *= 3.6
+    assert "looks like km/h" in refusal(csv(table))
+
+
+def test_current_in_milliamperes_shows_against_power(table: pd.DataFrame, csv: Write) -> None:
+    table["voltage_v"] = 24.0
+    table["current_a"] = 1000.0 * table.power_w / 24.0 * (table.power_w < 36.0) + 900.0
+    table["power_w"] = table.voltage_v * table.current_a / 1000.0
+    assert "milliamperes" in refusal(csv(table))
+
+
+def test_stray_values_are_left_out_and_noted(table: pd.DataFrame, csv: Write) -> None:
+    table.loc[7, "speed_mps"] = 1e4
+    recording = read_recording(csv(table))
+    assert np.isnan(recording.channels["speed_mps"][7])
+    assert recording.notes == ("1 values of speed_mps are outside -70 to 70 m/s and left out",)
+
+
+def test_text_and_infinity_in_a_cell(table: pd.DataFrame, csv: Write) -> None:
+    assert "power_w in row 4 is 'n/k', not a number" in refusal(
+        csv(table.astype({"power_w": object}).assign(power_w=lambda t: t.power_w.where(t.index != 3, "n/k")))
+    )
+    table.loc[3, "power_w"] = np.inf
+    assert "power_w in row 4 is infinite" in refusal(csv(table))
+
+
+@pytest.mark.parametrize(
+    ("dropped", "said"),
+    [
+        ("time_s", "no column time_s"),
+        ("speed_mps", "no motion channel (speed_mps or wheel_left_mps + wheel_right_mps)"),
+        ("power_w", "no power channel"),
+    ],
+)
+def test_missing_columns(table: pd.DataFrame, csv: Write, dropped: str, said: str) -> None:
+    message = refusal(csv(table.drop(columns=dropped)))
+    assert said in message and "--columns" in message and "it has" in message
+
+
+def test_same_column_twice(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,speed_mps,power_w,power_w\n0,0,1,1\n1,0,1,1\n")
+    assert "two columns power_w" in refusal(path)
+
+
+def test_mapping_applies_factors_sums_and_constants(tmp_path: Path) -> None:
+    mapping = tmp_path / "map.toml"
+    mapping.write_text(
+        'separator = ";"\n[columns]\ntime_s = { columns = ["s", "ns"], factors = [1.0, 1e-9] }\n'
+        'speed_mps = { column = "kmh", factor = 0.2777777777777778 }\npower_w = "p"\n[constants]\ngrade_rad = 0.1\n'
+    )
+    path = tmp_path / "run.csv"
+    path.write_text("s;ns;kmh;p\n10;500000000;3.6;7\n11;0;7.2;8\n")
+    channels = read_recording(path, mapping).channels
+    np.testing.assert_allclose(channels["time_s"], [10.5, 11.0])
+    np.testing.assert_allclose(channels["speed_mps"], [1.0, 2.0])
+    np.testing.assert_allclose(channels["grade_rad"], 0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[columns]\nspeed_mps = 'v'", "at least time_s"),
+        ("[columns]\ntime_s = 't'\nvelocity = 'v'", "velocity is not a channel"),
+        ("[columns]\ntime_s = { column = 't', scale = 2 }", "is not understood"),
+        ("[columns]\ntime_s = { column = 't', factor = 'x' }", "not a number"),
+        ("[columns]\ntime_s = { columns = ['a', 'b'], factors = [1.0] }", "one factor each"),
+        ("[columns]\ntime_s = 't'\n[constants]\nsoc = 'full'", "constants.soc"),
+        ("[columns", "not a readable TOML"),
+        ("rows = 1\n[columns]\ntime_s = 't'", "rows is not a known entry"),
+    ],
+)
+def test_wrong_mappings(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "map.toml"
+    path.write_text(text)
+    with pytest.raises(RecordingError, match=said.replace("[", r"\[")):
+        load_columns(path)
+
+
+def test_unknown_mapping_and_missing_mapped_column(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="husky_borealtc"):
+        load_columns("husky")
+    path = tmp_path / "run.csv"
+    path.write_text("time,curL,curR,velL\n0,1,1,0\n1,1,1,0\n")
+    assert "has no column velR, which the mapping husky_borealtc names" in refusal(path, "husky_borealtc")
