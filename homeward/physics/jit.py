@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core import event
 from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -27,23 +28,23 @@ def compiled(function: Function | None = None, *, parallel: bool = False) -> Any
     """Compile a function at its first call, or load it from the cache folder."""
     if function is None:
         return functools.partial(compiled, parallel=parallel)
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_folder())
+    folder = cache_folder()
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(folder or "")
     try:
-        return numba.njit(cache=True, parallel=parallel, error_model="numpy", nogil=True)(function)
+        return numba.njit(cache=folder is not None, parallel=parallel, error_model="numpy", nogil=True)(function)
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
 
 
 @functools.cache
-def cache_folder() -> Path:
-    """Folder of the compiled kernels of exactly this source code.
+def cache_folder() -> Path | None:
+    """Folder of the compiled kernels of exactly this source code, or None if no folder is writable.
 
     numba checks only the file of the outermost function, so a cached kernel would keep old physics after an edit of a
-    formula it calls. The folder's name therefore carries a hash of every source file of physics and envs.
-
-    Raises:
-        OSError: No folder is writable.
+    formula it calls. The folder's name therefore carries a hash of every source file of physics and envs. It lies in
+    HOMEWARD_CACHE, if that is set, else in the user's cache folder, else among temporary files.
     """
     package = Path(__file__).parents[1]
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
@@ -51,19 +52,38 @@ def cache_folder() -> Path:
         for source in sorted(folder.rglob("*.py")):
             digest.update(source.relative_to(package).as_posix().encode() + source.read_bytes())
     name = f"kernels-{digest.hexdigest()[:16]}"
-    home = os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    for base in (Path(home).expanduser() / "homeward", Path(tempfile.gettempdir()) / f"homeward-{os.getuid()}"):
+    home = os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    for base in (Path(home) / "homeward", Path(tempfile.gettempdir()) / f"homeward-{_user_id()}"):
         try:
-            (base / name).mkdir(parents=True, exist_ok=True)
+            base.mkdir(parents=True, exist_ok=True)
+            (base / name).mkdir(exist_ok=True)
+            # Cached kernels are code: a folder that someone else left among temporary files is not used.
+            if base.stat().st_uid == _user_id() and os.access(base / name, os.W_OK):
+                return base / name
         except OSError:
             continue
-        if os.access(base / name, os.W_OK):
-            return base / name
-    raise OSError("no writable folder for compiled kernels; set HOMEWARD_CACHE to one")
+    return None
+
+
+def _user_id() -> int:
+    return os.getuid() if hasattr(os, "getuid") else 0  # 0 is what files have for an owner on Windows
 
 
 @functools.cache
 def announce_first_compilation() -> None:
-    """Say once, on stderr, that kernels are about to be compiled, when none of this source code are in the cache."""
-    if not any(cache_folder().rglob("*.nbi")):
-        print("homeward: compiling its kernels, once for this version (about half a minute) ...", file=sys.stderr)
+    """From now on say once, on stderr, when a kernel is compiled because it is not in the cache."""
+    event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]
+
+
+class _Announcement(event.Listener):
+    def __init__(self) -> None:
+        self._made = False
+
+    def on_start(self, event: Any) -> None:
+        if not self._made and event.data["dispatcher"].py_func.__module__.startswith("homeward"):
+            self._made = True
+            often = "once for this version" if cache_folder() else "as no folder to keep them in is writable"
+            print(f"homeward: compiling its kernels, {often} (about half a minute) ...", file=sys.stderr, flush=True)
+
+    def on_end(self, event: Any) -> None:
+        pass

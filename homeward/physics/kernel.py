@@ -162,13 +162,13 @@ def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
 def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
     left_s = dt_s
     while True:
-        switch_s = intermittent_load.until_switch(p, s)
-        if switch_s >= left_s:
-            passed_s = _advance_once(p, s, x, left_s)
-            return dt_s if passed_s == left_s else dt_s - left_s + passed_s
-        left_s -= _advance_once(p, s, x, switch_s)
+        stretch_s = min(left_s, intermittent_load.until_switch(p, s))
+        passed_s = _advance_once(p, s, x, stretch_s)
         if s.depleted:
-            return dt_s - left_s
+            return dt_s - left_s + passed_s
+        if stretch_s == left_s:
+            return dt_s
+        left_s -= passed_s
 
 
 @inline

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from homeward.physics import model
-from homeward.physics.jit import compiled
-from homeward.physics.kernel import Conditions, advance, full_charge
-from homeward.physics.robot import Robot
+from homeward.physics.jit import announce_first_compilation, compiled
+from homeward.physics.kernel import Conditions, advance, demand, full_charge
+from homeward.physics.robot import Bounds, Robot
 
 _SPEED_GRID = 201
-_STEPS_A_CHARGE = 400
+_ENDLESS_S = 1e8
+_ALLOWED = {
+    "distance_m": Bounds(0.0, math.inf, open_high=True),
+    "speed_mps": Bounds(0.0, math.inf, open_low=True, open_high=True),
+    "grade_rad": Bounds(-math.pi / 2, math.pi / 2),
+    "duty": Bounds(0.0, 1.0, open_low=True),
+    "sensing_hz": Bounds(0.0, math.inf, open_high=True),
+    "energy_j": Bounds(0.0, math.inf, open_high=True),
+}
 
 
 def manoeuvring_energy(force_n: Any, distance_m: Any) -> Any:
@@ -38,9 +47,9 @@ def mission_energy(
         sensing_hz: Sensing rate, Hz, any shape.
 
     Raises:
-        ValueError: A speed, duty cycle or sensing rate is outside its bounds.
+        ValueError: A value is outside its bounds.
     """
-    _check(speed_mps=speed_mps, duty=duty, sensing_hz=sensing_hz)
+    _check(distance_m=distance_m, speed_mps=speed_mps, grade_rad=grade_rad, duty=duty, sensing_hz=sensing_hz)
     return distance_m * _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
 
 
@@ -58,15 +67,15 @@ def optimal_speed(robot: Robot, grade_rad: Any = 0.0, duty: Any = 1.0, sensing_h
         sensing_hz: Sensing rate, Hz, any shape.
 
     Raises:
-        ValueError: A duty cycle or sensing rate is outside its bounds.
+        ValueError: A value is outside its bounds.
 
     >>> import homeward
     >>> husky = homeward.load_robot("husky")
     >>> float(optimal_speed(husky)) == husky.max_speed_mps
     True
     """
-    _check(duty=duty, sensing_hz=sensing_hz)
-    if robot.effects:
+    _check(grade_rad=grade_rad, duty=duty, sensing_hz=sensing_hz)
+    if robot.active_effects:
         speeds = np.linspace(robot.min_speed_mps, robot.max_speed_mps, _SPEED_GRID)
         axes = (np.asarray(a, dtype=np.float64)[..., None] for a in np.broadcast_arrays(grade_rad, duty, sensing_hz))
         return speeds[np.argmax(d_max(robot, speeds, *axes), axis=-1)]
@@ -102,7 +111,7 @@ def d_max(
         energy_j: Energy in the battery, J, any shape; the robot's usable energy (Eq. 6) if left out.
 
     Raises:
-        ValueError: A speed, duty cycle, sensing rate or energy is outside its bounds.
+        ValueError: A value is outside its bounds.
 
     The paper measured 1.368, 2.143 and 2.87 h on its box at these duty cycles; its equations, which neglect drag, give:
 
@@ -116,10 +125,12 @@ def d_max(
         speed_mps = optimal_speed(robot, grade_rad, duty, sensing_hz)
     if energy_j is None:
         energy_j = robot.usable_energy_j
-    _check(speed_mps=speed_mps, duty=duty, sensing_hz=sensing_hz, energy_j=energy_j)
-    if robot.effects:
+    _check(speed_mps=speed_mps, grade_rad=grade_rad, duty=duty, sensing_hz=sensing_hz, energy_j=energy_j)
+    if robot.active_effects:
         return _range_by_kernel(robot, speed_mps, grade_rad, duty, sensing_hz, energy_j)
-    return energy_j / _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
+    per_metre = _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
+    with np.errstate(divide="ignore"):  # a descent that costs nothing has no end
+        return np.divide(energy_j, np.where(energy_j, per_metre, 1.0))
 
 
 def _energy_per_metre(robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any) -> Any:
@@ -128,34 +139,25 @@ def _energy_per_metre(robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, s
 
 
 def _check(**values: Any) -> None:
-    allowed = {"speed_mps": "above 0", "duty": "in (0, 1]", "sensing_hz": "0 or above", "energy_j": "0 or above"}
     for name, value in values.items():
         array = np.asarray(value, dtype=np.float64)
-        good = np.isfinite(array) & (array >= 0.0)
-        if name in ("speed_mps", "duty"):
-            good &= array > 0.0
-        if name == "duty":
-            good &= array <= 1.0
+        good = _ALLOWED[name].hold(array)
         if not good.all():
-            raise ValueError(
-                f"{name} = {array[~good].flat[0]} is not allowed; {name} must be finite and {allowed[name]}"
-            )
+            raise ValueError(f"{name} = {array[~good].flat[0]} is not allowed; allowed: a number in {_ALLOWED[name]}")
 
 
 def _range_by_kernel(
     robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any, energy_j: Any
 ) -> NDArray[np.float64]:
+    announce_first_compilation()
     speed, grade, share, rate, energy = np.broadcast_arrays(speed_mps, grade_rad, duty, sensing_hz, energy_j)
     distance_m = np.empty(speed.shape)
-    paper = robot.usable_energy_j / model.ancillary_power(robot, 0.0)  # s, longer than any charge lasts
+    record = robot.record()
     for place in np.ndindex(speed.shape):
-        state = full_charge(robot, float(energy[place]))
         driving = _steady(float(speed[place]), float(rate[place]), float(grade[place]))
         standing = driving._replace(speed_mps=0.0)
-        drain_s = paper / _STEPS_A_CHARGE
-        distance_m[place] = _drive_until_empty(
-            robot.record(), state, driving, standing, float(share[place]), drain_s
-        )
+        state = full_charge(robot, float(energy[place]))
+        distance_m[place] = _drive_until_empty(record, state, driving, standing, float(share[place]))
     return distance_m[()]
 
 
@@ -176,14 +178,24 @@ def _steady(speed_mps: float, sensing_hz: float, grade_rad: float) -> Conditions
 
 
 @compiled
-def _drive_until_empty(
-    robots: Any, states: Any, driving: Any, standing: Any, duty: float, cycle_s: float
-) -> float:
+def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, duty: float) -> Any:
+    """Distance on one charge, m: drives and stands in turn, in cycles that take a thousandth of the charge each."""
     p, s = robots[0], states[0]
-    s.speed_mps = driving.speed_mps
-    while not s.depleted:
+    charge_j = s.energy_j
+    s.speed_mps, s.step_s = driving.speed_mps, 1.0
+    cycle_s = 1e-3 * charge_j / max(abs(demand(p, s, driving)), abs(demand(p, s, standing)), 1e-9)
+    spent_j = 0.0
+    while s.energy_j > 0.0:
+        if s.time_s > _ENDLESS_S:
+            return np.inf
+        before_j, before_m = s.energy_j, s.distance_m
+        s.speed_mps = driving.speed_mps  # an average speed: stops and starts are not part of the range
         advance(p, s, driving, duty * cycle_s)
-        if duty < 1.0 and not s.depleted:
+        if duty < 1.0:
             advance(p, s, standing, (1.0 - duty) * cycle_s)
-            s.speed_mps = driving.speed_mps  # an average speed: stops and starts are not part of the range
+            if s.depleted and spent_j > 0.0:  # the share of a cycle that the rest of the charge pays for
+                return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
+        spent_j = before_j - s.energy_j
+        if spent_j < 1e-3 * charge_j:
+            cycle_s, spent_j = 2.0 * cycle_s, 2.0 * spent_j
     return s.distance_m

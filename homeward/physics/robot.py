@@ -33,10 +33,11 @@ class Bounds:
     open_low: bool = False
     open_high: bool = False
 
-    def __contains__(self, value: float) -> bool:
+    def hold(self, value: Any) -> Any:
+        """Whether a number, or each of an array, lies within; NaN does not."""
         above = value > self.low if self.open_low else value >= self.low
         below = value < self.high if self.open_high else value <= self.high
-        return above and below
+        return above & below
 
     def __str__(self) -> str:
         return f"{'(' if self.open_low else '['}{self.low:g}, {self.high:g}{')' if self.open_high else ']'}"
@@ -99,9 +100,10 @@ class Robot:
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        for name, value in (("name", self.name), ("description", self.description)):
-            if not isinstance(value, str) or (name == "name" and not value):
-                raise RobotError(f"{name} = {value!r} is not a text; allowed: a text in quotes")
+        for name in ("name", "description"):
+            text = getattr(self, name)
+            if not isinstance(text, str) or (name == "name" and not text):
+                raise RobotError(f"{name} = {text!r} is not a text; allowed: a text in quotes")
         for quantity in _QUANTITIES:
             value = _checked(f"{quantity.metadata['section']}.{quantity.name}", getattr(self, quantity.name),
                              quantity.metadata["bounds"])  # fmt: skip
@@ -114,13 +116,13 @@ class Robot:
         health = self.usable_energy_j / self.rated_energy_j
         if health < _LEAST_HEALTH:
             raise RobotError(
-                f"battery.cycles = {self.cycles:g} and battery.age = {self.age:g} leave {health:.2g} of the rated energy; "
-                f"allowed: at least {_LEAST_HEALTH:g}. They count in the units that cycle_fade and age_fade are per"
+                f"battery.cycles = {self.cycles:g} and battery.age = {self.age:g} leave {health:.2g} of the rated "
+                f"energy; allowed: at least {_LEAST_HEALTH:g}. Their units are those of cycle_fade and age_fade"
             )
         object.__setattr__(self, "effects", _checked_effects(self.effects))
         if "turning" in self.active_effects and self.track_m == 0.0:
             raise RobotError(
-                "body.track_m = 0 (unknown), but effects.turning needs it; allowed: the distance between wheels, above 0"
+                "body.track_m = 0 (unknown), but effects.turning needs it; allowed: the distance of the wheels, above 0"
             )
 
     @property
@@ -150,11 +152,12 @@ class Robot:
         record = np.zeros(1, ROBOT_DTYPE)
         for quantity in _QUANTITIES:
             record[quantity.name] = getattr(self, quantity.name)
+        active = self.active_effects
         for bit, effect in enumerate(EFFECTS):
             for parameter in effect.parameters:
                 value = self.effects.get(effect.id, _OFF).get(parameter.name, parameter.default)
                 record[effect.field(parameter)] = value
-            if effect.id in self.active_effects:
+            if effect.id in active:
                 record["effects"] |= np.uint64(1 << bit)
         return record
 
@@ -278,7 +281,7 @@ def _did_you_mean(name: str, known: list[str]) -> str:
 def _checked(name: str, value: Any, bounds: Bounds) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         raise RobotError(f"{name} = {value!r} is not a number; allowed: a number in {bounds}")
-    if value not in bounds:  # nor is NaN
+    if not bounds.hold(value):
         raise RobotError(f"{name} = {value!r} is not allowed; allowed: a number in {bounds}")
     return float(value)
 

@@ -17,7 +17,7 @@ def intermittent_load(p: Any, s: Any, x: Any, load: Any) -> Any:
 def until_switch(p: Any, s: Any) -> Any:
     """Time until the load switches, s: the kernel ends a step there, as the battery's losses are not linear."""
     phase = _phase(p, s)
-    edge = np.where(phase < p.intermittent_load_duty, p.intermittent_load_duty, 1.0)
+    edge = p.intermittent_load_duty + (phase >= p.intermittent_load_duty) * (1.0 - p.intermittent_load_duty)
     return np.maximum((edge - phase) * p.intermittent_load_period_s, 1e-6)  # rounding must not stop the clock
 
 
