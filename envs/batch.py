@@ -11,9 +11,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from homeward.envs import kernel
-from homeward.envs.features import FEATURES, LIMIT
+from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
 from homeward.envs.options import OptionError, Options, settle
-from homeward.envs.state import MISSION_DTYPE, PLACE_DTYPE
+from homeward.envs.state import MISSION_DTYPE, ROUTE_DTYPE
 from homeward.physics.jit import announce_first_compilation
 from homeward.physics.kernel import CAUSES, ROBOT_STATE_DTYPE
 from homeward.physics.robot import ROBOT_DTYPE
@@ -71,7 +71,7 @@ class Batch:
         self.count = count
         self.records = np.zeros(count, MISSION_DTYPE)
         self._robots = np.zeros(count, ROBOT_DTYPE)
-        self._routes = np.zeros((count, len(self.setting.fixed)), PLACE_DTYPE)
+        self._routes = np.zeros(count, ROUTE_DTYPE)
         self._nominals = self.setting.robot.record()
         self._beliefs = np.zeros(count, ROBOT_STATE_DTYPE)
         self._generators: list[np.random.Generator] = []
@@ -105,7 +105,7 @@ class Batch:
 
     @property
     def routes(self) -> NDArray[np.void]:
-        """Places of the routes, `PLACE_DTYPE`, shape (count, places)."""
+        """Routes, `ROUTE_DTYPE`, shape (count,); a setting says how many of their places are used."""
         return self._routes
 
     def reset(self, indices: NDArray[np.int64], observations: NDArray[np.float32]) -> None:
@@ -114,7 +114,7 @@ class Batch:
             self._typed_generators = numba.typed.List(self._generators)
         kernel.reset_missions(
             indices, self._typed_generators, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, observations, self.setting.fixed, self.setting.day,
+            self.setting.shared, observations.view(OBSERVATION_DTYPE)[:, 0], self.setting.fixed, self.setting.day,
         )  # fmt: skip
 
     def step(
@@ -137,7 +137,7 @@ class Batch:
             levels = self._as_actions(actions, np.float32)
         ended = self._step(
             choices, levels, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, observations, rewards, terminated, truncated,
+            self.setting.shared, observations.view(OBSERVATION_DTYPE)[:, 0], rewards, terminated, truncated,
         )  # fmt: skip
         if ended < 0:
             self._refuse(actions, -1 - ended)

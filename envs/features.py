@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from homeward.envs.difficulty import KNOWN
 from homeward.envs.missions import link
 from homeward.physics.jit import inline
@@ -43,60 +45,63 @@ LIMIT = 10.0
 """Bound of every feature; values are cut there."""
 
 
-(_ENERGY, _DISTANCE, _HOME_COST, _MARGIN, _CONSUMPTION, _MODELLED, _RETURNING, _OUTBOUND, _SPEED, _SENSING, _GRADE,
- _GRADE_NEAR, _GRADE_FAR, _GRADE_MEAN, _INTEREST, _INTEREST_NEAR, _INTEREST_FAR, _SAMPLED, _BACKLOG, _LINK, _HEADWIND,
- _TEMPERATURE, _SCORE, _TIME, _PIT_STOP) = range(len(FEATURES))  # fmt: skip
+OBSERVATION_DTYPE = np.dtype([(name, np.float32) for name in NAMES], align=True)
+"""One observation as a record; as an array it has shape (len(FEATURES),)."""
 
 
 @inline
-def gauge_energy(m: Any, shared: Any) -> float:
+def gauge_energy(m: Any, shared: Any) -> Any:
     """Energy that the robot believes to have left, J: the gauge's share times what a full battery should hold."""
     used = (1.0 - m.energy_j / m.capacity_j) * (1.0 + m.gauge_bias)
     return shared.usable_j * max(1.0 - used, 0.0)
 
 
 @inline
-def home_cost(m: Any, place: Any, shared: Any) -> float:
+def home_cost(m: Any, place: Any, shared: Any) -> Any:
     """Energy to get home over the ground already driven, J, an estimate by the robot's own model."""
     return place.home_cost_j + (m.position_m - m.place * shared.place_m) * place.home_j_per_m
 
 
 @inline
-def observe(m: Any, place: Any, shared: Any, out: Any) -> None:
-    """Write the features of a mission at a place into a row of shape (len(FEATURES),), float32."""
-    energy_j = gauge_energy(m, shared)
-    cost_j = home_cost(m, place, shared)
-    modelled_j = m.modelled_j
-    out[_ENERGY] = energy_j / shared.usable_j
-    out[_DISTANCE] = min(m.position_m / shared.reach_m, LIMIT)
-    out[_HOME_COST] = min(cost_j / shared.usable_j, LIMIT)
-    out[_MARGIN] = max((energy_j - cost_j) / shared.usable_j, -LIMIT)
+def observe(m: Any, place: Any, shared: Any, energy_j: float, cost_j: float, out: Any) -> None:
+    """Write the features of a mission.
+
+    Args:
+        m: Mission record.
+        place: The place that it is in.
+        shared: Shared record.
+        energy_j: Energy by the gauge, J.
+        cost_j: Energy to get home, J.
+        out: Observation record, written.
+    """
+    per_usable = shared.per_usable_j
+    out.energy = energy_j * per_usable
+    out.distance = min(m.position_m * shared.per_reach_m, LIMIT)
+    out.home_cost = min(cost_j * per_usable, LIMIT)
+    out.margin = max((energy_j - cost_j) * per_usable, -LIMIT)
     consumption = 0.0
-    if modelled_j > 0.0:
-        consumption = min(max((shared.usable_j - energy_j) / modelled_j - 1.0, -1.0), 1.0)
-    out[_CONSUMPTION] = consumption
-    out[_MODELLED] = min(modelled_j / shared.usable_j, LIMIT)
-    out[_RETURNING] = m.returning
-    out[_OUTBOUND] = m.direction
-    out[_SPEED] = m.speed_mps / shared.max_speed_mps
-    out[_SENSING] = m.sensing_hz / shared.max_sensing_hz
-    out[_GRADE] = 10.0 * m.direction * place.sin_grade
-    out[_GRADE_NEAR] = 10.0 * place.grade_near
-    out[_GRADE_MEAN] = 10.0 * m.mean_grade
-    out[_INTEREST] = min(0.5 * place.interest, LIMIT)
-    out[_INTEREST_NEAR] = min(0.5 * place.interest_near, LIMIT)
+    if m.modelled_j > 0.0:
+        consumption = min(max((shared.usable_j - energy_j) / m.modelled_j - 1.0, -1.0), 1.0)
+    out.consumption = consumption
+    out.modelled = min(m.modelled_j * per_usable, LIMIT)
+    out.returning = m.returning
+    out.outbound = m.direction
+    out.speed = m.speed_mps * shared.per_max_speed
+    out.sensing = m.sensing_hz * shared.per_max_sensing
+    out.grade = 10.0 * m.direction * place.sin_grade
+    out.grade_near = 10.0 * place.grade_near
+    out.grade_far = 10.0 * place.grade_far
+    out.grade_mean = 10.0 * m.mean_grade
+    out.interest = min(0.5 * place.interest, LIMIT)
+    out.interest_near = min(0.5 * place.interest_near, LIMIT)
+    out.interest_far = min(0.5 * place.interest_far, LIMIT)
+    out.sampled = place.samples_per_m / (place.samples_per_m + shared.saturation_per_m)
+    out.backlog = m.backlog * shared.per_backlog
+    out.link = link(m.position_m, shared.per_link_m)
+    out.headwind = 0.0
     if shared.difficulty == KNOWN:
-        out[_GRADE_FAR] = 10.0 * place.grade_far
-        out[_INTEREST_FAR] = min(0.5 * place.interest_far, LIMIT)
-        out[_HEADWIND] = min(max(0.1 * m.direction * place.headwind_mps, -LIMIT), LIMIT)
-    else:
-        out[_GRADE_FAR] = 0.0
-        out[_INTEREST_FAR] = 0.0
-        out[_HEADWIND] = 0.0
-    out[_SAMPLED] = place.samples_per_m / (place.samples_per_m + shared.saturation_per_m)
-    out[_BACKLOG] = m.backlog / shared.backlog_limit
-    out[_LINK] = link(m.position_m, shared.link_m)
-    out[_TEMPERATURE] = min(max(0.05 * (m.temperature_c - 10.0), -LIMIT), LIMIT)
-    out[_SCORE] = min(m.score / shared.score_scale, LIMIT)
-    out[_TIME] = m.decisions / shared.max_decisions
-    out[_PIT_STOP] = min(m.dwell_s / shared.decision_s, LIMIT)
+        out.headwind = min(max(0.1 * m.direction * place.headwind_mps, -LIMIT), LIMIT)
+    out.temperature = 0.05 * (m.temperature_c - 10.0)
+    out.score = min(m.score * shared.per_score, LIMIT)
+    out.time = m.decisions * shared.per_max_decisions
+    out.pit_stop = min(m.dwell_s * shared.per_decision, LIMIT)

@@ -7,9 +7,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from homeward.envs import difficulty, missions, routes
+from homeward.envs import difficulty, missions
 from homeward.envs.difficulty import KNOWN
 from homeward.envs.features import gauge_energy, home_cost, observe
+from homeward.envs.routes import generate
 from homeward.envs.state import RETURN, STOP
 from homeward.physics import model
 from homeward.physics.jit import compiled, inline
@@ -42,9 +43,15 @@ def _conditions(
 
 
 @inline
-def _map_place(m: Any, places: Any, believed: Any, b: Any, shared: Any) -> None:
-    """Cost the place that the robot comes to for the first time, by its own model; `b` is a state to work in."""
-    place = places[m.mapped]
+def _map_place(m: Any, route: Any, believed: Any, b: Any, shared: Any) -> None:
+    """See the place that the robot comes to for the first time, and cost it by its own model, with `b` to work in."""
+    place = route.places[m.mapped]
+    place.samples_per_m = 0.0
+    place.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
+    place.grade_near, place.interest_near = _mean_ahead(route, shared, m.mapped + 1, m.mapped + 3)
+    place.grade_far = place.interest_far = 0.0
+    if shared.difficulty == KNOWN:
+        place.grade_far, place.interest_far = _mean_ahead(route, shared, m.mapped + 3, m.mapped + 11)
     cruise = shared.cruise_mps
     headwind = float(place.headwind_mps) if shared.difficulty == KNOWN else 0.0
     b.speed_mps, b.step_s = cruise, shared.decision_s
@@ -56,24 +63,23 @@ def _map_place(m: Any, places: Any, believed: Any, b: Any, shared: Any) -> None:
     place.back_j_per_m = (home_w - standing_w) / cruise
     place.home_j_per_m = home_w / cruise
     m.mapped += 1
-    if m.mapped < len(places):
-        places[m.mapped].home_cost_j = place.home_cost_j + place.home_j_per_m * shared.place_m
+    if m.mapped < shared.places:
+        route.places[m.mapped].home_cost_j = place.home_cost_j + place.home_j_per_m * shared.place_m
 
 
 @inline
-def _potential(m: Any, place: Any, shared: Any) -> float:
+def _potential(m: Any, shared: Any, spare_j: float) -> Any:
     """Potential of a state, from d_max: the score so far and what spare energy may add, if the way home still fits.
 
     It fades to nothing as the energy falls short of the way home by a tenth of the battery.
     """
-    spare_j = gauge_energy(m, shared) - home_cost(m, place, shared)
-    fits = min(max(1.0 + 10.0 * spare_j / shared.usable_j, 0.0), 1.0)
-    return fits * (m.score + missions.hope(m, shared, spare_j)) / shared.score_scale
+    fits = min(max(1.0 + 10.0 * spare_j * shared.per_usable_j, 0.0), 1.0)
+    return fits * (m.score + missions.hope(m, shared, spare_j)) * shared.per_score
 
 
 @inline
 def _reset(
-    m: Any, p: Any, places: Any, rng: Any, nominal: Any, b: Any, shared: Any, fixed: Any, day: Any
+    m: Any, p: Any, route: Any, rng: Any, nominal: Any, b: Any, shared: Any, fixed: Any, day: Any
 ) -> None:
     """Begin a mission: draw the day, the route and the true robot."""
     m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.step_s = 0.0
@@ -87,25 +93,18 @@ def _reset(
     m.ledger_j[:] = 0.0
     difficulty.draw(rng, p, nominal, m, shared)
     if shared.generated:
-        routes.generate(rng, places, m, shared.place_m, shared.reach_m, shared.hidden_wind)
+        generate(rng, route, m, shared.places, shared.length_m, shared.hidden_wind)
     else:
-        for k in range(len(places)):
-            _copy_place(fixed[k], places[k])
+        for k in range(shared.places):
+            _copy_place(fixed.places[k], route.places[k])
         m.temperature_c, m.wind_mps, m.wind_from_rad = day[0], day[1], day[2]
     rise = 0.0
-    for k in range(len(places)):
-        place = places[k]
-        rise += place.sin_grade
-        place.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
-        place.samples_per_m = 0.0
-    m.mean_grade = rise / len(places)
-    for k in range(len(places)):
-        places[k].grade_near, places[k].interest_near = _mean_ahead(places, k + 1, k + 3)
-        if shared.difficulty == KNOWN:
-            places[k].grade_far, places[k].interest_far = _mean_ahead(places, k + 3, k + 11)
-    places[0].home_cost_j = 0.0
-    _map_place(m, places, nominal, b, shared)
-    m.potential = _potential(m, places[0], shared) if shared.shaped else 0.0
+    for k in range(shared.places):
+        rise += route.places[k].sin_grade
+    m.mean_grade = rise / shared.places
+    route.places[0].home_cost_j = 0.0
+    _map_place(m, route, nominal, b, shared)
+    m.potential = _potential(m, shared, gauge_energy(m, shared)) if shared.shaped else 0.0
 
 
 @inline
@@ -118,25 +117,26 @@ def _copy_place(source: Any, target: Any) -> None:
 
 
 @inline
-def _mean_ahead(places: Any, start: int, stop: int) -> Any:
-    grade, interest, count = 0.0, 0.0, 0
-    for k in range(start, min(stop, len(places))):
-        grade += places[k].sin_grade
-        interest += places[k].interest
-        count += 1
-    return grade / max(count, 1), interest / max(count, 1)
+def _mean_ahead(route: Any, shared: Any, start: int, stop: int) -> Any:
+    grade, interest = 0.0, 0.0
+    stop = min(stop, shared.places)
+    for k in range(start, stop):
+        grade += route.places[k].sin_grade
+        interest += route.places[k].interest
+    count = max(stop - start, 1)
+    return grade / count, interest / count
 
 
 @inline
-def _cross(m: Any, places: Any, nominal: Any, b: Any, shared: Any) -> None:
+def _cross(m: Any, route: Any, nominal: Any, b: Any, shared: Any) -> None:
     """Pass the border ahead: into the next place, or to an end of the route."""
     ahead = m.place + (1 if m.direction > 0.0 else -1)
-    if ahead < 0 or ahead == len(places):
+    if ahead < 0 or ahead == shared.places:
         missions.arrive(m, shared)
         return
     m.place = ahead
     if m.place == m.mapped:
-        _map_place(m, places, nominal, b, shared)
+        _map_place(m, route, nominal, b, shared)
 
 
 @inline
@@ -159,7 +159,7 @@ def _account(m: Any, place: Any, nominal: Any, shared: Any, x: Any, passed_s: fl
 def _decide(
     m: Any,
     p: Any,
-    places: Any,
+    route: Any,
     nominal: Any,
     b: Any,
     shared: Any,
@@ -177,7 +177,7 @@ def _decide(
     accel = (speed_mps - m.speed_mps) / shared.decision_s
     left_s = shared.decision_s
     while left_s > 0.0 and not m.home and not m.depleted:
-        place = places[m.place]
+        place = route.places[m.place]
         at_far_end = m.direction > 0.0 and m.position_m >= shared.length_m
         if mode == STOP or m.dwell_s > 0.0 or at_far_end:
             dt_s = min(left_s, m.dwell_s) if m.dwell_s > 0.0 else left_s
@@ -189,7 +189,7 @@ def _decide(
             border_m = (m.place + (m.direction > 0.0)) * shared.place_m
             ahead_m = m.direction * (border_m - m.position_m)
             if ahead_m <= 0.0:
-                _cross(m, places, nominal, b, shared)
+                _cross(m, route, nominal, b, shared)
                 continue
             crossing = ahead_m <= speed_mps * left_s
             dt_s = ahead_m / speed_mps if crossing else left_s
@@ -199,7 +199,7 @@ def _decide(
             if crossing and not m.depleted:
                 m.position_m = border_m
                 m.furthest_m = max(m.furthest_m, border_m)
-                _cross(m, places, nominal, b, shared)
+                _cross(m, route, nominal, b, shared)
             else:
                 m.position_m += m.direction * speed_mps * passed_s
                 m.furthest_m = max(m.furthest_m, m.position_m)
@@ -229,7 +229,7 @@ def _step(
     levels: Any,
     records: Any,
     robots: Any,
-    routes_: Any,
+    routes: Any,
     nominals: Any,
     beliefs: Any,
     shareds: Any,
@@ -238,18 +238,18 @@ def _step(
     terminated: Any,
     truncated: Any,
 ) -> int:
-    """Step every mission by one decision; those that are over are left as they are.
+    """Step every mission by one decision; those that are over are left as they are, without an observation.
 
     Args:
         choices: Discrete actions, int64, shape (n, 3): speed level, sensing level, stop / go / return; or (0, 3).
         levels: Continuous actions, float32, shape (n, 3), within [-1, 1]; or (0, 3).
         records: `MISSION_DTYPE`, shape (n,).
         robots: True robots, `ROBOT_DTYPE`, shape (n,).
-        routes_: `PLACE_DTYPE`, shape (n, places).
+        routes: `ROUTE_DTYPE`, shape (n,).
         nominals: The robot as its file says, shape (1,).
         beliefs: States to work in, `ROBOT_STATE_DTYPE`, shape (n,).
         shareds: `SHARED_DTYPE`, shape (1,).
-        observations: Written, float32, shape (n, features).
+        observations: Written, `OBSERVATION_DTYPE`, shape (n,).
         rewards: Written, shape (n,).
         terminated: Written, shape (n,).
         truncated: Written, shape (n,).
@@ -258,13 +258,12 @@ def _step(
         Number of missions that ended in this step, or -1 - i if action i is not in the action space: then nothing
         was done.
     """
-    shared, nominal = shareds[0], nominals[0]
-    bad = _first_bad_action(choices, levels, shared)
+    bad = _first_bad_action(choices, levels, shareds[0])
     if bad >= 0:
         return -1 - bad
     ended = 0
     for i in numba.prange(len(records)):
-        m = records[i]
+        m, route, shared, nominal = records[i], routes[i], shareds[0], nominals[0]
         rewards[i], terminated[i], truncated[i] = 0.0, False, False
         if not m.over:
             if shared.discrete:
@@ -275,15 +274,15 @@ def _step(
                 speed = _level(2.0 * (levels[i, 0] + 1.0), shared.min_speed_mps, shared.max_speed_mps)
                 sensing_hz = _level(2.0 * (levels[i, 1] + 1.0), 0.0, shared.max_sensing_hz)
                 mode = min(int(1.5 * (levels[i, 2] + 1.0)), 2)
-            places = routes_[i]
-            _decide(m, robots[i], places, nominal, beliefs[i], shared, speed, sensing_hz, mode)
-            place = places[m.place]
+            _decide(m, robots[i], route, nominal, beliefs[i], shared, speed, sensing_hz, mode)
+            place = route.places[m.place]
             done = m.home or m.depleted
             m.score = missions.score(m, shared)
             m.cost = 1.0 if m.depleted else 0.0
-            reward = m.score / shared.score_scale if m.home else 0.0
+            reward = m.score * shared.per_score if m.home else 0.0
+            energy_j, cost_j = gauge_energy(m, shared), home_cost(m, place, shared)
             if shared.shaped:
-                potential = 0.0 if done else _potential(m, place, shared)
+                potential = 0.0 if done else _potential(m, shared, energy_j - cost_j)
                 reward += shared.discount * potential - m.potential
                 m.potential = potential
             rewards[i] = reward
@@ -291,7 +290,7 @@ def _step(
             truncated[i] = not done and m.decisions >= shared.max_decisions
             m.over = done or truncated[i]
             ended += m.over
-        observe(m, routes_[i, m.place], shared, observations[i])
+            observe(m, place, shared, energy_j, cost_j, observations[i])
     return ended
 
 
@@ -305,7 +304,7 @@ def reset_missions(
     generators: Any,
     records: Any,
     robots: Any,
-    routes_: Any,
+    routes: Any,
     nominals: Any,
     beliefs: Any,
     shareds: Any,
@@ -318,12 +317,13 @@ def reset_missions(
     Args:
         indices: Which missions, int64, shape (k,).
         generators: One `numpy.random.Generator` a mission, a typed list of length n.
-        fixed: The route of every mission unless routes are generated, shape (places,).
+        fixed: The route of every mission unless routes are generated, `ROUTE_DTYPE`, shape (1,).
         day: Temperature (C), wind (m/s) and its direction (rad) of that route.
     """
     for i in indices:
         robots[i] = nominals[0]
         _reset(
-            records[i], robots[i], routes_[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed, day
+            records[i], robots[i], routes[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed[0], day
         )
-        observe(records[i], routes_[i, 0], shareds[0], observations[i])
+        m, shared = records[i], shareds[0]
+        observe(m, routes[i].places[0], shared, gauge_energy(m, shared), 0.0, observations[i])

@@ -18,9 +18,9 @@ def information_per_metre(interest: float, samples_per_m: float, saturation_per_
 
 
 @inline
-def link(distance_m: float, half_m: float) -> float:
+def link(distance_m: float, per_half_m: float) -> float:
     """Share of its rate that the radio keeps at a distance from base: free-space falling, 1 / (1 + (r / r_half)^2)."""
-    ratio = distance_m / half_m
+    ratio = distance_m * per_half_m
     return 1.0 / (1.0 + ratio * ratio)
 
 
@@ -29,19 +29,22 @@ def sense(m: Any, place: Any, shared: Any, sensing_hz: float, passed_s: float) -
     """Take samples for a while: information goes on board, and what does not fit is lost."""
     samples = sensing_hz * passed_s
     before = information_per_metre(place.interest, place.samples_per_m, shared.saturation_per_m)
-    place.samples_per_m += samples / shared.place_m
+    place.samples_per_m += samples * shared.per_place_m
     after = information_per_metre(place.interest, place.samples_per_m, shared.saturation_per_m)
     information = (after - before) * shared.place_m
-    kept = min(1.0, (shared.backlog_limit - m.backlog) / samples)
-    m.backlog += kept * samples
-    m.backlog_information += kept * information
-    m.lost += (1.0 - kept) * information
+    if m.backlog + samples > shared.backlog_limit:
+        lost = information * (m.backlog + samples - shared.backlog_limit) / samples
+        m.lost += lost
+        information -= lost
+        samples = shared.backlog_limit - m.backlog
+    m.backlog += samples
+    m.backlog_information += information
 
 
 @inline
 def transmit(m: Any, shared: Any, moving: bool, passed_s: float) -> None:
     """Send samples home for a while: slower far from base and while driving."""
-    rate_hz = shared.radio_hz * link(m.position_m, shared.link_m) * (DRIVING_LINK if moving else 1.0)
+    rate_hz = shared.radio_hz * link(m.position_m, shared.per_link_m) * (DRIVING_LINK if moving else 1.0)
     share = min(1.0, rate_hz * passed_s / m.backlog)
     m.delivered += share * m.backlog_information
     m.backlog_information -= share * m.backlog_information
@@ -75,7 +78,7 @@ def hope(m: Any, shared: Any, spare_j: float) -> float:
     """What the mission may still add to its score with spare energy, by the range that it buys (Eq. 8)."""
     if m.returning:
         return 0.0
-    out_m = 0.5 * max(spare_j, 0.0) / shared.energy_per_m
+    out_m = 0.5 * max(spare_j, 0.0) * shared.per_energy_per_m
     if shared.mission == PATROL:
         return out_m / shared.length_m
     room_m = min(out_m, shared.length_m - m.position_m)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route, load_route
-from homeward.envs.state import OUT_AND_BACK, PATROL, PLACE_DTYPE, SHARED_DTYPE, SURVEY
+from homeward.envs.state import MAX_PLACES, OUT_AND_BACK, PATROL, ROUTE_DTYPE, SHARED_DTYPE, SURVEY
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
@@ -99,11 +99,11 @@ def _check_number(name: str, value: Any, low: float, high: float) -> None:
 
 @dataclass(frozen=True)
 class Setting:
-    """An environment's constants: the robot, `SHARED_DTYPE` record (1,), places of a given route and its day."""
+    """An environment's constants: the robot, `SHARED_DTYPE` record (1,), a given route and its day."""
 
     robot: Robot
     shared: NDArray[np.void]
-    fixed: NDArray[np.void]  # (places,)
+    fixed: NDArray[np.void]  # (1,), `ROUTE_DTYPE`
     day: NDArray[np.float64]  # (3,): temperature, wind, its direction
 
 
@@ -127,10 +127,11 @@ def settle(options: Options) -> Setting:
 
     length_m = 4.0 * cruise * decision_s if mission == PATROL else reach_m
     places = _PATROL_PLACES if mission == PATROL else _PLACES
-    fixed, day, interest = np.zeros(places, PLACE_DTYPE), np.array([20.0, 0.0, 0.0]), _TYPICAL_INTEREST
+    fixed, day, interest = np.zeros(1, ROUTE_DTYPE), np.array([20.0, 0.0, 0.0]), _TYPICAL_INTEREST
     if not generated:
         route = options.route if isinstance(options.route, Route) else load_route(options.route, length_m / places)
-        fixed, length_m, interest = _places_of(route), route.length_m, float(route.interest.mean())
+        _write(route, fixed)
+        places, length_m, interest = len(route.grade_rad), route.length_m, float(route.interest.mean())
         day = np.array([route.temperature_c, route.wind_mps, route.wind_from_rad])
     pit_stop_s = 0.5 * length_m / cruise if mission == PATROL else 0.0
 
@@ -143,7 +144,7 @@ def settle(options: Options) -> Setting:
     s["decision_s"], s["discount"] = decision_s, options.discount
     s["min_speed_mps"], s["max_speed_mps"] = robot.min_speed_mps, robot.max_speed_mps
     s["max_sensing_hz"] = robot.max_sensing_hz
-    s["length_m"], s["place_m"], s["reach_m"] = length_m, length_m / len(fixed), reach_m
+    s["places"], s["length_m"], s["place_m"], s["reach_m"] = places, length_m, length_m / places, reach_m
     s["usable_j"], s["cruise_mps"] = robot.usable_energy_j, cruise
     s["saturation_per_m"] = 0.25 * robot.max_sensing_hz / cruise
     s["backlog_limit"] = 0.1 * robot.max_sensing_hz * lasts_s
@@ -157,12 +158,28 @@ def settle(options: Options) -> Setting:
     s["energy_per_m"] = robot.usable_energy_j / mission_range_m
     half_m = 0.5 * mission_range_m
     s["score_scale"] = (half_m, half_m * s["information_per_m"], half_m / length_m)[mission]
+    for inverse, name in (
+        ("per_usable_j", "usable_j"),
+        ("per_reach_m", "reach_m"),
+        ("per_max_speed", "max_speed_mps"),
+        ("per_max_sensing", "max_sensing_hz"),
+        ("per_backlog", "backlog_limit"),
+        ("per_link_m", "link_m"),
+        ("per_score", "score_scale"),
+        ("per_max_decisions", "max_decisions"),
+        ("per_decision", "decision_s"),
+        ("per_energy_per_m", "energy_per_m"),
+        ("per_place_m", "place_m"),
+    ):
+        s[inverse] = 1.0 / s[name]
     return Setting(robot, shared, fixed, day)
 
 
-def _places_of(route: Route) -> NDArray[np.void]:
-    places = np.zeros(len(route.grade_rad), PLACE_DTYPE)
+def _write(route: Route, target: NDArray[np.void]) -> None:
+    count = len(route.grade_rad)
+    if count > MAX_PLACES:
+        raise OptionError(f"route has {count} places; give at most {MAX_PLACES}")
+    places = target["places"][0, :count]
     places["sin_grade"] = np.sin(route.grade_rad)
     places["roughness"], places["interest"] = route.roughness, route.interest
     places["curvature_per_m"], places["heading_rad"] = route.curvature_per_m, route.heading_rad
-    return places

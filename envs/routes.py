@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.envs.state import MAX_PLACES
 from homeward.physics.jit import inline
 
 GENERATED = "generated"
@@ -87,7 +88,7 @@ def load_route(route: str | Path, place_m: float) -> Route:
 
     Args:
         route: Path or name.
-        place_m: Length of a place, m; made shorter so that places fill the route.
+        place_m: Length of a place, m; made shorter so that places fill the route, and longer where `MAX_PLACES` would not.
 
     Raises:
         RouteError: The file is unreadable, has wrong columns or values.
@@ -131,7 +132,7 @@ def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]]) -> None:
 
 def _cut(columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
     distance = columns["distance_m"]
-    count = max(1, int(np.ceil(distance[-1] / place_m - 1e-9)))
+    count = min(max(1, int(np.ceil(distance[-1] / place_m - 1e-9))), MAX_PLACES)
     edges = np.linspace(0.0, distance[-1], count + 1)
     length = edges[1]
 
@@ -151,54 +152,70 @@ def _cut(columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
     return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **day)
 
 
+KNOTS = 16
+"""Pieces of a generated route: grade is linear and curvature constant between knots."""
+HOT_SPOTS = 6
+
+
 @inline
-def generate(rng: Any, places: Any, m: Any, place_m: float, reach_m: float, tailwind_out: bool) -> None:
-    """Draw a route and its day into the places of a mission.
+def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind_out: bool) -> None:
+    """Draw a route of some number of places and its day, into the records of a mission.
 
-    Distributions, with lengths as shares of the robot's reach so that any robot meets the same variety:
+    Distributions, with lengths as shares of the route so that any robot meets the same variety. At each of 17 knots:
 
-    * sine of the grade: a mean of N(0, 0.02) over the route plus an autoregressive part of deviation 0.04 that forgets
-      over a tenth of the reach, within +-0.2;
-    * roughness: patches that change with probability place / (reach / 8) to U(0, 1), or to 0 half of the time;
-    * interest: 0.3 everywhere, and six hot spots of height U(0.5, 3) and half width U(0.01, 0.04) of the reach;
-    * curvature: turning that wanders as an autoregressive process over a twentieth of the reach, deviation 3 rad per
-      reach; the heading is its integral, from U(0, 2 pi);
+    * sine of the grade: a mean of N(0, 0.02) over the route plus an autoregressive part of deviation 0.04 that keeps
+      half of itself from knot to knot, within +-0.2; linear in between;
+    * roughness: with probability 0.5 a new patch of U(-1, 1), where negative means 0: smooth;
+    * curvature: autoregressive, keeping half, of deviation 3 rad per route; the heading is its integral, from U(0, 2 pi).
+
+    Further:
+
+    * interest: 0.3 everywhere, and six hot spots anywhere of height U(0.5, 3.5) and half width U(0.02, 0.08) of the
+      route, falling as a parabola;
     * temperature: N(12, 8) within -10 to 35 C; wind: Rayleigh of scale 1.5 m/s from any direction.
 
     In the case `hidden_wind` the wind of U(3, 6) m/s blows along the way out: the robot drives home against it.
     """
-    count = len(places)
-    mean_grade = 0.02 * rng.standard_normal()
-    keep, patch = np.exp(-place_m / (0.1 * reach_m)), place_m / (0.125 * reach_m)
-    keep_turn = np.exp(-place_m / (0.05 * reach_m))
-    spread, spread_turn = np.sqrt(1.0 - keep * keep), np.sqrt(1.0 - keep_turn * keep_turn)
+    mean_grade, heading = 0.02 * rng.standard_normal(), 2.0 * np.pi * rng.random()
     slope, turn, roughness = rng.standard_normal(), rng.standard_normal(), 0.0
-    heading = 2.0 * np.pi * rng.random()
-    east, north = 0.0, 0.0
-    for place in places:
-        slope = keep * slope + spread * rng.standard_normal()
-        turn = keep_turn * turn + spread_turn * rng.standard_normal()
-        if rng.random() < patch:
-            roughness = max(0.0, 2.0 * rng.random() - 1.0)
-        curvature = 3.0 * turn / reach_m
-        place.sin_grade = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
-        place.roughness = roughness
-        place.curvature_per_m = curvature
-        place.heading_rad = heading
-        place.interest = 0.3
-        heading += curvature * place_m
-        east += np.cos(heading)
-        north += np.sin(heading)
-    for _ in range(6):
-        height, width_m = 0.5 + 2.5 * rng.random(), (0.01 + 0.03 * rng.random()) * reach_m
-        centre_m = count * place_m * rng.random()
-        for k in range(count):
-            offset = ((k + 0.5) * place_m - centre_m) / width_m
-            places[k].interest += height / (1.0 + offset * offset)
+    sine = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
+    first = 0
+    for knot in range(KNOTS):
+        # The new part of an autoregressive step that keeps half: sqrt(1 - 0.5^2).
+        slope = 0.5 * slope + 0.8660254 * rng.standard_normal()
+        turn = 0.5 * turn + 0.8660254 * rng.standard_normal()
+        patch = rng.random()
+        if patch < 0.5:
+            roughness = max(0.0, 4.0 * patch - 1.0)
+        after = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
+        last = (knot + 1) * count // KNOTS
+        step = (after - sine) / max(last - first, 1)
+        curvature = 3.0 * turn / length_m
+        bend = curvature * length_m / count
+        for k in range(first, last):
+            place = route.places[k]
+            sine += 0.5 * step
+            place.sin_grade = sine
+            sine += 0.5 * step
+            place.roughness = roughness
+            place.curvature_per_m = curvature
+            place.heading_rad = heading
+            place.interest = 0.3
+            heading += bend
+        sine, first = after, last
+    for _ in range(HOT_SPOTS):
+        height, half_width, centre = 0.5 + 3.0 * rng.random(), (0.02 + 0.06 * rng.random()) * count, count * rng.random()
+        for k in range(max(int(centre - half_width), 0), min(int(centre + half_width) + 1, count)):
+            offset = (k + 0.5 - centre) / half_width
+            route.places[k].interest += height * max(1.0 - offset * offset, 0.0)
     m.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
     strength, direction = rng.random(), rng.random()
     m.wind_mps = 1.5 * np.sqrt(-2.0 * np.log(1.0 - strength))
     m.wind_from_rad = 2.0 * np.pi * direction
     if tailwind_out:
+        east, north = 0.0, 0.0
+        for k in range(count):
+            east += np.cos(route.places[k].heading_rad)
+            north += np.sin(route.places[k].heading_rad)
         m.wind_mps = 3.0 + 3.0 * strength
         m.wind_from_rad = np.arctan2(-north, -east)

@@ -68,6 +68,11 @@ PLACE_DTYPE = np.dtype(
 )
 """One place of a route in one mission: 64 bytes, a cache line."""
 
+MAX_PLACES = 128
+
+ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,))], align=True)
+"""The route of one mission; the shared record says how many places it has."""
+
 SHARED_DTYPE = np.dtype(
     [
         ("mission", np.int64),
@@ -77,6 +82,7 @@ SHARED_DTYPE = np.dtype(
         ("shaped", np.bool_),
         ("discrete", np.bool_),
         ("max_decisions", np.int64),
+        ("places", np.int64),  # of a route
         ("decision_s", np.float64),
         ("min_speed_mps", np.float64),
         ("max_speed_mps", np.float64),
@@ -95,6 +101,10 @@ SHARED_DTYPE = np.dtype(
         ("information_per_m", np.float64),  # expected, for the potential
         ("score_scale", np.float64),  # score of a good mission
         ("discount", np.float64),
+        # Inverses of the above: a step has no time for divisions.
+        *((name, np.float64) for name in ("per_usable_j", "per_reach_m", "per_max_speed", "per_max_sensing", "per_backlog",
+                                          "per_link_m", "per_score", "per_max_decisions", "per_decision", "per_energy_per_m",
+                                          "per_place_m")),  # fmt: skip
     ],
     align=True,
 )
