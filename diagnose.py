@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
 from homeward.diagnosis import Analysis, RecordingError, analyse
-from homeward.diagnosis.report import write_outputs
+from homeward.diagnosis.report import check_writable, write_outputs
 from homeward.physics import RobotError
 
 STAGES = ("reading", "checking", "refitting", "testing what remains", "locating")
@@ -49,6 +49,7 @@ def main(args: Args) -> Analysis:
         OSError: The output folder cannot be written to.
     """
     runs, robot, columns = _inputs(args)
+    check_writable(args.out)
     console = Console(stderr=True)
     with Progress(
         TextColumn("{task.description:<22}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
@@ -100,9 +101,10 @@ def run() -> int:
     except (RecordingError, RobotError, DatasetError) as error:
         message = str(error)
     except OSError as error:
-        message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
+        message = f"{error.filename or 'the output'} cannot be written: {error.strerror or error}; choose another --out"
     except KeyboardInterrupt:
-        message = "interrupted; nothing half-written is left"
+        print("diagnose.py: interrupted; nothing half-written is left", file=sys.stderr)
+        return 130
     else:
         return 0
     print(f"diagnose.py: {' '.join(message.split())}", file=sys.stderr)

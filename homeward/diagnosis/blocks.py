@@ -48,7 +48,7 @@ def cut_blocks(run: NDArray[np.intp], residual: Array | None = None) -> NDArray[
     """
     memory = 0.0 if residual is None else correlation_windows(residual, run)
     length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_MEMORY_TIMES * memory)))
-    length = max(_SHORTEST, min(length, len(run) // FEWEST_BLOCKS))
+    length = max(_SHORTEST, min(length, len(run) // (FEWEST_BLOCKS + len(np.unique(run)))))
     block = np.empty(len(run), dtype=np.intp)
     following = 0
     for one in np.unique(run):

@@ -40,7 +40,7 @@ def write_outputs(analysis: Analysis, folder: Path) -> list[Path]:
     Raises:
         OSError: The folder cannot be written to.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    check_writable(folder)
     texts = {
         "diagnosis.json": analysis.diagnosis.to_json(),
         "corrected.toml": corrected_toml(analysis),
@@ -49,6 +49,17 @@ def write_outputs(analysis: Analysis, folder: Path) -> list[Path]:
     for name, text in texts.items():
         _write_whole(folder / name, text)
     return [folder / name for name in texts]
+
+
+def check_writable(folder: Path) -> None:
+    """Make the output folder and see that a file can be written there, before any work is done.
+
+    Raises:
+        OSError: It cannot.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
 
 
 def _write_whole(path: Path, text: str) -> None:

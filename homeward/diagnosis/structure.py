@@ -226,8 +226,9 @@ def _binned(runs: Runs) -> list[tuple[Channel, Array, NDArray[np.intp], Array]]:
         values = runs.context.get(channel.name)
         if values is None or not np.isfinite(values).any():
             continue
-        values = np.abs(values) if channel.magnitude else values
         known = np.isfinite(values)
+        grain = max(float(np.max(np.abs(values[known]))), 1e-300) * 1e-9  # means of equal values differ in the last bit
+        values = np.round((np.abs(values) if channel.magnitude else values) / grain) * grain
         edges = _edges(values[known])
         if len(edges) < 3:
             continue

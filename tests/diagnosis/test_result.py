@@ -1,0 +1,81 @@
+"""The verdict survives a trip through JSON, and JSON never holds what JSON does not know."""
+
+import dataclasses
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from homeward.diagnosis import Diagnosis
+from homeward.diagnosis.arms import Arm
+from homeward.diagnosis.location import Place
+from homeward.diagnosis.result import (
+    VERDICTS,
+    Evidence,
+    Fit,
+    MissingPhysics,
+    ParameterOff,
+    RecordingInfo,
+    Value,
+)
+
+number = st.floats(-1e9, 1e9)
+text = st.text(max_size=20)
+pair = st.tuples(number, number)
+optional = st.none() | number
+place = st.builds(Place, text, number, number, text, st.floats(0, 1))
+missing = st.builds(
+    MissingPhysics, text, text, text, text, text,
+    parameters=st.dictionaries(text, st.builds(Value, number, pair, text), max_size=2),
+    where=st.lists(place, max_size=2).map(tuple),
+    evidence=st.builds(Evidence, optional, optional, optional),
+    confused_with=st.lists(text, max_size=2).map(tuple),
+    to_tell_apart=text,
+)  # fmt: skip
+fit = st.builds(
+    Fit, st.sampled_from(["W", "A"]), st.sampled_from(["run", "block"]), st.integers(1, 10),
+    st.dictionaries(st.sampled_from(["nominal", "refit"]), st.builds(Arm, number, optional, optional, pair)),
+)  # fmt: skip
+diagnosis = st.builds(
+    Diagnosis,
+    robot=text,
+    recordings=st.lists(st.builds(RecordingInfo, text, text, number, st.integers(0, 9)), max_size=2).map(tuple),
+    verdict=st.sampled_from(VERDICTS),
+    summary=text,
+    parameters_off=st.lists(st.builds(ParameterOff, text, number, number, pair, text), max_size=2).map(tuple),
+    missing_physics=st.lists(missing, max_size=2).map(tuple),
+    where=st.lists(place, max_size=2).map(tuple),
+    fit=st.none() | fit,
+    what_this_log_can_show=st.dictionaries(text, st.none() | st.floats(0, 1), max_size=2),
+    range_change_m=optional,
+    next_experiment=st.none() | text,
+    schema=st.just(1),
+)
+
+
+@given(diagnosis)
+def test_round_trip(one: Diagnosis) -> None:
+    assert Diagnosis.from_json(one.to_json()) == one
+
+
+def test_keys_are_those_of_the_format() -> None:
+    keys = set(json.loads(Diagnosis("husky", (), "not_testable", "no").to_json()))
+    assert keys == {
+        "schema", "robot", "recordings", "verdict", "summary", "parameters_off", "missing_physics", "where", "fit",
+        "what_this_log_can_show", "range_change_m", "next_experiment",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_no_number_becomes_null(value: float) -> None:
+    one = Diagnosis("husky", (), "no_mismatch", "", range_change_m=value)
+    assert json.loads(one.to_json())["range_change_m"] is None
+    assert Diagnosis.from_json(one.to_json()) == dataclasses.replace(one, range_change_m=None)
+
+
+@pytest.mark.parametrize("spoiled", ["", "[]", "{}", '{"schema": 2, "verdict": "no_mismatch"}', "null"])
+def test_foreign_json_is_refused(spoiled: str) -> None:
+    with pytest.raises(ValueError):
+        Diagnosis.from_json(spoiled)

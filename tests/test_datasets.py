@@ -1,0 +1,79 @@
+"""Data sets come from a local folder or the network, and only as their checksums say."""
+
+import shutil
+from pathlib import Path
+
+import pooch
+import pytest
+import requests
+
+from homeward import datasets
+from homeward.datasets import DATASETS, DatasetError, fetch
+from homeward.diagnosis import load_columns
+from homeward.physics import load_robot
+
+
+@pytest.fixture
+def local(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A local data set of one file, and the environment that points to it."""
+    folder = tmp_path / "data" / "husky_borealtc" / "ICE"
+    folder.mkdir(parents=True)
+    (folder / "pro_00.csv").write_text("time\n0\n")
+    digest = pooch.file_hash(str(folder / "pro_00.csv"))
+    monkeypatch.setattr(datasets, "_registry", lambda name: {"ICE/pro_00.csv": digest})
+    monkeypatch.setenv(datasets.LOCAL_FOLDER, str(tmp_path / "data"))
+    return folder / "pro_00.csv"
+
+
+def test_local_folder_is_used_and_checked(local: Path) -> None:
+    assert fetch("husky_borealtc", "ICE") == [local]
+    local.write_text("changed")
+    with pytest.raises(DatasetError, match="differs from its checksum"):
+        fetch("husky_borealtc")
+    local.unlink()
+    with pytest.raises(DatasetError, match="does not exist"):
+        fetch("husky_borealtc")
+
+
+def test_unknown_name_and_group() -> None:
+    with pytest.raises(DatasetError, match="known: husky_borealtc, f1tenth_frictionmaps"):
+        fetch("kitti")
+    with pytest.raises(DatasetError, match="groups: ASPHALT, FLOORING, ICE, SNOW"):
+        fetch("husky_borealtc", "SAND")
+
+
+def test_offline_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(datasets.LOCAL_FOLDER, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+    def offline(*_: object, **__: object) -> None:
+        raise requests.exceptions.ConnectionError("no route to host")
+
+    monkeypatch.setattr(requests, "get", offline)
+    with pytest.raises(DatasetError, match=r"set HOMEWARD_DATA to a folder that holds husky_borealtc/"):
+        fetch("husky_borealtc", "FLOORING", progress=False)
+
+
+def test_download_is_cached_and_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, local: Path) -> None:
+    monkeypatch.delenv(datasets.LOCAL_FOLDER)
+    monkeypatch.setattr(pooch, "os_cache", lambda name: tmp_path / "cache")
+    served = []
+
+    def serve(self: object, url: str, output_file: str, pooch: object) -> None:
+        served.append(url)
+        shutil.copy(local, output_file)
+
+    monkeypatch.setattr(pooch.HTTPDownloader, "__call__", serve)
+    assert fetch("husky_borealtc")[0].read_text() == fetch("husky_borealtc")[0].read_text() == "time\n0\n"
+    assert served == [f"{DATASETS['husky_borealtc'].base_url}ICE/pro_00.csv"]
+    shutil.rmtree(tmp_path / "cache")
+    local.write_text("tampered")
+    with pytest.raises(DatasetError, match="differs from its checksum"):
+        fetch("husky_borealtc", progress=False)
+
+
+@pytest.mark.parametrize("dataset", DATASETS.values(), ids=DATASETS)
+def test_mapping_and_robot_of_each_data_set_ship(dataset: datasets.Dataset) -> None:
+    assert load_columns(dataset.columns).sources
+    if dataset.robot is not None:
+        load_robot(dataset.robot)
