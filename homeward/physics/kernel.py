@@ -36,8 +36,8 @@ STATE_FIELDS = (
     ("winding_k", np.float64),  # motor winding above ambient
     ("step_s", np.float64),  # length of the step under way
     ("traction_n", np.float64),  # force at the wheels in the last step
-    ("drive_w", np.float64),  # power into the drive in the last step
-    ("power_w", np.float64),  # power out of the battery in the last step
+    ("drive_w", np.float64),  # mean power into the drive in the last step
+    ("power_w", np.float64),  # mean power out of the battery in the last step
     ("depleted", np.bool_),
     ("ledger_j", np.float64, (len(CAUSES),)),  # energy that left the battery, by cause
     ("parts_w", np.float64, (len(CAUSES),)),  # power of each effect that is on, in the step under way
@@ -104,6 +104,32 @@ _extra_battery = _compose("battery", cumulative=True)
 
 
 @inline
+def _paper_demand(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
+    force_n = 0.0
+    if x.speed_mps > 0.0:
+        force_n = (
+            model.rolling_force(p, x.cos_grade) + model.drag_force(p, x.speed_mps) + model.grade_force(p, x.sin_grade)
+        )
+    ancillary_w = model.ancillary_power(p, x.sensing_hz)
+    drive_w = np.maximum(force_n, 0.0) * watts_per_n
+    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, ancillary_w + drive_w
+    return ancillary_w + drive_w
+
+
+@inline
+def _demand_with_effects(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
+    _paper_demand(p, s, x, watts_per_n)
+    force_n = s.traction_n + _extra_force(p, s, x, s.traction_n, watts_per_n)
+    ancillary_w = model.ancillary_power(p, x.sensing_hz)
+    ancillary_w += _extra_ancillary(p, s, x, ancillary_w, 1.0)
+    drive_w = np.maximum(force_n, 0.0) * watts_per_n + _extra_drive(p, s, x, force_n, 1.0)
+    power_w = ancillary_w + drive_w
+    power_w += _extra_battery(p, s, x, power_w, 1.0)
+    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, power_w
+    return power_w
+
+
+@inline
 def demand(p: Any, s: Any, x: Any) -> Any:
     """Power that the battery delivers under constant conditions, W.
 
@@ -112,29 +138,46 @@ def demand(p: Any, s: Any, x: Any) -> Any:
         s: State record; `traction_n`, `drive_w`, `power_w` and, if any effect is on, `parts_w` are written.
         x: `Conditions`.
     """
-    force_n = 0.0
-    if x.speed_mps > 0.0:
-        force_n = (
-            model.rolling_force(p, x.cos_grade) + model.drag_force(p, x.speed_mps) + model.grade_force(p, x.sin_grade)
-        )
-    ancillary_w = model.ancillary_power(p, x.sensing_hz)
+    watts_per_n = model.watts_per_newton(p, x.speed_mps)
     if p.effects != 0:
-        return _demand_with_effects(p, s, x, force_n, ancillary_w)
-    drive_w = model.drive_power(p, force_n, x.speed_mps)
-    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, ancillary_w + drive_w
-    return ancillary_w + drive_w
+        return _demand_with_effects(p, s, x, watts_per_n)
+    return _paper_demand(p, s, x, watts_per_n)
 
 
-# Apart from `demand`, so that the paper's model alone stays small enough to be inlined.
-@inline
-def _demand_with_effects(p: Any, s: Any, x: Any, force_n: float, ancillary_w: float) -> Any:
-    force_n += _extra_force(p, s, x, force_n, x.speed_mps / model.traction_efficiency(p))
-    ancillary_w += _extra_ancillary(p, s, x, ancillary_w, 1.0)
-    drive_w = model.drive_power(p, force_n, x.speed_mps) + _extra_drive(p, s, x, force_n, 1.0)
-    power_w = ancillary_w + drive_w
-    power_w += _extra_battery(p, s, x, power_w, 1.0)
-    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, power_w
-    return power_w
+def _stepper(effects: bool) -> Callable[..., Any]:
+    """Make the step with or without effects: the paper's model alone stays small enough to be inlined."""
+    power = _demand_with_effects if effects else _paper_demand
+
+    @inline
+    def step(p: Any, s: Any, x: Any, dt_s: float) -> Any:
+        s.step_s = dt_s
+        watts_per_n = model.watts_per_newton(p, x.speed_mps)
+        power_w = power(p, s, x, watts_per_n)
+        passed_s = dt_s
+        spent_j = power_w * dt_s
+        if spent_j >= s.energy_j:
+            s.depleted = True
+            if effects:
+                power_w = _demand_until_empty(p, s, x, watts_per_n)
+            passed_s = s.energy_j / power_w if power_w > 0.0 else 0.0
+            spent_j = s.energy_j
+        elif effects and spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j:
+            # A full battery takes nothing back: the brakes do.
+            s.ledger_j[BRAKING] += s.energy_j - spent_j - s.capacity_j
+            spent_j = s.energy_j - s.capacity_j
+        s.energy_j -= spent_j
+        _book(p, s, x, passed_s, watts_per_n)
+        if effects:
+            _book_effects(p, s, x, passed_s)
+        s.time_s += passed_s
+        s.distance_m += x.speed_mps * passed_s
+        s.speed_mps = x.speed_mps
+        return passed_s
+
+    return step
+
+
+_paper_step, _step_with_effects = _stepper(effects=False), _stepper(effects=True)
 
 
 @inline
@@ -153,54 +196,32 @@ def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
     """
     if s.depleted:
         return 0.0
-    if p.effects & _INTERMITTENT:
+    if p.effects != 0:
         return _advance_by_switches(p, s, x, dt_s)
-    return _advance_once(p, s, x, dt_s)
+    return _paper_step(p, s, x, dt_s)
 
 
 @inline
 def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
+    """Cut a step where an intermittent load switches, so that the power is constant within each part."""
     left_s = dt_s
     while True:
-        stretch_s = min(left_s, intermittent_load.until_switch(p, s))
-        passed_s = _advance_once(p, s, x, stretch_s)
-        if s.depleted:
-            return dt_s - left_s + passed_s
-        if stretch_s == left_s:
-            return dt_s
+        part_s = left_s
+        if p.effects & _INTERMITTENT:
+            part_s = min(left_s, intermittent_load.until_switch(p, s))
+        passed_s = _step_with_effects(p, s, x, part_s)
+        if s.depleted or part_s == left_s:
+            return dt_s - left_s + passed_s if part_s != dt_s else passed_s
         left_s -= passed_s
 
 
 @inline
-def _advance_once(p: Any, s: Any, x: Any, dt_s: float) -> Any:
-    s.step_s = dt_s
-    power_w = demand(p, s, x)
-    passed_s = dt_s
-    spent_j = power_w * dt_s
-    if spent_j >= s.energy_j:
-        s.depleted = True
-        if p.effects != 0:
-            power_w = _demand_until_empty(p, s, x)
-        passed_s = s.energy_j / power_w if power_w > 0.0 else 0.0
-        spent_j = s.energy_j
-    elif spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j:  # a full battery takes nothing back: the brakes do
-        s.ledger_j[BRAKING] += s.energy_j - spent_j - s.capacity_j
-        spent_j = s.energy_j - s.capacity_j
-    s.energy_j -= spent_j
-    _book(p, s, x, passed_s)
-    s.time_s += passed_s
-    s.distance_m += x.speed_mps * passed_s
-    s.speed_mps = x.speed_mps
-    return passed_s
-
-
-@inline
-def _demand_until_empty(p: Any, s: Any, x: Any) -> Any:
+def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     """Mean power until the battery is empty, W: effects that act at the start or build up change it within the step."""
     low_s, high_s, power_w = 0.0, s.step_s, 0.0
     for halving in range(_HALVINGS + 1):
         s.step_s = 0.5 * (low_s + high_s) if halving < _HALVINGS else high_s
-        power_w = demand(p, s, x)
+        power_w = _demand_with_effects(p, s, x, watts_per_n)
         if power_w * s.step_s < s.energy_j:
             low_s = s.step_s
         else:
@@ -209,23 +230,22 @@ def _demand_until_empty(p: Any, s: Any, x: Any) -> Any:
 
 
 @inline
-def _book(p: Any, s: Any, x: Any, passed_s: float) -> None:
-    """Add the energy of a step to the ledger, and let the effects remember."""
+def _book(p: Any, s: Any, x: Any, passed_s: float, watts_per_n: float) -> None:
+    """Add the paper's part of the energy of a step to the ledger."""
     s.ledger_j[SENSING] += model.sensing_power(p, x.sensing_hz) * passed_s
     s.ledger_j[COMMUNICATION] += p.communication_w * passed_s
     s.ledger_j[CONTROLLER] += p.controller_w * passed_s
     s.ledger_j[COMPUTER] += model.computer_power(p, x.sensing_hz) * passed_s
     if s.traction_n > 0.0:
-        travel = x.speed_mps * passed_s / model.traction_efficiency(p)  # J of the battery per N at the wheels
-        s.ledger_j[ROLLING] += model.rolling_force(p, x.cos_grade) * travel
-        s.ledger_j[DRAG] += model.drag_force(p, x.speed_mps) * travel
-        s.ledger_j[GRADE] += model.grade_force(p, x.sin_grade) * travel
-    if p.effects != 0:
-        _book_effects(p, s, x, passed_s)
+        joules_per_n = watts_per_n * passed_s
+        s.ledger_j[ROLLING] += model.rolling_force(p, x.cos_grade) * joules_per_n
+        s.ledger_j[DRAG] += model.drag_force(p, x.speed_mps) * joules_per_n
+        s.ledger_j[GRADE] += model.grade_force(p, x.sin_grade) * joules_per_n
 
 
 @inline
 def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
+    """Add the effects' part to the ledger, and let them remember."""
     for column in range(_BASE if s.traction_n > 0.0 else _BASE + _FORCES, _BASE + _EFFECTS):
         s.ledger_j[column] += s.parts_w[column] * passed_s
     motor_heating.remember(p, s, x, passed_s)

@@ -71,13 +71,19 @@ def traction_force(robot: Any, speed_mps: Any, grade_rad: Any) -> Any:
 
 
 @inline
+def watts_per_newton(robot: Any, speed_mps: Any) -> Any:
+    """Electrical power of the drive per force at the wheels, v / Gamma, W/N (second part of Eq. 7)."""
+    return speed_mps / traction_efficiency(robot)
+
+
+@inline
 def drive_power(robot: Any, force_n: Any, speed_mps: Any) -> Any:
     """Electrical power of the drive, W: F v / Gamma, and nothing where the force is negative.
 
     Dividing a negative force by Gamma would return more energy than gravity gave. Energy comes back only through the
     effect `regeneration`, at most |F| v.
     """
-    return np.maximum(force_n, 0.0) * speed_mps / traction_efficiency(robot)
+    return np.maximum(force_n, 0.0) * watts_per_newton(robot, speed_mps)
 
 
 @inline

@@ -14,7 +14,7 @@ from homeward.physics.kernel import Conditions, advance, demand, full_charge
 from homeward.physics.robot import Bounds, Robot
 
 _SPEED_GRID = 201
-_ENDLESS_S = 1e8
+_LONGEST_MEMORY_S = 1e6  # ten of the slowest time constants that an effect can have
 _ALLOWED = {
     "distance_m": Bounds(0.0, math.inf, open_high=True),
     "speed_mps": Bounds(0.0, math.inf, open_low=True, open_high=True),
@@ -186,8 +186,6 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
     cycle_s = 1e-3 * charge_j / max(abs(demand(p, s, driving)), abs(demand(p, s, standing)), 1e-9)
     spent_j = 0.0
     while s.energy_j > 0.0:
-        if s.time_s > _ENDLESS_S:
-            return np.inf
         before_j, before_m = s.energy_j, s.distance_m
         s.speed_mps = driving.speed_mps  # an average speed: stops and starts are not part of the range
         advance(p, s, driving, duty * cycle_s)
@@ -196,6 +194,8 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
             if s.depleted and spent_j > 0.0:  # the share of a cycle that the rest of the charge pays for
                 return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
         spent_j = before_j - s.energy_j
+        if spent_j <= 0.0 and cycle_s > _LONGEST_MEMORY_S:
+            return np.inf
         if spent_j < 1e-3 * charge_j:
             cycle_s, spent_j = 2.0 * cycle_s, 2.0 * spent_j
     return s.distance_m

@@ -74,10 +74,11 @@ def replay(
         base_distance_m: Distance from base, m.
 
     Raises:
-        ValueError: Times do not increase or there are fewer than two.
+        ValueError: Times do not increase or there are fewer than two; a channel has another length, or a value that is
+            not finite.
     """
     time_s = np.ascontiguousarray(time_s, dtype=np.float64)
-    if time_s.ndim != 1 or len(time_s) < 2 or not (np.diff(time_s) > 0.0).all():
+    if time_s.ndim != 1 or len(time_s) < 2 or not np.isfinite(time_s).all() or not (np.diff(time_s) > 0.0).all():
         raise ValueError("time_s must hold at least two increasing times in seconds")
     announce_first_compilation()
     samples = np.empty(len(time_s), _CHANNELS)
@@ -92,9 +93,20 @@ def replay(
         ("sensing_hz", sensing_hz),
         ("base_distance_m", base_distance_m),
     ):
-        samples[name] = values
+        channel = np.asarray(values, dtype=np.float64)
+        if channel.shape not in ((), time_s.shape):
+            raise ValueError(
+                f"{name} has shape {channel.shape}; allowed: one number or shape {time_s.shape}, as time_s"
+            )
+        if not np.isfinite(channel).all():
+            first = int(np.flatnonzero(~np.isfinite(channel))[0])
+            raise ValueError(
+                f"{name} = {channel.flat[first]} at sample {first} is not finite; fill or cut the gap first"
+            )
+        samples[name] = channel
     output = np.empty((3, len(time_s)))
     state = full_charge(robot, np.inf)
+    state["speed_mps"] = abs(samples["speed_mps"][0])  # what moves when the recording starts did not start then
     _replay(robot.record(), state, time_s, samples, output)
     power_w, drive_w, traction_n = output
     return Replay(power_w, drive_w, traction_n, dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True)))

@@ -8,11 +8,14 @@ from homeward.physics.effects.base import Effect, Parameter
 from homeward.physics.jit import inline
 from homeward.physics.model import traction_efficiency
 
+HOTTEST_K = 150.0
+"""Rise above ambient that no winding survives for long (IEC 60034-1 allows 105 to 125 K)."""
+
 
 @inline
 def motor_heating(p: Any, s: Any, x: Any, load: Any) -> Any:
     work_w = np.maximum(load, 0.0) * x.speed_mps / traction_efficiency(p)
-    steady_k = p.motor_heating_rise_k_per_w * work_w
+    steady_k = _steady(p, work_w)
     # Mean of the temperature over the step, so that its length does not matter.
     constants = np.maximum(s.step_s / p.motor_heating_time_constant_s, 1e-9)
     mean_k = steady_k - (s.winding_k - steady_k) * np.expm1(-constants) / constants
@@ -20,11 +23,16 @@ def motor_heating(p: Any, s: Any, x: Any, load: Any) -> Any:
 
 
 @inline
+def _steady(p: Any, work_w: Any) -> Any:
+    return np.minimum(p.motor_heating_rise_k_per_w * work_w, HOTTEST_K)
+
+
+@inline
 def remember(p: Any, s: Any, x: Any, passed_s: float) -> None:
     """Warm the winding towards its steady temperature: the exact solution for a step of constant load."""
     if p.motor_heating_per_k != 0.0:
         work_w = np.maximum(s.traction_n, 0.0) * x.speed_mps / traction_efficiency(p)
-        steady_k = p.motor_heating_rise_k_per_w * work_w
+        steady_k = _steady(p, work_w)
         s.winding_k = steady_k + (s.winding_k - steady_k) * np.exp(-passed_s / p.motor_heating_time_constant_s)
 
 
@@ -38,7 +46,7 @@ EFFECT = Effect(
         Parameter("time_constant_s", "s", 1.0, 100000.0, "time constant of warming", 600.0),
     ),
     sentence="The motors lose more as they warm up during the run.",
-    equation="P = per_k T F v / Gamma, time_constant dT/dt = rise F v / Gamma - T",
+    equation="P = per_k T F v / Gamma, time_constant dT/dt = min(rise F v / Gamma, 150 K) - T",
     source="first-order thermal model of a motor; copper gains 0.39 % of resistance per kelvin (IEC 60028)",
     needs=("speed_mps", "time_s"),
     confused_with=("intermittent_load", "ageing"),
