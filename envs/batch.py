@@ -114,7 +114,7 @@ class Batch:
             self._typed_generators = numba.typed.List(self._generators)
         kernel.reset_missions(
             indices, self._typed_generators, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, observations.view(OBSERVATION_DTYPE)[:, 0], self.setting.fixed, self.setting.day,
+            self.setting.shared, np.ndarray(self.count, OBSERVATION_DTYPE, observations), self.setting.fixed, self.setting.day,
         )  # fmt: skip
 
     def step(
@@ -137,7 +137,7 @@ class Batch:
             levels = self._as_actions(actions, np.float32)
         ended = self._step(
             choices, levels, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, observations.view(OBSERVATION_DTYPE)[:, 0], rewards, terminated, truncated,
+            self.setting.shared, np.ndarray(self.count, OBSERVATION_DTYPE, observations), rewards, terminated, truncated,
         )  # fmt: skip
         if ended < 0:
             self._refuse(actions, -1 - ended)

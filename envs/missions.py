@@ -11,10 +11,16 @@ DRIVING_LINK = 0.5
 """Share of its rate that the radio keeps while driving: antennas move and the channel fades."""
 
 
+_ANY = 1e-9  # samples, against a division by none
+
+
 @inline
-def information_per_metre(interest: float, samples_per_m: float, saturation_per_m: float) -> float:
-    """Information in a metre of ground: interest times n / (n + n_half), saturating with the samples taken there."""
-    return interest * samples_per_m / (samples_per_m + saturation_per_m)
+def information_gain(interest: float, before_per_m: float, after_per_m: float, half_per_m: float) -> Any:
+    """Information that further samples yield from a metre of ground that has some already.
+
+    A metre yields interest times n / (n + n_half): it saturates with the samples taken there. This is the difference.
+    """
+    return interest * half_per_m * (after_per_m - before_per_m) / ((before_per_m + half_per_m) * (after_per_m + half_per_m))
 
 
 @inline
@@ -28,10 +34,11 @@ def link(distance_m: float, per_half_m: float) -> float:
 def sense(m: Any, place: Any, shared: Any, sensing_hz: float, passed_s: float) -> None:
     """Take samples for a while: information goes on board, and what does not fit is lost."""
     samples = sensing_hz * passed_s
-    before = information_per_metre(place.interest, place.samples_per_m, shared.saturation_per_m)
-    place.samples_per_m += samples * shared.per_place_m
-    after = information_per_metre(place.interest, place.samples_per_m, shared.saturation_per_m)
-    information = (after - before) * shared.place_m
+    before_per_m = place.samples_per_m
+    after_per_m = before_per_m + samples * shared.per_place_m
+    place.samples_per_m = after_per_m
+    gain = information_gain(place.interest, before_per_m, after_per_m, shared.saturation_per_m)
+    information = gain * shared.place_m
     if m.backlog + samples > shared.backlog_limit:
         lost = information * (m.backlog + samples - shared.backlog_limit) / samples
         m.lost += lost
@@ -44,10 +51,12 @@ def sense(m: Any, place: Any, shared: Any, sensing_hz: float, passed_s: float) -
 @inline
 def transmit(m: Any, shared: Any, moving: bool, passed_s: float) -> None:
     """Send samples home for a while: slower far from base and while driving."""
-    rate_hz = shared.radio_hz * link(m.position_m, shared.per_link_m) * (DRIVING_LINK if moving else 1.0)
-    share = min(1.0, rate_hz * passed_s / m.backlog)
-    m.delivered += share * m.backlog_information
-    m.backlog_information -= share * m.backlog_information
+    share_s = passed_s * (DRIVING_LINK if moving else 1.0)
+    samples = shared.radio_hz * link(m.position_m, shared.per_link_m) * share_s
+    share = min(samples / max(m.backlog, _ANY), 1.0)
+    sent = share * m.backlog_information
+    m.delivered += sent
+    m.backlog_information -= sent
     m.backlog -= share * m.backlog
 
 

@@ -20,7 +20,7 @@ MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")
 SHAPINGS = ("dmax", "none")
 
-_PLACES, _PATROL_PLACES = 64, 4
+_PLACES, _PATROL_PLACES = 32, 4
 _DECISIONS = 200
 """Decisions in which a robot that senses nothing drives its battery empty."""
 _REACH = 0.625
@@ -150,6 +150,7 @@ def settle(options: Options) -> Setting:
     s["backlog_limit"] = 0.1 * robot.max_sensing_hz * lasts_s
     s["radio_hz"], s["link_m"] = 0.25 * robot.max_sensing_hz, 0.25 * reach_m
     s["pit_stop_s"] = pit_stop_s
+    s["drag_j_per_m"] = robot.drag_ns2_per_m2 / robot.traction_efficiency
     # At half of the fastest sensing rate a metre yields two thirds of its information.
     s["information_per_m"] = interest * 2.0 / 3.0
     sensing_hz = 0.5 * robot.max_sensing_hz if mission == SURVEY else 0.0

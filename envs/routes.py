@@ -170,7 +170,7 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
 
     Further:
 
-    * interest: 0.3 everywhere, and six hot spots anywhere of height U(0.5, 3.5) and half width U(0.02, 0.08) of the
+    * interest: 0.3 everywhere, and six hot spots anywhere of height U(0.5, 3.5) and half width U(0.03, 0.09) of the
       route, falling as a parabola;
     * temperature: N(12, 8) within -10 to 35 C; wind: Rayleigh of scale 1.5 m/s from any direction.
 
@@ -204,7 +204,7 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
             heading += bend
         sine, first = after, last
     for _ in range(HOT_SPOTS):
-        height, half_width, centre = 0.5 + 3.0 * rng.random(), (0.02 + 0.06 * rng.random()) * count, count * rng.random()
+        height, half_width, centre = 0.5 + 3.0 * rng.random(), (0.03 + 0.06 * rng.random()) * count, count * rng.random()
         for k in range(max(int(centre - half_width), 0), min(int(centre + half_width) + 1, count)):
             offset = (k + 0.5 - centre) / half_width
             route.places[k].interest += height * max(1.0 - offset * offset, 0.0)

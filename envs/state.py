@@ -11,7 +11,7 @@ STOP, GO, RETURN = range(3)
 
 MISSION_DTYPE = np.dtype(
     [
-        *STATE_FIELDS,
+        *(field for field in STATE_FIELDS if len(field) == 2),
         ("position_m", np.float64),  # along the route, home is 0
         ("direction", np.float64),  # of travel: 1 away from home, -1 towards it
         ("furthest_m", np.float64),
@@ -37,6 +37,8 @@ MISSION_DTYPE = np.dtype(
         ("returning", np.bool_),
         ("home", np.bool_),
         ("over", np.bool_),
+        # The arrays last: what every step touches stays together in the caches.
+        *(field for field in STATE_FIELDS if len(field) > 2),
     ],
     align=True,
 )
@@ -68,7 +70,7 @@ PLACE_DTYPE = np.dtype(
 )
 """One place of a route in one mission: 64 bytes, a cache line."""
 
-MAX_PLACES = 128
+MAX_PLACES = 64
 
 ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,))], align=True)
 """The route of one mission; the shared record says how many places it has."""
@@ -101,6 +103,7 @@ SHARED_DTYPE = np.dtype(
         ("information_per_m", np.float64),  # expected, for the potential
         ("score_scale", np.float64),  # score of a good mission
         ("discount", np.float64),
+        ("drag_j_per_m", np.float64),  # drive energy per metre against drag at 1 m/s, by the robot's own model
         # Inverses of the above: a step has no time for divisions.
         *((name, np.float64) for name in ("per_usable_j", "per_reach_m", "per_max_speed", "per_max_sensing", "per_backlog",
                                           "per_link_m", "per_score", "per_max_decisions", "per_decision", "per_energy_per_m",

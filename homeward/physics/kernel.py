@@ -105,11 +105,10 @@ _extra_battery = _compose("battery", cumulative=True)
 
 @inline
 def _paper_demand(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
-    force_n = 0.0
-    if x.speed_mps > 0.0:
-        force_n = (
-            model.rolling_force(p, x.cos_grade) + model.drag_force(p, x.speed_mps) + model.grade_force(p, x.sin_grade)
-        )
+    moving = x.speed_mps > 0.0
+    force_n = moving * (
+        model.rolling_force(p, x.cos_grade) + model.drag_force(p, x.speed_mps) + model.grade_force(p, x.sin_grade)
+    )
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
     drive_w = np.maximum(force_n, 0.0) * watts_per_n
     s.traction_n, s.drive_w, s.power_w = force_n, drive_w, ancillary_w + drive_w
@@ -236,11 +235,10 @@ def _book(p: Any, s: Any, x: Any, passed_s: float, watts_per_n: float) -> None:
     s.ledger_j[COMMUNICATION] += p.communication_w * passed_s
     s.ledger_j[CONTROLLER] += p.controller_w * passed_s
     s.ledger_j[COMPUTER] += model.computer_power(p, x.sensing_hz) * passed_s
-    if s.traction_n > 0.0:
-        joules_per_n = watts_per_n * passed_s
-        s.ledger_j[ROLLING] += model.rolling_force(p, x.cos_grade) * joules_per_n
-        s.ledger_j[DRAG] += model.drag_force(p, x.speed_mps) * joules_per_n
-        s.ledger_j[GRADE] += model.grade_force(p, x.sin_grade) * joules_per_n
+    joules_per_n = (s.traction_n > 0.0) * watts_per_n * passed_s
+    s.ledger_j[ROLLING] += model.rolling_force(p, x.cos_grade) * joules_per_n
+    s.ledger_j[DRAG] += model.drag_force(p, x.speed_mps) * joules_per_n
+    s.ledger_j[GRADE] += model.grade_force(p, x.sin_grade) * joules_per_n
 
 
 @inline
