@@ -13,7 +13,7 @@ from homeward.diagnosis.signals import Array
 FEWEST_BLOCKS = 16
 """With fewer independent stretches no test at the stated false alarm rate is possible."""
 
-_SHORTEST = 5  # windows
+_SHORTEST = 10  # windows
 _MOST_BLOCKS = 2000
 _MEMORY_TIMES = 3.0  # blocks are this many correlation times long
 _MOST_FOLDS = 10

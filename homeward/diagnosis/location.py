@@ -11,6 +11,9 @@ from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import Channel, Dependence
 
+WHOLE_RUN = "all of the run"
+_CLEAR_MINORITY = 0.35  # a side with less than this share of the windows is the exception, the other the rule
+
 
 @dataclass(frozen=True)
 class Place:
@@ -62,19 +65,24 @@ class _Bins:
 
 
 def _best_split(channel: Channel, bins: _Bins) -> tuple[NDArray[np.bool_], str]:
-    """The threshold with the largest sum of squares between its sides; the side away from the bulk is the condition."""
+    """The threshold with the largest sum of squares between its sides.
+
+    The condition is the side that is clearly the exception or else the one where more is drawn than the model says.
+    """
     total = bins.weight.sum()
-    best, split = -1.0, 1
+    best, split, more_above = -1.0, 1, True
     for k in range(1, len(bins.effect)):
         low, high = bins.weight[:k].sum(), bins.weight[k:].sum()
         means = (np.average(bins.effect[side], weights=bins.weight[side]) for side in (slice(k), slice(k, None)))
         below, above = means
         between = low * high / total * (below - above) ** 2
         if between > best:
-            best, split = between, k
+            best, split, more_above = between, k, bool(above > below)
     limit = f"{_plain(bins.edges[split])} {channel.unit}".strip()
     upper = np.arange(len(bins.effect)) >= split
-    if channel.magnitude or bins.weight[upper].sum() <= total / 2.0:
+    share_above = bins.weight[upper].sum() / total
+    exception = min(share_above, 1.0 - share_above) < _CLEAR_MINORITY
+    if share_above < 0.5 if exception else more_above:
         return upper, f"{channel.above} {limit}"
     return ~upper, f"{channel.below} {limit}"
 
@@ -123,7 +131,7 @@ def _stretches(inside: NDArray[np.bool_], excess: Array, runs: Runs) -> tuple[Pl
             origin_s = float(runs.time_s[here[0]])
             share = float(np.abs(excess * runs.duration_s)[part].sum()) / whole
             if first == 0 and after == len(here):
-                condition = "all of the run"
+                condition = WHOLE_RUN
             elif after == len(here):
                 condition = f"after {_plain(start_s - origin_s)} s"
             elif first == 0:

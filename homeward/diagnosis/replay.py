@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from homeward.diagnosis.signals import Array, Signals, Unit, Windows, usual_step_s, windows
 from homeward.physics import Robot, replay
 
-WINDOW_S = 1.0
-"""Length of the averaging windows, s; a recording with longer steps keeps its samples."""
+WINDOW_S = 0.5
+"""Length of the averaging windows, s; a recording with longer steps keeps its samples.
+
+Longer ones hide the accelerations of small fast robots, shorter ones show current ripple and clock errors.
+"""
 
 _MOST_WINDOWS = 100_000  # of very long recordings the windows grow instead
 

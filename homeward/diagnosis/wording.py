@@ -7,7 +7,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from homeward.diagnosis.blocks import FEWEST_BLOCKS
-from homeward.diagnosis.location import Location
+from homeward.diagnosis.location import WHOLE_RUN, Location
 from homeward.diagnosis.quality import Finding
 from homeward.diagnosis.refit import Estimate
 from homeward.diagnosis.result import Fit, ParameterOff, Verdict
@@ -84,7 +84,9 @@ def _condition(location: Location) -> str:
     first = max(location.places, key=lambda place: place.share_of_excess)
     more = len(location.places) - 1
     others = f" and in {more} more stretch{'es' if more > 1 else ''} of time" if more else ""
-    return f"{first.condition} in {PurePath(first.recording).name}{others}"
+    name = PurePath(first.recording).name
+    start = f"all through {name}" if first.condition == WHOLE_RUN else f"{first.condition} in {name}"
+    return start + others
 
 
 def _parameters_off(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:
