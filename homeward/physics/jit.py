@@ -31,7 +31,8 @@ def compiled(function: Function | None = None, *, parallel: bool = False) -> Any
     folder = cache_folder()
     config: Any = numba.config
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(folder or "")
+    # numba's cache knows a function by its name alone: the parallel form of one needs a folder of its own.
+    config.CACHE_DIR = str(folder / ("parallel" if parallel else "serial")) if folder else ""
     try:
         return numba.njit(cache=folder is not None, parallel=parallel, error_model="numpy", nogil=True)(function)
     finally:

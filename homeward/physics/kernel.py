@@ -203,15 +203,22 @@ def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
 @inline
 def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
     """Cut a step where an intermittent load switches, so that the power is constant within each part."""
-    left_s = dt_s
+    left_s, drive_j, spent_j = dt_s, 0.0, 0.0
     while True:
         part_s = left_s
         if p.effects & _INTERMITTENT:
             part_s = min(left_s, intermittent_load.until_switch(p, s))
         passed_s = _step_with_effects(p, s, x, part_s)
+        if part_s == dt_s:
+            return passed_s
+        drive_j += s.drive_w * passed_s
+        spent_j += s.power_w * passed_s
         if s.depleted or part_s == left_s:
-            return dt_s - left_s + passed_s if part_s != dt_s else passed_s
+            break
         left_s -= passed_s
+    total_s = dt_s - left_s + passed_s if s.depleted else dt_s
+    s.drive_w, s.power_w = drive_j / max(total_s, 1e-9), spent_j / max(total_s, 1e-9)
+    return total_s
 
 
 @inline

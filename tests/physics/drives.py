@@ -130,7 +130,7 @@ def drive(
     dt_s: float | Sequence[float],
     energy_j: float | None = None,
     **state: float,
-) -> NDArray[np.void]:
+) -> Any:
     """State, of shape (), after driving the steps in order, or after as many as the battery lasts."""
     states = full_charge(robot, energy_j)
     for name, value in state.items():
