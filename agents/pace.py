@@ -1,0 +1,48 @@
+"""How fast to drive and how often to sense: one rule that all baselines share, so that they differ in turning back.
+
+Drive at cruise, the speed with the longest range. On the way out sense at one rate wherever the interest reaches a
+threshold; when the memory is nearly full there, stop and stay silent until the radio has made room. On the way home
+sense nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, feature
+from homeward.envs.actions import encode_actions
+from homeward.envs.options import Setting
+from homeward.envs.state import GO, RETURN, STOP
+
+
+@final
+@dataclass(frozen=True)
+class Pace:
+    """Numbers of the rule; `benchmarks/tune_baselines.py` finds them.
+
+    Attributes:
+        rate: Sensing rate as a share of the fastest, within [0, 1].
+        interest: Interest from which it pays to sense, 0 or above.
+        full: Share of the memory in use from which to stop for the radio, above 0.
+    """
+
+    rate: float
+    interest: float
+    full: float
+
+    def act(self, setting: Setting, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
+        """Actions of missions that go on or, where `homebound` of shape (n,), head home; shape (n, 3)."""
+        s = setting.shared[0]
+        worth = ~homebound & (2.0 * feature(observations, "interest") >= self.interest)
+        waits = worth & (feature(observations, "backlog") >= self.full)
+        sensing_hz = np.where(worth & ~waits, self.rate * s["max_sensing_hz"], 0.0)
+        mode = np.where(homebound, RETURN, np.where(waits, STOP, GO))
+        return encode_actions(setting, s["cruise_mps"], sensing_hz, mode)
+
+
+NO_SENSING = Pace(rate=0.0, interest=0.0, full=1.0)
+"""For missions in which information counts for nothing."""

@@ -1,0 +1,103 @@
+"""All agents by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from homeward.agents.base import Policy
+from homeward.agents.dmax import DmaxRule
+from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.dmax_mapped import MappedDmaxRule
+from homeward.agents.random_policy import RandomPolicy
+from homeward.agents.soc50 import StateOfChargeRule
+from homeward.agents.tuned import PACES, RESERVES
+from homeward.envs.batch import action_space, observation_space
+from homeward.envs.options import Options, Setting
+
+
+class AgentError(ValueError):
+    """An agent that cannot be made; the message says what is allowed."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a loader makes an agent from: the environment, a file to load, a seed for those that draw."""
+
+    options: Options
+    setting: Setting
+    file: Path | None
+    seed: int
+
+
+def _random(request: Request) -> Policy:
+    return RandomPolicy(request.setting, np.random.default_rng(request.seed))
+
+
+def _soc50(request: Request) -> Policy:
+    return StateOfChargeRule(request.setting, PACES[request.options.mission])
+
+
+def _tuned(name: str, rule: Callable[..., Policy]) -> Callable[[Request], Policy]:
+    def load(request: Request) -> Policy:
+        mission = request.options.mission
+        return rule(request.setting, PACES[mission], RESERVES[name][mission])
+
+    return load
+
+
+def _ppo(request: Request) -> Policy:
+    from homeward.agents.policy_file import PolicyFileError, load_policy
+
+    if request.file is None:
+        raise AgentError("ppo is loaded from a file: give ppo=FOLDER, the folder that train.py wrote")
+    try:
+        policy = load_policy(request.file)
+        policy.check_spaces(observation_space(), action_space(request.options))
+    except PolicyFileError as error:
+        raise AgentError(str(error)) from None
+    return policy
+
+
+AGENTS: dict[str, Callable[[Request], Policy]] = {
+    "random": _random,
+    "soc50": _soc50,
+    "dmax": _tuned("dmax", DmaxRule),
+    "dmax_mapped": _tuned("dmax_mapped", MappedDmaxRule),
+    "dmax_adaptive": _tuned("dmax_adaptive", AdaptiveDmaxRule),
+    "ppo": _ppo,
+}
+"""Loader of each agent."""
+
+FROM_FILES = frozenset({"ppo"})
+"""Agents that are loaded from a file."""
+
+
+def make_policy(name: str, env: Any, file: str | Path | None = None, seed: int = 0) -> Policy:
+    """Make an agent for an environment.
+
+    Args:
+        name: One of `AGENTS`.
+        env: A `homeward` environment, scalar or vector, wrapped or not; only what its robot can know is used.
+        file: Where a trained policy lies.
+        seed: Seed of agents that draw.
+
+    Raises:
+        AgentError: The name is unknown, or the file is missing, not wanted, or cannot be used.
+
+    >>> import gymnasium as gym, homeward
+    >>> env = gym.make_vec("homeward/OutAndBack-v0", num_envs=2, vectorization_mode="vector_entry_point")
+    >>> observations, _ = env.reset(seed=0)
+    >>> make_policy("dmax", env).act(observations, begun=np.ones(2, np.bool_)).tolist()  # top speed, no sensing, go
+    [[4, 0, 1], [4, 0, 1]]
+    """
+    if name not in AGENTS:
+        raise AgentError(f"unknown agent {name!r}; choose from {', '.join(AGENTS)}")
+    if file is not None and name not in FROM_FILES:
+        raise AgentError(f"{name} takes no file, but {str(file)!r} was given")
+    batch = getattr(env, "unwrapped", env).batch
+    return AGENTS[name](Request(batch.options, batch.setting, None if file is None else Path(file), seed))

@@ -1,0 +1,95 @@
+"""What all rules for turning back share: when there is no choice, where a patrol may turn, and what going on costs."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, Policy, feature
+from homeward.agents.pace import Pace
+from homeward.envs.options import Setting
+from homeward.envs.state import PATROL
+from homeward.physics import ancillary_power, d_max
+
+_STEEPEST_SINE = 0.7
+_CHANCES = 2.0
+"""Decisions that going on is costed for: the next one, and another for the surprises of ground not driven yet."""
+
+
+class TurnBackRule(Policy):
+    """Goes on while there is energy to spare, and then heads home.
+
+    It also heads home from the far end of the route, and when the time limit leaves just enough time. A patrol decides
+    at its home post, where the question is whether another lap fits.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate.
+    """
+
+    def __init__(self, setting: Setting, pace: Pace) -> None:
+        self._setting, self._pace = setting, pace
+        s = setting.shared[0]
+        self._patrol = bool(s["mission"] == PATROL)
+        self._sines = np.linspace(-_STEEPEST_SINE, _STEEPEST_SINE, 281)
+        # Eq. 8 with a full battery: what a metre takes of it at each grade.
+        self._shares_per_m = 1.0 / np.asarray(d_max(setting.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
+        self._reach_m = float(s["reach_m"])
+        # Pit stops shorter than a decision can pass unseen; then there is no post to wait for.
+        self._sees_posts = self._patrol and bool(s["pit_stop_s"] >= s["decision_s"])
+        idle_w, busy_w = ancillary_power(setting.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
+        outward_s = _CHANCES * s["decision_s"]
+        extra_j = outward_s * (busy_w - idle_w)
+        if self._patrol:
+            outward_s = max(outward_s, s["length_m"] / s["cruise_mps"])
+            extra_j = 2.0 * s["pit_stop_s"] * idle_w
+        self._outward_m = float(outward_s * s["cruise_mps"])
+        self._extra_share = float(extra_j / s["usable_j"])
+        self._round_s = float(2.0 * (outward_s + s["pit_stop_s"]))
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission, see `Policy.act`."""
+        s = self._setting.shared[0]
+        distance_m = feature(observations, "distance") * self._reach_m
+        turns = (self.spare(observations, begun) < 0.0) | self._late(observations, distance_m)
+        if self._sees_posts:
+            turns &= distance_m <= 0.0
+        elif not self._patrol:
+            turns |= distance_m >= (1.0 - 1e-6) * s["length_m"]
+        return self._pace.act(self._setting, observations, turns | (feature(observations, "returning") > 0.0))
+
+    @abstractmethod
+    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Energy beyond what going on to the next chance to turn and then home may cost, shape (n,).
+
+        As a share of the usable energy; the robot turns back when it is negative. Arguments as in `act`.
+        """
+
+    def home_cost_on_average(self, observations: Observations) -> NDArray[np.float64]:
+        """Energy to get home by Eq. 8 at the average grade, a share of the usable energy, shape (n,)."""
+        distance_m = feature(observations, "distance") * self._reach_m
+        return distance_m * self._share_per_m(-_mean_sine(observations))
+
+    def cost_of_going_on(self, observations: Observations) -> NDArray[np.float64]:
+        """Energy of going on to the next chance to turn, and back, by Eq. 7 at the average grade, as above, shape (n,).
+
+        The next chance is a decision or two away; on a patrol it is a lap with its pit stops.
+        """
+        sine = _mean_sine(observations)
+        return self._outward_m * (self._share_per_m(sine) + self._share_per_m(-sine)) + self._extra_share
+
+    def _share_per_m(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.interp(sine, self._sines, self._shares_per_m)
+
+    def _late(self, observations: Observations, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        s = self._setting.shared[0]
+        left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
+        # A quarter more, for the nearest speed level may lie below cruise.
+        return np.asarray(left_s < 1.25 * (distance_m / s["cruise_mps"] + self._round_s))
+
+
+def _mean_sine(observations: Observations) -> NDArray[np.float64]:
+    return 0.1 * feature(observations, "grade_mean")

@@ -1,0 +1,127 @@
+"""Tune the baselines: the numbers of `agents/tuned.py`, by grid search over mean scores.
+
+`python benchmarks/tune_baselines.py` prints the tables and the numbers (two minutes). Missions are those of training
+seeds, at difficulty `uncertain` with the default robot; a stranded robot scores 0. The pace has the highest sum of all
+rules' scores, relative to the first pace tried; the reserves are those that suit each rule best at that pace. One is
+found for the other in turn.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import TypeVar
+
+import numba
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from homeward.agents.base import Policy
+from homeward.agents.dmax import DmaxRule
+from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.dmax_mapped import MappedDmaxRule
+from homeward.agents.evaluation import run_episodes
+from homeward.agents.pace import NO_SENSING, Pace
+from homeward.agents.soc50 import StateOfChargeRule
+from homeward.envs.options import Options
+from homeward.envs.vector import HomewardVectorEnv
+
+EPISODES = 1024
+ROUNDS = 2
+PACES = [
+    Pace(rate, interest, full)
+    for rate, interest, full in itertools.product((0.5, 0.75, 1.0), (0.0, 0.4, 0.5, 0.6, 0.8), (0.5, 0.7, 0.9, 0.95))
+]
+SHARES = (0.0, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.24)
+DEVIATIONS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
+RULES: dict[str, tuple[Callable[..., Policy], tuple[float, ...]]] = {
+    "soc50": (StateOfChargeRule, (0.5,)),
+    "dmax": (DmaxRule, SHARES),
+    "dmax_mapped": (MappedDmaxRule, SHARES),
+    "dmax_adaptive": (AdaptiveDmaxRule, DEVIATIONS),
+}
+"""Each rule and the reserves to try; that of `soc50` is in its name."""
+
+Choice = TypeVar("Choice")
+Tables = dict[str, dict[float, tuple[float, float]]]
+"""Mean score and stranding rate by rule and reserve."""
+
+
+def trial(mission: str, rule: str, pace: Pace, reserve: float) -> tuple[float, float]:
+    """Mean score and stranding rate of a rule."""
+
+    def make(env: HomewardVectorEnv) -> Policy:
+        return RULES[rule][0](env.batch.setting, pace, reserve)
+
+    episodes = run_episodes(make, Options(mission, difficulty="uncertain"), range(EPISODES)).episodes
+    return float(episodes.score.mean()), float(episodes.stranded.mean())
+
+
+def tune(mission: str, console: Console) -> tuple[Pace, dict[str, float]]:
+    """Find pace and reserves of a mission, and print what they were chosen from."""
+    pace = Pace(1.0, 0.5, 0.9) if mission == "Survey" else NO_SENSING
+    tables = try_reserves(mission, pace)
+    for _ in range(ROUNDS if mission == "Survey" else 0):
+        reserves = best_reserves(tables)
+        scale = {rule: tables[rule][reserve][0] for rule, reserve in reserves.items()}
+        totals = {}
+        for one in track(PACES, description=f"{mission}: pace", console=console, transient=True):
+            shares = [trial(mission, rule, one, reserve)[0] / scale[rule] for rule, reserve in reserves.items()]
+            totals[one] = sum(shares) / len(shares)
+        pace = best(totals)
+        console.print(pace_table(mission, totals))
+        tables = try_reserves(mission, pace)
+    console.print(reserve_table(mission, tables))
+    return pace, best_reserves(tables)
+
+
+def try_reserves(mission: str, pace: Pace) -> Tables:
+    """Run every rule with every reserve."""
+    return {rule: {one: trial(mission, rule, pace, one) for one in grid} for rule, (_, grid) in RULES.items()}
+
+
+def best(scores: dict[Choice, float]) -> Choice:
+    """The choice with the highest score."""
+    return max(scores, key=lambda choice: scores[choice])
+
+
+def best_reserves(tables: Tables) -> dict[str, float]:
+    """The best reserve of each rule."""
+    return {rule: best({reserve: score for reserve, (score, _) in table.items()}) for rule, table in tables.items()}
+
+
+def pace_table(mission: str, totals: dict[Pace, float]) -> Table:
+    """The ten best paces."""
+    table = Table(title=f"{mission}: mean score over all rules, relative to the pace before")
+    for heading in ("rate", "interest", "full", "score"):
+        table.add_column(heading, justify="right")
+    for pace in sorted(totals, key=lambda one: -totals[one])[:10]:
+        table.add_row(f"{pace.rate:g}", f"{pace.interest:g}", f"{pace.full:g}", f"{totals[pace]:.4f}")
+    return table
+
+
+def reserve_table(mission: str, tables: Tables) -> Table:
+    """Score and stranding rate of every rule and reserve."""
+    table = Table(title=f"{mission}: score and stranding rate by reserve")
+    for heading in ("rule", "reserve", "score", "stranded"):
+        table.add_column(heading, justify="left" if heading == "rule" else "right")
+    chosen = best_reserves(tables)
+    for rule, results in tables.items():
+        for reserve, (score, stranded) in results.items():
+            style = "bold" if reserve == chosen[rule] else ""
+            table.add_row(rule, f"{reserve:g}", f"{score:.4g}", f"{stranded:.1%}", style=style)
+    return table
+
+
+def main() -> None:
+    """Tune all missions and print what belongs into `agents/tuned.py`."""
+    numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
+    console = Console()
+    tuned = {mission: tune(mission, console) for mission in ("OutAndBack", "Survey", "Patrol")}
+    for mission, (pace, reserves) in tuned.items():
+        console.print(f"{mission}: {pace}, {reserves}", highlight=False, soft_wrap=True)
+
+
+if __name__ == "__main__":
+    main()
