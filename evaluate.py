@@ -1,0 +1,175 @@
+"""Compare agents on the same episodes.
+
+`python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive ppo=FOLDER --out DIR` writes
+DIR/evaluation.json, DIR/episodes.csv (one row per agent and episode), DIR/scores.png and DIR/episode.png.
+"""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from homeward.agents import AGENTS, AgentError, make_policy
+from homeward.agents.evaluation import Evaluation, episode_seeds, run_episodes
+from homeward.agents.evaluation_plots import episode_png, scores_png
+from homeward.envs import IDS
+from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.routes import RouteError
+from homeward.files import write_whole
+from homeward.physics import RobotError
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to compare, and where to write it."""
+
+    agents: tuple[str, ...] = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
+    """Agents, each NAME or NAME=FILE: random, soc50, dmax, dmax_mapped, dmax_adaptive, ppo=FOLDER."""
+    env: str = "homeward/Survey-v0"
+    """Environment id."""
+    episodes: int = 500
+    """Number of episodes, the same for all agents."""
+    seed: int = 0
+    """Seed that the episodes follow from; it cannot meet those of training."""
+    out: Path = Path("runs/evaluation")
+    """Folder for evaluation.json, episodes.csv and the plots."""
+    difficulty: str = "uncertain"
+    """known, uncertain or harsh."""
+    robot: str = "rusti_computer"
+    """Preset name or TOML file."""
+    route: str = "generated"
+    """generated, hidden_wind, or the name or path of a CSV profile."""
+    action_type: str = "discrete"
+    """discrete or continuous."""
+
+
+def main(args: Args) -> Evaluation:
+    """Run all agents, write the files and print the table.
+
+    Raises:
+        AgentError, OptionError, RobotError, RouteError: An argument cannot be used.
+        OSError: The output folder cannot be written to.
+    """
+    options = _options(args)
+    agents = _agents(args.agents)
+    seeds = episode_seeds(args.seed, args.episodes)
+    args.out.mkdir(parents=True, exist_ok=True)
+    runs = {}
+    columns = (TextColumn("{task.description:<16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        for label, (name, file) in agents.items():
+            task = bar.add_task(label, total=args.episodes)
+            make = functools.partial(make_policy, name, file=file, seed=args.seed)
+            runs[label] = run_episodes(make, options, seeds, functools.partial(bar.advance, task))
+    evaluation = Evaluation(args.env, options, args.seed, seeds, runs)
+    summary = evaluation.summary()
+    files: dict[str, str | bytes] = {
+        "episodes.csv": evaluation.to_csv(),
+        "scores.png": scores_png(evaluation, summary),
+        "episode.png": episode_png(evaluation),
+        "evaluation.json": evaluation.to_json(summary),
+    }
+    for name, content in files.items():
+        write_whole(args.out / name, content)
+    _print(summary, args.out)
+    return evaluation
+
+
+def _options(args: Args) -> Options:
+    missions = {env_id: mission for mission, env_id in IDS.items()}
+    if args.env not in missions:
+        raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(missions)}")
+    if args.episodes < 1 or args.seed < 0:
+        raise OptionError(
+            f"--episodes {args.episodes} --seed {args.seed}: give at least 1 episode and a seed of 0 or more"
+        )
+    options = Options(
+        missions[args.env],
+        robot=args.robot,
+        route=args.route,
+        difficulty=args.difficulty,
+        action_type=args.action_type,
+    )
+    settle(options)  # a robot or route that cannot be used is found before anything runs
+    return options
+
+
+def _agents(given: tuple[str, ...]) -> dict[str, tuple[str, str | None]]:
+    """Name and file of each agent under its label: the name, or all that was given where a name comes twice."""
+    if not given:
+        raise AgentError(f"no agent given; choose from {', '.join(AGENTS)}")
+    parsed = []
+    for spec in given:
+        name, equals, file = spec.partition("=")
+        if name.endswith("+shield"):
+            raise AgentError(f"{spec}: there is no shield yet in this version; leave out '+shield'")
+        parsed.append((spec, name, file if equals else None))
+    names = [name for _, name, _ in parsed]
+    agents = {spec if names.count(name) > 1 else name: (name, file) for spec, name, file in parsed}
+    if len(agents) < len(given):
+        raise AgentError(f"an agent is given twice: {' '.join(given)}")
+    return agents
+
+
+def _print(summary: Mapping[str, Any], out: Path) -> None:
+    first = next(iter(summary["agents"]))
+    table = Table(
+        title=f"{summary['env']}, {summary['episodes']} episodes, seed {summary['seed']}, "
+        + ", ".join(f"{name} {summary['options'][name]}" for name in ("difficulty", "robot", "route", "action_type")),
+        caption=", ".join(f"{name} {version}" for name, version in summary["versions"].items()),
+    )
+    table.add_column("agent")
+    for heading in ("score", "95 %", "IQM", f"minus {first}, 95 %", "stranded", "95 %", "out of\ntime",
+                    "energy left\nat home, J", "us per\ndecision"):  # fmt: skip
+        table.add_column(heading, justify="right")
+    for name, one in summary["agents"].items():
+        difference = summary["paired"].get(f"{name} - {first}")
+        table.add_row(
+            name,
+            f"{one['score_mean']:.4g}",
+            _interval(one["score_ci95"]),
+            f"{one['score_iqm']:.4g}",
+            f"{difference['mean']:+.4g} {_interval(difference['ci95'])}" if difference else "",
+            f"{one['stranded_rate']:.1%}",
+            _interval([100.0 * end for end in one["stranded_ci95"]], ".1f"),
+            str(one["timed_out"]),
+            "" if one["energy_left_home_j"] is None else f"{one['energy_left_home_j']:.0f}",
+            f"{one['decision_us']:.2g}",
+        )
+    console = Console()
+    console.print(table)
+    files = "evaluation.json, episodes.csv, scores.png, episode.png"
+    console.print(f"Written to {out}: {files}", markup=False, highlight=False)
+
+
+def _interval(ends: list[float] | None, form: str = ".4g") -> str:
+    return "" if ends is None else f"[{ends[0]:{form}}, {ends[1]:{form}}]"
+
+
+def run() -> int:
+    """Run from the command line: 0, or 2 with one line for input or output that cannot be used."""
+    try:
+        main(tyro.cli(Args, description=__doc__))
+    except (AgentError, OptionError, RobotError, RouteError) as error:
+        message = str(error)
+    except OSError as error:
+        message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
+    except KeyboardInterrupt:
+        message = "interrupted; nothing half-written is left"
+    else:
+        return 0
+    print(f"evaluate.py: {' '.join(message.split())}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(run())
