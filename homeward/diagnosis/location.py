@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
-from homeward.diagnosis.structure import Channel, Dependence
+from homeward.diagnosis.structure import Dependence
 
 WHOLE_RUN = "all of the run"
 _CLEAR_MINORITY = 0.35  # a side with less than this share of the windows is the exception, the other the rule
@@ -45,46 +45,36 @@ def locate(dependence: Dependence, runs: Runs) -> Location:
     """Find the split of a channel's values that separates the excess best, and say it in words."""
     if dependence.channel.name == "time_s":
         return _locate_in_time(dependence, runs)
-    bins = _Bins(dependence)
-    inside_bins, condition = _best_split(dependence.channel, bins)
     known = dependence.bin >= 0
-    inside = known & inside_bins[dependence.bin]
-    rest = np.average(bins.effect[~inside_bins], weights=bins.weight[~inside_bins])
-    excess = np.where(known, bins.effect[dependence.bin] - rest, 0.0) * dependence.weight
+    weight = np.bincount(dependence.bin[known], minlength=len(dependence.effect)).astype(np.float64) + 1e-9
+    split, above = _best_split(dependence.effect, weight)
+    # Between the middles of the bins beside the split: their common edge may lie in the noise around a frequent value.
+    limit = float(dependence.centre[split - 1 : split + 1].mean())
+    channel = dependence.channel
+    values = np.nan_to_num(runs.context[channel.name])
+    inside = known & ((np.abs(values) if channel.magnitude else values) > limit if above else values < limit)
+    condition = f"{channel.above if above else channel.below} {_plain(limit)} {channel.unit}".strip()
+    outside = np.delete(np.arange(len(weight)), np.s_[split:] if above else np.s_[:split])
+    rest = np.average(dependence.effect[outside], weights=weight[outside])
+    excess = np.where(known, dependence.effect[dependence.bin] - rest, 0.0) * dependence.weight
     return Location(condition, inside, excess, _places(condition, inside, excess, runs))
 
 
-class _Bins:
-    """Bins with windows in them, in the order of the channel."""
+def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
+    """First bin above the threshold with the largest sum of squares between its sides, and whether that side is meant.
 
-    def __init__(self, dependence: Dependence) -> None:
-        self.effect = dependence.effect
-        count = np.bincount(dependence.bin[dependence.bin >= 0], minlength=len(self.effect))
-        self.weight = count.astype(np.float64) + 1e-9
-        self.edges = dependence.edges
-
-
-def _best_split(channel: Channel, bins: _Bins) -> tuple[NDArray[np.bool_], str]:
-    """The threshold with the largest sum of squares between its sides.
-
-    The condition is the side that is clearly the exception or else the one where more is drawn than the model says.
+    Meant is the side that is clearly the exception or else the one where more is drawn than the model says.
     """
-    total = bins.weight.sum()
-    best, split, more_above = -1.0, 1, True
-    for k in range(1, len(bins.effect)):
-        low, high = bins.weight[:k].sum(), bins.weight[k:].sum()
-        means = (np.average(bins.effect[side], weights=bins.weight[side]) for side in (slice(k), slice(k, None)))
-        below, above = means
-        between = low * high / total * (below - above) ** 2
+    total = weight.sum()
+    best, split, above = -1.0, 1, True
+    for k in range(1, len(effect)):
+        low, high = weight[:k].sum(), weight[k:].sum()
+        difference = np.average(effect[k:], weights=weight[k:]) - np.average(effect[:k], weights=weight[:k])
+        between = low * high / total * difference**2
         if between > best:
-            best, split, more_above = between, k, bool(above > below)
-    limit = f"{_plain(bins.edges[split])} {channel.unit}".strip()
-    upper = np.arange(len(bins.effect)) >= split
-    share_above = bins.weight[upper].sum() / total
-    exception = min(share_above, 1.0 - share_above) < _CLEAR_MINORITY
-    if share_above < 0.5 if exception else more_above:
-        return upper, f"{channel.above} {limit}"
-    return ~upper, f"{channel.below} {limit}"
+            exception = min(low, high) < _CLEAR_MINORITY * total
+            best, split, above = between, k, bool(high < low if exception else difference > 0.0)
+    return split, above
 
 
 def _plain(value: float) -> str:
