@@ -172,8 +172,9 @@ class Robot:
             lines += ["", f"[{section}]"]
             for quantity in _QUANTITIES:
                 if quantity.metadata["section"] == section:
-                    note = " ".join(comments.get(quantity.name, quantity.metadata["meaning"]).split())
-                    lines.append(f"{quantity.name} = {getattr(self, quantity.name)!r}  # {note}")
+                    note = comments.get(quantity.name, quantity.metadata["meaning"])
+                    printable = "".join(c if c.isprintable() else " " for c in note)  # nor a second line
+                    lines.append(f"{quantity.name} = {getattr(self, quantity.name)!r}  # {printable}")
         for effect_id, parameters in self.effects.items():
             lines += ["", f"[effects.{effect_id}]"]
             lines += [f"{name} = {value!r}" for name, value in parameters.items()]

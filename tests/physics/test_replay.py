@@ -1,0 +1,106 @@
+"""Replay of a recorded drive: the same physics as the step, sample by sample, at millions of samples a second."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from homeward import Robot
+from homeward.physics import CAUSES, ancillary_power, mission_energy, replay, traction_force
+from homeward.physics.model import drive_power
+from tests.physics.drives import PLAIN, STEADY, conditions, drive, robots, with_effect
+
+TIME_S = np.arange(5.0)
+
+
+@given(data=st.data(), robot=robots())
+def test_replay_is_the_step_sample_by_sample(data: st.DataObject, robot: Robot) -> None:
+    steps = [x._replace(direction=1.0) for x in data.draw(st.lists(conditions(robot), min_size=2, max_size=6))]
+    dt_s = data.draw(st.lists(st.floats(0.01, 100.0), min_size=len(steps) - 1, max_size=len(steps) - 1))
+    time_s = np.concatenate([[0.0], np.cumsum(dt_s)])
+    held = [*np.diff(time_s), time_s[-1] - time_s[-2]]
+    channels: dict[str, Any] = {
+        name: np.array([getattr(x, name) for x in steps])
+        for name in STEADY._fields
+        if name not in ("sin_grade", "cos_grade", "direction")
+    }
+    grade_rad = np.array([math.atan2(x.sin_grade, x.cos_grade) for x in steps])
+    again = replay(robot, time_s, grade_rad=grade_rad, **channels)
+    end = drive(robot, steps, held, np.inf, speed_mps=steps[0].speed_mps)
+    assert list(again.energy_j) == list(CAUSES)
+    np.testing.assert_allclose(list(again.energy_j.values()), end["ledger_j"], rtol=1e-9, atol=1e-9)
+    assert again.power_w @ held == pytest.approx(sum(again.energy_j.values()), rel=1e-6, abs=1e-6)
+    assert again.power_w[-1] == pytest.approx(float(end["power_w"]), rel=1e-9)
+
+
+def test_power_is_that_of_the_equations() -> None:
+    speed_mps, grade_rad = np.array([0.0, 1.0, 2.0, 2.0, 3.0]), np.array([0.3, 0.0, 0.2, -0.4, -0.05])
+    again = replay(PLAIN, TIME_S, speed_mps, grade_rad=grade_rad, sensing_hz=20.0)
+    force_n = np.where(speed_mps > 0.0, traction_force(PLAIN, speed_mps, grade_rad), 0.0)
+    np.testing.assert_allclose(again.traction_n, force_n, rtol=1e-12)
+    np.testing.assert_allclose(again.drive_w, drive_power(PLAIN, force_n, speed_mps), rtol=1e-12)
+    np.testing.assert_allclose(again.power_w, again.drive_w + ancillary_power(PLAIN, 20.0), rtol=1e-12)
+
+
+def test_energy_is_that_of_eq_7() -> None:
+    again = replay(PLAIN, np.array([0.0, 1.0, 4.0]), 2.0, grade_rad=0.1)  # the last sample lasts 3 s too
+    assert sum(again.energy_j.values()) == pytest.approx(float(mission_energy(PLAIN, 14.0, 2.0, 0.1)), rel=1e-12)
+
+
+def test_driving_backwards_is_driving_forwards_the_other_way() -> None:
+    robot = dataclasses.replace(PLAIN, effects={"inertia": {"mass_factor": 1.0}, "hidden_grade": {"slope": 0.05}})
+    back = replay(robot, TIME_S, -2.0, grade_rad=0.2, accel_mps2=-0.5)
+    there = replay(PLAIN, TIME_S, 2.0, grade_rad=-0.2)
+    np.testing.assert_allclose(
+        back.traction_n, there.traction_n + 10.0 * 0.5 - 10.0 * 9.80665 * 0.05 * math.cos(0.2), rtol=1e-12
+    )
+
+
+def test_what_moves_at_the_first_sample_did_not_start_there() -> None:
+    robot = with_effect(PLAIN, "breakaway", start_j=70.0)
+    assert replay(robot, TIME_S, 2.0).energy_j["breakaway"] == 0.0
+    assert replay(robot, TIME_S, np.array([0.0, 1.0, 0.0, 1.0, 1.0])).energy_j["breakaway"] == pytest.approx(140.0)
+
+
+def test_the_battery_of_a_replay_does_not_run_out() -> None:
+    again = replay(PLAIN, np.array([0.0, 1e6, 2e6]), 2.0)
+    assert sum(again.energy_j.values()) > 100.0 * PLAIN.usable_energy_j
+
+
+@pytest.mark.parametrize(
+    ("time_s", "channels", "expected"),
+    [
+        ([0.0], {}, "time_s must hold at least two increasing times in seconds"),
+        ([], {}, "time_s must hold at least two increasing times in seconds"),
+        ([0.0, 0.0], {}, "time_s must hold at least two increasing times in seconds"),
+        ([1.0, 0.0], {}, "time_s must hold at least two increasing times in seconds"),
+        ([0.0, math.nan], {}, "time_s must hold at least two increasing times in seconds"),
+        ([0.0, math.inf], {}, "time_s must hold at least two increasing times in seconds"),
+        ([[0.0, 1.0]], {}, "time_s must hold at least two increasing times in seconds"),
+        (
+            [0.0, 1.0],
+            {"grade_rad": np.zeros(3)},
+            "grade_rad has shape (3,); allowed: one number or shape (2,), as time_s",
+        ),
+        (
+            [0.0, 1.0],
+            {"accel_mps2": np.array([0.0, math.nan])},
+            "accel_mps2 = nan at sample 1 is not finite; fill or cut the gap first",
+        ),
+        (
+            [0.0, 1.0],
+            {"headwind_mps": math.inf},
+            "headwind_mps = inf at sample 0 is not finite; fill or cut the gap first",
+        ),
+    ],
+)
+def test_recordings_that_cannot_be_replayed(time_s: list[float], channels: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ValueError) as error:
+        replay(PLAIN, np.array(time_s), 1.0, **channels)
+    assert str(error.value) == expected
