@@ -32,7 +32,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         True
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi"]}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi"], "render_fps": 4}
 
     def __init__(self, *, mission: str = "Survey", render_mode: str | None = None, **options: Any) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):

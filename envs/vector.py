@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -99,7 +100,10 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
 
         Raises:
             OptionError: An action is not in the action space, or with autoreset disabled a mission is over.
+            gymnasium.error.ResetNeeded: No mission has begun.
         """
+        if not self.batch.generators:
+            raise ResetNeeded("no mission has begun; call reset() before step()")
         count = self.num_envs
         observations = np.empty(self._observation_shape, np.float32)
         rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
