@@ -27,13 +27,13 @@ _NO_CHOICES, _NO_LEVELS = np.empty((0, 3), np.int64), np.empty((0, 3), np.float3
 class EnergyLedger(Mapping[str, Any]):
     """Energy that left the battery, J, by cause: a mapping over an array of shape (..., len(CAUSES))."""
 
-    __slots__ = ("_joules",)
+    __slots__ = ("joules",)
 
     def __init__(self, joules: NDArray[np.float64]) -> None:
-        self._joules = joules
+        self.joules = joules
 
     def __getitem__(self, cause: str) -> Any:
-        return self._joules[..., _COLUMN[cause]]
+        return self.joules[..., _COLUMN[cause]]
 
     def __iter__(self) -> Iterator[str]:
         return iter(CAUSES)
@@ -43,10 +43,26 @@ class EnergyLedger(Mapping[str, Any]):
 
     def total(self) -> Any:
         """Sum over all causes, J: what the battery has lost."""
-        return self._joules.sum(axis=-1)
+        return self.joules.sum(axis=-1)
 
 
 _COLUMN = {cause: column for column, cause in enumerate(CAUSES)}
+
+
+INFO_KEYS = ("energy_j", "score", "cost", "position_m", "home", "stranded")
+"""Keys of `info`, of the scalar and the vector environments."""
+
+
+def info_of(records: NDArray[np.void]) -> dict[str, Any]:
+    """Views of what missions tell in `info`: arrays of shape (n,), and the energy ledger."""
+    return {
+        "energy_j": EnergyLedger(records["ledger_j"]),
+        "score": records["score"],
+        "cost": records["cost"],
+        "position_m": records["position_m"],
+        "home": records["home"],
+        "stranded": records["depleted"],
+    }
 
 
 def action_space(options: Options) -> spaces.Space[Any]:

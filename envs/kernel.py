@@ -174,7 +174,7 @@ def _decide(
     m.decisions += 1
     m.sensing_hz = sensing_hz
     # The change of speed is spread over the decision.
-    accel = (speed_mps - m.speed_mps) / shared.decision_s
+    accel = (speed_mps - m.speed_mps) * shared.per_decision
     left_s = shared.decision_s
     while left_s > 0.0 and not m.home and not m.depleted:
         place = route.places[m.place]

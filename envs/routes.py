@@ -152,7 +152,7 @@ def _cut(columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
     return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **day)
 
 
-KNOTS = 16
+KNOTS = 8
 """Pieces of a generated route: grade is linear and curvature constant between knots."""
 HOT_SPOTS = 6
 
@@ -161,7 +161,7 @@ HOT_SPOTS = 6
 def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind_out: bool) -> None:
     """Draw a route of some number of places and its day, into the records of a mission.
 
-    Distributions, with lengths as shares of the route so that any robot meets the same variety. At each of 17 knots:
+    Distributions, with lengths as shares of the route so that any robot meets the same variety. At each of 9 knots:
 
     * sine of the grade: a mean of N(0, 0.02) over the route plus an autoregressive part of deviation 0.04 that keeps
       half of itself from knot to knot, within +-0.2; linear in between;

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.batch import Batch, EnergyLedger, action_space, observation_space
+from homeward.envs.batch import Batch, EnergyLedger, action_space, info_of, observation_space
 from homeward.envs.options import OptionError, parse_options
 
 
@@ -42,6 +42,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         self.observation_space = observation_space()
         self.action_space = action_space(self.options)
         self.batch = Batch(self.options, 1)
+        self._live = info_of(self.batch.records)
         self._first = np.zeros(1, np.int64)
         self._observation_shape = (1, *(self.observation_space.shape or ()))
         self._rewards, self._terminated, self._truncated = np.zeros(1), np.zeros(1, np.bool_), np.zeros(1, np.bool_)
@@ -89,13 +90,20 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             f"{100.0 * m['energy_j'] / m['capacity_j']:.0f} % charge, score {m['score']:.3g}"
         )
 
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_live": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._live = info_of(self.batch.records)  # views of the new records
+
     def _info(self) -> dict[str, Any]:
-        m = self.batch.records[0]
+        live = self._live
         return {
-            "energy_j": EnergyLedger(m["ledger_j"].copy()),
-            "score": m["score"].item(),
-            "cost": m["cost"].item(),
-            "position_m": m["position_m"].item(),
-            "home": m["home"].item(),
-            "stranded": m["depleted"].item(),
+            "energy_j": EnergyLedger(live["energy_j"].joules[0].copy()),
+            "score": live["score"].item(),
+            "cost": live["cost"].item(),
+            "position_m": live["position_m"].item(),
+            "home": live["home"].item(),
+            "stranded": live["stranded"].item(),
         }

@@ -70,7 +70,8 @@ PLACE_DTYPE = np.dtype(
 )
 """One place of a route in one mission: 64 bytes, a cache line."""
 
-MAX_PLACES = 64
+MAX_PLACES = 65
+"""An odd number: records of 4096 bytes would share a few sets of the caches."""
 
 ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,))], align=True)
 """The route of one mission; the shared record says how many places it has."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,11 +12,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from homeward.envs.batch import Batch, EnergyLedger, action_space, observation_space
+from homeward.envs.batch import INFO_KEYS, Batch, action_space, info_of, observation_space
 from homeward.envs.options import OptionError, parse_options
 
-INFO_KEYS = ("energy_j", "score", "cost", "position_m", "home", "stranded")
-"""Keys of `info`, of the scalar and the vector environments."""
 
 
 class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any]]):
@@ -67,7 +65,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self._over = np.zeros(num_envs, np.bool_)
         self._any_over = False
         self._everyone = np.arange(num_envs)
-        self._masks = {f"_{key}": np.ones(num_envs, np.bool_) for key in INFO_KEYS}
+        self._live = self._live_info()
         self._observation_shape = (num_envs, *(self.single_observation_space.shape or ()))
 
     def reset(
@@ -158,19 +156,21 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             final[i] = observations[i].copy()
         mask = self._over.copy()
         info["final_obs"], info["_final_obs"] = final, mask
-        info["final_info"] = self._info(lambda array: array.copy()) | {f"_{key}": mask for key in INFO_KEYS}
+        info["final_info"] = info_of(self.batch.records.copy()) | {f"_{key}": mask for key in INFO_KEYS}
         info["_final_info"] = mask
         self.batch.reset(over, observations)
         self._over[:] = False
         self._any_over = False
 
-    def _info(self, kept: Callable[[NDArray[Any]], NDArray[Any]] = lambda array: array) -> dict[str, Any]:
-        records = self.batch.records
-        return {
-            "energy_j": EnergyLedger(kept(records["ledger_j"])),
-            "score": kept(records["score"]),
-            "cost": kept(records["cost"]),
-            "position_m": kept(records["position_m"]),
-            "home": kept(records["home"]),
-            "stranded": kept(records["depleted"]),
-        } | self._masks
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_live": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._live = self._live_info()  # views of the new records
+
+    def _live_info(self) -> dict[str, Any]:
+        return info_of(self.batch.records) | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in INFO_KEYS}
+
+    def _info(self) -> dict[str, Any]:
+        return dict(self._live)
