@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import tyro
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -22,8 +23,9 @@ from homeward.agents import AGENTS, AgentError, make_policy
 from homeward.agents.evaluation import Evaluation, episode_seeds, run_episodes
 from homeward.agents.evaluation_plots import episode_png, scores_png
 from homeward.envs import IDS
-from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError
+from homeward.envs.vector import HomewardVectorEnv
 from homeward.files import write_whole
 from homeward.physics import RobotError
 
@@ -60,16 +62,16 @@ def main(args: Args) -> Evaluation:
         OSError: The output folder cannot be written to.
     """
     options = _options(args)
-    agents = _agents(args.agents)
+    env = HomewardVectorEnv(**vars(options))
+    agents = {label: make_policy(name, env, file, args.seed) for label, (name, file) in _named(args.agents).items()}
     seeds = episode_seeds(args.seed, args.episodes)
     args.out.mkdir(parents=True, exist_ok=True)
     runs = {}
     columns = (TextColumn("{task.description:<16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        for label, (name, file) in agents.items():
+        for label, policy in agents.items():
             task = bar.add_task(label, total=args.episodes)
-            make = functools.partial(make_policy, name, file=file, seed=args.seed)
-            runs[label] = run_episodes(make, options, seeds, functools.partial(bar.advance, task))
+            runs[label] = run_episodes(policy, options, seeds, functools.partial(bar.advance, task))
     evaluation = Evaluation(args.env, options, args.seed, seeds, runs)
     summary = evaluation.summary()
     files: dict[str, str | bytes] = {
@@ -92,18 +94,16 @@ def _options(args: Args) -> Options:
         raise OptionError(
             f"--episodes {args.episodes} --seed {args.seed}: give at least 1 episode and a seed of 0 or more"
         )
-    options = Options(
+    return Options(
         missions[args.env],
         robot=args.robot,
         route=args.route,
         difficulty=args.difficulty,
         action_type=args.action_type,
     )
-    settle(options)  # a robot or route that cannot be used is found before anything runs
-    return options
 
 
-def _agents(given: tuple[str, ...]) -> dict[str, tuple[str, str | None]]:
+def _named(given: tuple[str, ...]) -> dict[str, tuple[str, str | None]]:
     """Name and file of each agent under its label: the name, or all that was given where a name comes twice."""
     if not given:
         raise AgentError(f"no agent given; choose from {', '.join(AGENTS)}")
@@ -122,27 +122,26 @@ def _agents(given: tuple[str, ...]) -> dict[str, tuple[str, str | None]]:
 
 def _print(summary: Mapping[str, Any], out: Path) -> None:
     first = next(iter(summary["agents"]))
+    chosen = summary["options"]
     table = Table(
-        title=f"{summary['env']}, {summary['episodes']} episodes, seed {summary['seed']}, "
-        + ", ".join(f"{name} {summary['options'][name]}" for name in ("difficulty", "robot", "route", "action_type")),
-        caption=", ".join(f"{name} {version}" for name, version in summary["versions"].items()),
+        title=f"{summary['env']}, {summary['episodes']} episodes, seed {summary['seed']}\n"
+        f"{chosen['difficulty']}, {chosen['robot']}, route {chosen['route']}, {chosen['action_type']} actions",
+        caption="below: 95 % intervals; late: out of time; us: microseconds a decision\n"
+        + ", ".join(f"{one} {which}" for one, which in summary["versions"].items()),
+        box=box.SIMPLE_HEAD,
     )
-    table.add_column("agent")
-    for heading in ("score", "95 %", "IQM", f"minus {first}, 95 %", "stranded", "95 %", "out of\ntime",
-                    "energy left\nat home, J", "us per\ndecision"):  # fmt: skip
-        table.add_column(heading, justify="right")
+    table.add_column("agent", no_wrap=True)
+    for heading in ("score", "IQM", f"minus {first}", "stranded", "late", "us"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for name, one in summary["agents"].items():
         difference = summary["paired"].get(f"{name} - {first}")
         table.add_row(
             name,
-            f"{one['score_mean']:.4g}",
-            _interval(one["score_ci95"]),
+            _with_interval(f"{one['score_mean']:.4g}", one["score_ci95"], ".4g"),
             f"{one['score_iqm']:.4g}",
-            f"{difference['mean']:+.4g} {_interval(difference['ci95'])}" if difference else "",
-            f"{one['stranded_rate']:.1%}",
-            _interval([100.0 * end for end in one["stranded_ci95"]], ".1f"),
+            _with_interval(f"{difference['mean']:+.3g}", difference["ci95"], "+.3g") if difference else "",
+            _with_interval(f"{one['stranded_rate']:.1%}", one["stranded_ci95"], ".1%"),
             str(one["timed_out"]),
-            "" if one["energy_left_home_j"] is None else f"{one['energy_left_home_j']:.0f}",
             f"{one['decision_us']:.2g}",
         )
     console = Console()
@@ -151,8 +150,8 @@ def _print(summary: Mapping[str, Any], out: Path) -> None:
     console.print(f"Written to {out}: {files}", markup=False, highlight=False)
 
 
-def _interval(ends: list[float] | None, form: str = ".4g") -> str:
-    return "" if ends is None else f"[{ends[0]:{form}}, {ends[1]:{form}}]"
+def _with_interval(value: str, ends: list[float] | None, form: str) -> str:
+    return value if ends is None else f"{value}\n[dim]{ends[0]:{form}} {ends[1]:{form}}[/dim]"
 
 
 def run() -> int:

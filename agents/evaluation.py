@@ -91,7 +91,7 @@ def episode_seeds(seed: int, count: int) -> list[int]:
 
 
 def run_episodes(
-    make: Callable[[HomewardVectorEnv], Policy],
+    policy: Policy,
     options: Options,
     seeds: Sequence[int],
     advance: Callable[[int], None] = lambda episodes: None,
@@ -99,18 +99,16 @@ def run_episodes(
     """Run one agent, a batch of missions side by side.
 
     Args:
-        make: Makes the agent for an environment.
+        policy: The agent, made for such an environment.
         options: Keyword arguments of the environment.
         seeds: Seed of each episode.
         advance: Called with the number of episodes that just ended.
     """
-    policy: Policy | None = None
     parts: list[Episodes] = []
     times_us: list[float] = []
     for start in range(0, len(seeds), _SIDE_BY_SIDE):
         part = seeds[start : start + _SIDE_BY_SIDE]
         env = HomewardVectorEnv(len(part), autoreset_mode="Disabled", **vars(options))
-        policy = policy or make(env)
         episodes, part_us, states = _run_batch(policy, env, part, advance)
         parts.append(episodes)
         times_us += part_us

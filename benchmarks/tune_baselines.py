@@ -24,8 +24,7 @@ from homeward.agents.dmax_mapped import MappedDmaxRule
 from homeward.agents.evaluation import run_episodes
 from homeward.agents.pace import NO_SENSING, Pace
 from homeward.agents.soc50 import StateOfChargeRule
-from homeward.envs.options import Options
-from homeward.envs.vector import HomewardVectorEnv
+from homeward.envs.options import Options, settle
 
 EPISODES = 1024
 ROUNDS = 2
@@ -50,11 +49,9 @@ Tables = dict[str, dict[float, tuple[float, float]]]
 
 def trial(mission: str, rule: str, pace: Pace, reserve: float) -> tuple[float, float]:
     """Mean score and stranding rate of a rule."""
-
-    def make(env: HomewardVectorEnv) -> Policy:
-        return RULES[rule][0](env.batch.setting, pace, reserve)
-
-    episodes = run_episodes(make, Options(mission, difficulty="uncertain"), range(EPISODES)).episodes
+    options = Options(mission, difficulty="uncertain")
+    policy = RULES[rule][0](settle(options), pace, reserve)
+    episodes = run_episodes(policy, options, range(EPISODES)).episodes
     return float(episodes.score.mean()), float(episodes.stranded.mean())
 
 
