@@ -1,0 +1,232 @@
+"""What Gymnasium and stable-baselines3 ask of an environment, and that it travels between processes."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.wrappers import RecordEpisodeStatistics, TimeLimit
+from gymnasium.wrappers.vector import RecordEpisodeStatistics as RecordVectorEpisodeStatistics
+
+from homeward.envs import IDS
+from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.options import ACTION_TYPES, SHAPINGS
+from homeward.envs.scalar import HomewardEnv
+from homeward.envs.state import GO, RETURN, STOP
+from homeward.envs.vector import HomewardVectorEnv
+from tests.envs.rollouts import MISSIONS, SHORT_S, make, random_actions
+
+COMBINATIONS = list(itertools.product(MISSIONS, DIFFICULTIES, ACTION_TYPES, SHAPINGS))
+
+
+def made(mission: str, difficulty: str, action_type: str, shaping: str, **options: Any) -> gym.Env[Any, Any]:
+    return gym.make(IDS[mission], difficulty=difficulty, action_type=action_type, shaping=shaping, **options)
+
+
+@pytest.mark.parametrize("combination", COMBINATIONS, ids="-".join)
+def test_gymnasium_finds_nothing_to_say(combination: tuple[str, str, str, str]) -> None:
+    check_env(made(*combination).unwrapped)
+
+
+@pytest.mark.parametrize("combination", COMBINATIONS, ids="-".join)
+def test_stable_baselines3_finds_nothing_to_say(combination: tuple[str, str, str, str]) -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(made(*combination).unwrapped)
+
+
+def test_ids_hold_their_mission() -> None:
+    for mission, env_id in IDS.items():
+        env = gym.make(env_id).unwrapped
+        assert isinstance(env, HomewardEnv)
+        assert env.options.mission == mission and gym.spec(env_id).id == f"homeward/{mission}-v0"
+
+
+def test_an_id_imports_the_package_by_itself(root: Path) -> None:
+    program = (
+        "import sys, gymnasium\n"
+        "assert 'homeward' not in sys.modules\n"
+        "env = gymnasium.make('homeward:homeward/Survey-v0', difficulty='harsh')\n"
+        "observation, info = env.reset(seed=0)\n"
+        "print(observation.shape, env.step(env.action_space.sample())[1] != 0.0)\n"
+        "envs = gymnasium.make_vec('homeward:homeward/Patrol-v0', 3, vectorization_mode='vector_entry_point')\n"
+        "print(envs.reset(seed=0)[0].shape, type(envs).__name__)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program], cwd=root, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["(25,) True", "(3, 25) HomewardVectorEnv"]
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_the_native_vector_env_is_made_by_its_id(mode: AutoresetMode) -> None:
+    for autoreset_mode in (mode, mode.value):
+        envs = gym.make_vec(
+            IDS["Patrol"], 4, vectorization_mode="vector_entry_point", autoreset_mode=autoreset_mode, difficulty="harsh"
+        )
+        assert isinstance(envs, HomewardVectorEnv)
+        assert envs.metadata["autoreset_mode"] is mode
+        assert (envs.num_envs, envs.options.mission, envs.options.difficulty) == (4, "Patrol", "harsh")
+        observations, _ = envs.reset(seed=1)
+        assert observations in envs.observation_space
+        envs.step(envs.action_space.sample())
+
+
+@pytest.mark.parametrize("vectorization", ["sync", "async"])
+def test_gymnasiums_own_vector_envs_carry_the_same_missions(vectorization: str) -> None:
+    """The async one starts fresh processes, as on systems without fork."""
+    options: dict[str, Any] = {"difficulty": "harsh", "decision_s": SHORT_S}
+    started = {"context": "spawn"} if vectorization == "async" else {}
+    theirs: Any = gym.make_vec(IDS["Survey"], 2, vectorization, vector_kwargs=started, **options)
+    ours = gym.make_vec(IDS["Survey"], 2, "vector_entry_point", **options)
+    try:
+        rng = np.random.default_rng(0)
+        np.testing.assert_array_equal(theirs.reset(seed=5)[0], ours.reset(seed=5)[0])
+        for _ in range(30):
+            actions = random_actions(rng, "discrete", 2)
+            expected, found = theirs.step(actions), ours.step(actions)
+            for one, other in zip(expected[:4], found[:4], strict=True):
+                np.testing.assert_array_equal(one, other)
+            for key in ("score", "cost", "position_m", "home", "stranded"):
+                np.testing.assert_array_equal(expected[4][key], found[4][key])
+            totals = [ledger.total() for ledger in expected[4]["energy_j"]]
+            assert totals == found[4]["energy_j"].total().tolist()
+    finally:
+        theirs.close()
+        ours.close()
+
+
+def travelled(env: Any, way: str) -> Any:
+    return copy.deepcopy(env) if way == "deepcopy" else pickle.loads(pickle.dumps(env))
+
+
+@pytest.mark.parametrize("way", ["pickle", "deepcopy"])
+@pytest.mark.parametrize("action_type", ACTION_TYPES)
+def test_a_copied_mission_goes_on_alike(way: str, action_type: str) -> None:
+    env = make("Survey", action_type=action_type, difficulty="harsh")
+    env.reset(seed=3)
+    rng = np.random.default_rng(1)
+    for action in random_actions(rng, action_type, 5, home=0.0):
+        env.step(action)
+    other = travelled(env, way)
+    ends = 0
+    for action in random_actions(rng, action_type, 40):
+        ours, theirs = env.step(action), other.step(action)
+        np.testing.assert_array_equal(ours[0], theirs[0])
+        assert ours[1:4] == theirs[1:4]
+        assert dict(ours[4]["energy_j"]) == dict(theirs[4]["energy_j"])
+        if ours[2] or ours[3]:
+            ends += 1
+            # No seed: each continues its own copy of the generator.
+            np.testing.assert_array_equal(env.reset()[0], other.reset()[0])
+    assert ends >= 2
+
+
+@pytest.mark.parametrize("way", ["pickle", "deepcopy"])
+def test_a_copy_has_a_life_of_its_own(way: str) -> None:
+    env = make("OutAndBack")
+    env.reset(seed=3)
+    other = travelled(env, way)
+    other.step([4, 0, GO])
+    assert env.batch.records["position_m"][0] == 0.0 < other.batch.records["position_m"][0]
+
+
+@pytest.mark.parametrize("way", ["pickle", "deepcopy"])
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_copied_vector_missions_go_on_alike(way: str, mode: AutoresetMode) -> None:
+    envs = HomewardVectorEnv(5, mission="Patrol", autoreset_mode=mode, decision_s=SHORT_S)
+    envs.reset(seed=3)
+    rng = np.random.default_rng(2)
+    for _ in range(12):
+        envs.step(random_actions(rng, "discrete", 5))
+    others = travelled(envs, way)
+    for _ in range(40):
+        actions = random_actions(rng, "discrete", 5)
+        for ours, theirs in zip(envs.step(actions)[:4], others.step(actions)[:4], strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_a_copy_that_has_not_begun_can_begin() -> None:
+    for way in ("pickle", "deepcopy"):
+        env, envs = travelled(make("Survey"), way), travelled(HomewardVectorEnv(2, decision_s=SHORT_S), way)
+        np.testing.assert_array_equal(env.reset(seed=4)[0], envs.reset(seed=4)[0][0])
+
+
+def test_episode_statistics_of_a_mission() -> None:
+    env = RecordEpisodeStatistics(made("OutAndBack", "known", "discrete", "none", decision_s=SHORT_S))
+    env.reset(seed=0)
+    rewards = []
+    for action in ([4, 0, GO], [4, 0, GO], [4, 0, RETURN], [4, 0, GO], [4, 0, GO], [4, 0, GO]):
+        _, reward, terminated, _, info = env.step(action)
+        rewards.append(float(reward))
+        if terminated:
+            break
+    assert info["home"] and info["episode"]["l"] == len(rewards)
+    assert info["episode"]["r"] == pytest.approx(sum(rewards)) and sum(rewards) > 0.0
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_episode_statistics_of_many_missions(mode: AutoresetMode) -> None:
+    envs: VectorEnv[Any, Any, Any] = RecordVectorEpisodeStatistics(
+        HomewardVectorEnv(3, mission="OutAndBack", autoreset_mode=mode, decision_s=SHORT_S)
+    )
+    envs.reset(seed=0)
+    returns, lengths = np.zeros(3), np.zeros(3, int)
+    over, rng, ends = np.zeros(3, bool), np.random.default_rng(0), 0
+    for _ in range(40):
+        _, rewards, terminated, truncated, info = envs.step(random_actions(rng, "discrete", 3))
+        counted = ~over if mode is AutoresetMode.NEXT_STEP else np.ones(3, bool)
+        returns[over], lengths[over] = 0.0, 0
+        returns += rewards * counted
+        lengths += counted
+        over = terminated | truncated
+        if over.any():
+            ends += int(over.sum())
+            np.testing.assert_allclose(info["episode"]["r"][over], returns[over], rtol=1e-5)
+            np.testing.assert_array_equal(info["episode"]["l"][over], lengths[over])
+            if mode is AutoresetMode.DISABLED:
+                envs.reset(options={"reset_mask": over})
+    assert ends > 3
+
+
+def test_a_time_limit_truncates() -> None:
+    env = TimeLimit(gym.make(IDS["Survey"]).unwrapped, 3)
+    env.reset(seed=0)
+    assert [env.step([0, 0, STOP])[2:4] for _ in range(3)] == [(False, False), (False, False), (False, True)]
+
+
+def test_what_is_returned_is_kept() -> None:
+    """Observations of both forms and the scalar form's info do not change under the feet of who keeps them."""
+    env, envs = make("Survey"), HomewardVectorEnv(1, decision_s=SHORT_S)
+    env.reset(seed=0)
+    envs.reset(seed=0)
+    action = np.array([4, 2, GO])
+    kept, vector_kept = env.step(action), envs.step(action[None])
+    observation, spent_j, results = kept[0].copy(), dict(kept[4]["energy_j"]), copy.deepcopy(vector_kept[:4])
+    env.step(action)
+    envs.step(action[None])
+    np.testing.assert_array_equal(kept[0], observation)
+    for one, other in zip(vector_kept[:4], results, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert dict(kept[4]["energy_j"]) == spent_j
+
+
+def test_rendering_says_where_the_robot_is() -> None:
+    env = HomewardEnv(mission="OutAndBack", difficulty="known", render_mode="ansi", decision_s=SHORT_S)
+    env.reset(seed=0)
+    env.step([4, 0, GO])
+    first = env.render()
+    assert first is not None and first.startswith("out: 300 m from home after 300 s, ")
+    env.step([4, 0, RETURN])
+    assert str(env.render()).startswith("home: 0 m from home")
+    assert HomewardEnv().render() is None
