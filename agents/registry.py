@@ -51,10 +51,10 @@ def _tuned(name: str, rule: Callable[..., Policy]) -> Callable[[Request], Policy
 
 
 def _ppo(request: Request) -> Policy:
-    from homeward.agents.policy_file import PolicyFileError, load_policy
-
     if request.file is None:
         raise AgentError("ppo is loaded from a file: give ppo=FOLDER, the folder that train.py wrote")
+    from homeward.agents.policy_file import PolicyFileError, load_policy
+
     try:
         policy = load_policy(request.file)
         policy.check_spaces(observation_space(), action_space(request.options))
