@@ -12,23 +12,6 @@ from homeward.physics.jit import announce_first_compilation, compiled
 from homeward.physics.kernel import CAUSES, Conditions, advance, full_charge
 from homeward.physics.robot import Robot
 
-_CHANNELS = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            "speed_mps",
-            "sensing_hz",
-            "accel_mps2",
-            "grade_rad",
-            "yaw_rate_radps",
-            "roughness",
-            "headwind_mps",
-            "temperature_c",
-            "base_distance_m",
-        )
-    ]
-)
-
 
 @dataclass(frozen=True)
 class Replay:
@@ -81,54 +64,61 @@ def replay(
     if time_s.ndim != 1 or len(time_s) < 2 or not np.isfinite(time_s).all() or not (np.diff(time_s) > 0.0).all():
         raise ValueError("time_s must hold at least two increasing times in seconds")
     announce_first_compilation()
-    samples = np.empty(len(time_s), _CHANNELS)
-    for name, values in (
-        ("speed_mps", speed_mps),
-        ("grade_rad", grade_rad),
-        ("yaw_rate_radps", yaw_rate_radps),
-        ("accel_mps2", accel_mps2),
-        ("headwind_mps", headwind_mps),
-        ("roughness", roughness),
-        ("temperature_c", temperature_c),
-        ("sensing_hz", sensing_hz),
-        ("base_distance_m", base_distance_m),
+    grade_rad = _channel("grade_rad", grade_rad, time_s)
+    samples = np.empty((len(Conditions._fields), len(time_s)))
+    for row, values in zip(
+        samples,
+        Conditions(
+            speed_mps=_channel("speed_mps", speed_mps, time_s),
+            sensing_hz=_channel("sensing_hz", sensing_hz, time_s),
+            accel_mps2=_channel("accel_mps2", accel_mps2, time_s),
+            sin_grade=np.sin(grade_rad),
+            cos_grade=np.cos(grade_rad),
+            yaw_rate_radps=_channel("yaw_rate_radps", yaw_rate_radps, time_s),
+            roughness=_channel("roughness", roughness, time_s),
+            headwind_mps=_channel("headwind_mps", headwind_mps, time_s),
+            temperature_c=_channel("temperature_c", temperature_c, time_s),
+            base_distance_m=_channel("base_distance_m", base_distance_m, time_s),
+            direction=1.0,
+        ),
+        strict=True,
     ):
-        channel = np.asarray(values, dtype=np.float64)
-        if channel.shape not in ((), time_s.shape):
-            raise ValueError(
-                f"{name} has shape {channel.shape}; allowed: one number or shape {time_s.shape}, as time_s"
-            )
-        if not np.isfinite(channel).all():
-            first = int(np.flatnonzero(~np.isfinite(channel))[0])
-            raise ValueError(
-                f"{name} = {channel.flat[first]} at sample {first} is not finite; fill or cut the gap first"
-            )
-        samples[name] = channel
+        row[:] = values
     output = np.empty((3, len(time_s)))
     state = full_charge(robot, np.inf)
-    state["speed_mps"] = abs(samples["speed_mps"][0])  # what moves when the recording starts did not start then
+    state["speed_mps"] = abs(samples[0, 0])  # what moves when the recording starts did not start then
     _replay(robot.record(), state, time_s, samples, output)
     power_w, drive_w, traction_n = output
     return Replay(power_w, drive_w, traction_n, dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True)))
 
 
+def _channel(name: str, values: Any, time_s: NDArray[np.float64]) -> Any:
+    channel = np.asarray(values, dtype=np.float64)
+    if channel.shape not in ((), time_s.shape):
+        raise ValueError(f"{name} has shape {channel.shape}; allowed: one number or shape {time_s.shape}, as time_s")
+    if not np.isfinite(channel).all():
+        first = int(np.flatnonzero(~np.isfinite(channel))[0])
+        raise ValueError(f"{name} = {channel.flat[first]} at sample {first} is not finite; fill or cut the gap first")
+    return channel
+
+
 @compiled
 def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any) -> None:
     p, s = robots[0], states[0]
+    speed, sensing, accel, sine, cosine, yaw_rate, roughness, headwind, temperature, distance, direction = samples
     for i in range(len(time_s)):
-        c = samples[i]
-        forward = 1.0 if c.speed_mps >= 0.0 else -1.0
+        forward = direction[i] if speed[i] >= 0.0 else -direction[i]
         x = Conditions(
-            abs(c.speed_mps),
-            c.sensing_hz,
-            forward * c.accel_mps2,
-            forward * np.sin(c.grade_rad),
-            np.cos(c.grade_rad),
-            c.yaw_rate_radps,
-            c.roughness,
-            c.headwind_mps,
-            c.temperature_c,
-            c.base_distance_m,
+            abs(speed[i]),
+            sensing[i],
+            forward * accel[i],
+            forward * sine[i],
+            cosine[i],
+            yaw_rate[i],
+            roughness[i],
+            headwind[i],
+            temperature[i],
+            distance[i],
             forward,
         )
         dt_s = time_s[i + 1] - time_s[i] if i + 1 < len(time_s) else time_s[i] - time_s[i - 1]
