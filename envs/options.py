@@ -56,7 +56,7 @@ class Options:
     difficulty: str = "uncertain"
     action_type: str = "discrete"
     shaping: str = "dmax"
-    discount: float = 0.997
+    discount: float = 0.999
     decision_s: float | None = None
 
     def __post_init__(self) -> None:
@@ -120,6 +120,8 @@ def settle(options: Options) -> Setting:
     mission = MISSIONS[options.mission]
     cruise = float(optimal_speed(robot))
     range_m = float(d_max(robot))
+    if not np.isfinite(range_m):
+        raise OptionError(f"robot {robot.name!r} never runs empty on the flat; check what its effects give back")
     lasts_s = range_m / cruise
     decision_s = options.decision_s or float(f"{lasts_s / _DECISIONS:.1g}")
     generated = isinstance(options.route, str) and options.route in (GENERATED, HIDDEN_WIND)

@@ -1,0 +1,240 @@
+"""Print the project's speed beside its peers', measured pair by pair in one run.
+
+    python benchmarks/speed.py
+
+Ratios are medians over pairs: the peer and ours in turn, so that a drift of the machine meets both. Robots with effects
+have each of them just above zero: what is timed is the work, not what it does to the mission.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+import homeward
+from homeward.envs import IDS
+from homeward.physics import EFFECTS, Robot, load_robot, replay
+
+SIZES = (4096, 256, 16)
+TARGETS = {"no effects": (1.5, 4.0, 5.0), "3 effects": (1.3, 3.0, 4.0), "all effects": (0.6, 2.0, 3.0)}
+THREE = ("turning", "wind", "internal_resistance")
+PAIRS = 9
+PPO_STEPS = 60_000
+
+
+@dataclass
+class Args:
+    """Speed of the environments, the learner, the replay and the import."""
+
+    skip_ppo: bool = False
+    """Leave out the learner, which needs torch and a minute."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: what was measured, in whose units, and what is asked for."""
+
+    measure: str
+    ours: str
+    peer: str
+    ratio: float | None
+    target: str
+
+
+def main(args: Args) -> None:
+    """Measure everything and print the table."""
+    tasks: list[Callable[[], Row]] = [
+        lambda name=name, place=place: vector_step(name, place)  # type: ignore[misc]
+        for name in TARGETS
+        for place in range(len(SIZES))
+    ]
+    tasks += [scalar_step, replay_rate, import_time, first_use]
+    if not args.skip_ppo:
+        tasks.append(ppo_rate)
+    console = Console()
+    rows = [task() for task in track(tasks, "measuring", console=Console(stderr=True))]
+    table = Table(title=f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores")
+    for column in ("measure", "ours", "peer", "ratio", "asked for"):
+        table.add_column(column, justify="left" if column == "measure" else "right")
+    for row in rows:
+        ratio = "" if row.ratio is None else f"{row.ratio:.2f} x"
+        table.add_row(row.measure, row.ours, row.peer, ratio, row.target)
+    console.print(table)
+    console.print(
+        "Survey, difficulty known, automatic resets included. Actions are drawn beforehand: any speed and sensing rate, "
+        "9 % stops, 1 % returns. CartPole gets a fixed random action, as its own step costs the same with any."
+    )
+
+
+def robot_with(effects: str) -> Robot:
+    """The default robot with some effects just above zero."""
+    ids = {"no effects": (), "3 effects": THREE, "all effects": tuple(effect.id for effect in EFFECTS)}[effects]
+    switches = {effect.id: {effect.switch.name: 1e-3} for effect in EFFECTS if effect.id in ids}
+    return dataclasses.replace(load_robot("rusti_computer"), track_m=0.15, effects=switches)
+
+
+def some_actions(count: int, rounds: int = 100) -> list[NDArray[np.int64]]:
+    """Actions of some rounds, each of shape (count, 3)."""
+    rng = np.random.default_rng(0)
+    chance = rng.random((rounds, count))
+    modes = np.where(chance < 0.01, 2, np.where(chance < 0.1, 0, 1))
+    levels = rng.integers(0, 5, (2, rounds, count))
+    return list(np.ascontiguousarray(np.stack((*levels, modes), axis=-1)))
+
+
+def paired(peer: Callable[[], Any], ours: Callable[[], Any]) -> tuple[float, float, float]:
+    """Median seconds of the peer, of ours, and of their ratio."""
+    peer(), ours()
+    seconds = [(_seconds(peer), _seconds(ours)) for _ in range(PAIRS)]
+    ratio = statistics.median(a / b for a, b in seconds)
+    return statistics.median(a for a, _ in seconds), statistics.median(b for _, b in seconds), ratio
+
+
+def _seconds(work: Callable[[], Any]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def vector_step(effects: str, place: int) -> Row:
+    """Environment steps per second of the native vector env against CartPole's."""
+    count, rounds = SIZES[place], max(100, 100_000 // SIZES[place])
+    entry: Any = gym.VectorizeMode.VECTOR_ENTRY_POINT
+    cartpole = gym.make_vec("CartPole-v1", num_envs=count, vectorization_mode=entry)
+    survey = gym.make_vec(
+        IDS["Survey"], num_envs=count, vectorization_mode=entry, difficulty="known", robot=robot_with(effects)
+    )
+    cartpole.reset(seed=0)
+    survey.reset(seed=0)
+    push, actions = np.random.default_rng(0).integers(0, 2, count), some_actions(count)
+
+    def step_cartpole() -> None:
+        for _ in range(rounds):
+            cartpole.step(push)
+
+    def step_survey() -> None:
+        for round_ in range(rounds):
+            survey.step(actions[round_ % len(actions)])
+
+    peer_s, ours_s, ratio = paired(step_cartpole, step_survey)
+    steps = rounds * count / 1e6
+    return Row(
+        f"vector step, {effects}, {count} envs", f"{steps / ours_s:.1f} M/s", f"CartPole {steps / peer_s:.1f} M/s",
+        ratio, f"{TARGETS[effects][place]:g} x",
+    )  # fmt: skip
+
+
+def scalar_step() -> Row:
+    """Microseconds of a scalar step against CartPole's, both unwrapped."""
+    rounds = 20_000
+    cartpole, survey = gym.make("CartPole-v1").unwrapped, gym.make(IDS["Survey"], difficulty="known").unwrapped
+    cartpole.reset(seed=0)
+    survey.reset(seed=0)
+    actions = [action for (action,) in some_actions(1)]
+
+    def step(env: gym.Env[Any, Any], choices: list[Any]) -> None:
+        for round_ in range(rounds):
+            _, _, terminated, truncated, _ = env.step(choices[round_ % len(choices)])
+            if terminated or truncated:
+                env.reset()
+
+    peer_s, ours_s, ratio = paired(lambda: step(cartpole, [0, 1]), lambda: step(survey, actions))
+    per_step = 1e6 / rounds
+    return Row("scalar step", f"{ours_s * per_step:.1f} us", f"CartPole {peer_s * per_step:.1f} us", ratio, "1 x")
+
+
+def replay_rate() -> Row:
+    """Samples of a recording per second, through the whole public function."""
+    samples = 1_000_000
+    time_s = 0.1 * np.arange(samples)
+    speed_mps = 0.5 + 0.5 * np.sin(time_s)
+    grade_rad = 0.05 * np.sin(time_s / 30.0)
+    robot = load_robot("husky")
+    replay(robot, time_s, speed_mps, grade_rad=grade_rad)
+    seconds = statistics.median(
+        _seconds(lambda: replay(robot, time_s, speed_mps, grade_rad=grade_rad)) for _ in range(PAIRS)
+    )
+    return Row("replay of a recording", f"{samples / seconds / 1e6:.1f} M samples/s", "", None, "5 M samples/s")
+
+
+def import_time() -> Row:
+    """Seconds of `import homeward` beyond NumPy and Gymnasium, in fresh processes, and whether it compiles."""
+    code = (
+        "import time, numpy, gymnasium; start = time.perf_counter(); import homeward; "
+        "print(time.perf_counter() - start)"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        seconds = statistics.median(float(_python(code, folder)) for _ in range(5))
+        compiled = sum(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
+    return Row("import homeward", f"{seconds:.2f} s", f"{compiled} kernels compiled", None, "0.5 s, 0 kernels")
+
+
+def first_use() -> Row:
+    """Seconds to the first step of a scalar env in a new process: compiling, and from the cache."""
+    code = (
+        "import time, gymnasium, homeward; start = time.perf_counter(); env = gymnasium.make('homeward/Survey-v0'); "
+        "env.reset(seed=0); env.step([4, 2, 1]); print(time.perf_counter() - start)"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        cold_s, warm_s = float(_python(code, folder)), float(_python(code, folder))
+    return Row("first use of an env", f"cold {cold_s:.1f} s", f"from the cache {warm_s:.2f} s", None, "")
+
+
+def _python(code: str, cache: str) -> str:
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"HOMEWARD_CACHE": cache},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return result.stdout
+
+
+def ppo_rate() -> Row:
+    """Environment steps per second of `train.py`'s learner against stable-baselines3's PPO on CartPole with 8 envs."""
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_util import make_vec_env
+
+    from homeward.agents.ppo import make_model, one_thread
+    from homeward.agents.ppo_settings import PPOSettings
+    from homeward.envs.options import Options
+
+    ours = make_model(Options("Survey"), PPOSettings(), seed=0)
+    peer = PPO("MlpPolicy", make_vec_env("CartPole-v1", n_envs=8, seed=0), seed=0, device="cpu")
+
+    def learn_ours() -> None:
+        with one_thread():
+            ours.learn(PPO_STEPS)
+
+    learn_ours()
+    ours_rate, peer_rate, ratios = [], [], []
+    for _ in range(3):
+        ours_rate.append(PPO_STEPS / _seconds(learn_ours))
+        peer_rate.append(PPO_STEPS / 3 / _seconds(lambda: peer.learn(PPO_STEPS // 3)))
+        ratios.append(ours_rate[-1] / peer_rate[-1])
+    return Row(
+        "PPO", f"{statistics.median(ours_rate):,.0f} steps/s", f"SB3 CartPole {statistics.median(peer_rate):,.0f} steps/s",
+        statistics.median(ratios), "3 x",
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    import tyro
+
+    main(tyro.cli(Args))
