@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from homeward.diagnosis.refit import Estimate, with_ancillary
+from homeward.diagnosis.replay import thrust_n_per_a
 from homeward.diagnosis.result import Verdict
 from homeward.diagnosis.signals import Unit
 from homeward.physics import Robot, d_max
@@ -22,7 +23,7 @@ def correct(robot: Robot, estimates: Sequence[Estimate], unit: Unit, verdict: Ve
     if verdict not in ("parameters_off", "unknown_physics", "missing_physics"):
         return robot
     fitted = {one.group.name: one.fitted for one in estimates if one.fitted is not None}
-    per = robot.traction_efficiency * (1.0 if unit == "W" else robot.traction_n_per_a)
+    per = robot.traction_efficiency if unit == "W" else thrust_n_per_a(robot)
     if unit == "W" and fitted.keys() & {"idle_power", "sample_energy"}:
         idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w
         sample = robot.sensing_j_per_sample + robot.computer_j_per_sample

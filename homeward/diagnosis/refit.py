@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
-from homeward.diagnosis.replay import Runs, predict
+from homeward.diagnosis.replay import Runs, predict, thrust_n_per_a
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
@@ -117,9 +117,9 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     known = runs.unit == "W" or robot.traction_n_per_a > 0.0
     if not known:  # any thrust per ampere will do: the groups do not depend on it
         robot = dataclasses.replace(
-            robot, traction_n_per_a=robot.rolling_resistance * robot.mass_kg * 9.8 / gamma / max(most, 1e-9)
+            robot, traction_n_per_a=robot.rolling_resistance * robot.mass_kg * 9.8 / max(most, 1e-9)
         )
-    per = gamma if runs.unit == "W" else gamma * robot.traction_n_per_a
+    per = gamma if runs.unit == "W" else thrust_n_per_a(robot)
     idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w if runs.unit == "W" else 0.0
     sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
     fastest_hz = max(float(np.max(runs.context.get("sensing_hz", np.zeros(1)), initial=0.0)), robot.max_sensing_hz)
@@ -148,9 +148,9 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
         return Parameters(robot, groups, start, low, high, scale, np.array([1.0, 1.0, drive, drive, drive]), known)
     groups = (
         Group("rest_current", "current at rest", "A", False),
-        Group("rolling", "C_rr m / (Gamma k)", "kg A/N", True),
-        Group("drag", "c / (Gamma k)", "A s^2/m^2", True),
-        Group("mass", "m / (Gamma k)", "kg A/N", True),
+        Group("rolling", "C_rr m / ((1 - eta3) k)", "kg A/N", True),
+        Group("drag", "c / ((1 - eta3) k)", "A s^2/m^2", True),
+        Group("mass", "m / ((1 - eta3) k)", "kg A/N", True),
     )
     return Parameters(robot, groups, start, low, high, scale, np.array([1.0, drive, drive, drive]), known)
 

@@ -72,11 +72,19 @@ def average(signals: Sequence[Signals]) -> Runs:
     )
 
 
+def thrust_n_per_a(robot: Robot) -> float:
+    """Thrust at the wheels per ampere of motor current, N/A: what gear friction leaves of it.
+
+    The motor loss eta2 is electrical: it takes voltage and no torque.
+    """
+    return robot.traction_n_per_a * (1.0 - robot.friction_loss)
+
+
 def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
-    Motor current is thrust over `traction_n_per_a` and Gamma, plus what the motors draw at rest; a descent that the
-    robot rolls down draws none, as in the power of the drive.
+    Motor current is the force at the wheels over the thrust per ampere, plus what the motors draw at rest; a descent
+    that the robot rolls down draws none, as in the power of the drive.
     """
     means = []
     for run, cut in zip(runs.signals, runs.windows, strict=True):
@@ -88,8 +96,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0) -> Array:
         if runs.unit == "W":
             predicted = model.power_w
         else:
-            thrust_n_per_a = robot.traction_n_per_a * robot.traction_efficiency
             rolling = np.minimum(np.abs(run.speed_mps) / _SLOW_MPS, 1.0)
-            predicted = rest_current_a + rolling * np.maximum(model.traction_n, 0.0) / thrust_n_per_a
+            predicted = rest_current_a + rolling * np.maximum(model.traction_n, 0.0) / thrust_n_per_a(robot)
         means.append(cut.means(predicted))
     return np.concatenate(means)
