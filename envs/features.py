@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from homeward.envs.difficulty import KNOWN
-from homeward.envs.missions import link
+from homeward.envs.missions import fading
 from homeward.physics.jit import inline
 
 FEATURES: tuple[tuple[str, str, str], ...] = (
@@ -97,7 +97,7 @@ def observe(m: Any, place: Any, shared: Any, energy_j: float, cost_j: float, out
     out.interest_far = min(0.5 * place.interest_far, LIMIT)
     out.sampled = place.samples_per_m / (place.samples_per_m + shared.saturation_per_m)
     out.backlog = m.backlog * shared.per_backlog
-    out.link = link(m.position_m, shared.per_link_m)
+    out.link = 1.0 / fading(m.position_m, shared.per_link_m)
     out.headwind = 0.0
     if shared.difficulty == KNOWN:
         out.headwind = min(max(0.1 * m.direction * place.headwind_mps, -LIMIT), LIMIT)

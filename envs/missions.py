@@ -24,10 +24,10 @@ def information_gain(interest: float, before_per_m: float, after_per_m: float, h
 
 
 @inline
-def link(distance_m: float, per_half_m: float) -> float:
-    """Share of its rate that the radio keeps at a distance from base: free-space falling, 1 / (1 + (r / r_half)^2)."""
+def fading(distance_m: float, per_half_m: float) -> Any:
+    """By how much the radio is slower at a distance from base: 1 + (r / r_half)^2, as power falls in free space."""
     ratio = distance_m * per_half_m
-    return 1.0 / (1.0 + ratio * ratio)
+    return 1.0 + ratio * ratio
 
 
 @inline
@@ -51,9 +51,8 @@ def sense(m: Any, place: Any, shared: Any, sensing_hz: float, passed_s: float) -
 @inline
 def transmit(m: Any, shared: Any, moving: bool, passed_s: float) -> None:
     """Send samples home for a while: slower far from base and while driving."""
-    share_s = passed_s * (DRIVING_LINK if moving else 1.0)
-    samples = shared.radio_hz * link(m.position_m, shared.per_link_m) * share_s
-    share = min(samples / max(m.backlog, _ANY), 1.0)
+    near_base = shared.radio_hz * passed_s * (DRIVING_LINK if moving else 1.0)
+    share = min(near_base / (fading(m.position_m, shared.per_link_m) * max(m.backlog, _ANY)), 1.0)
     sent = share * m.backlog_information
     m.delivered += sent
     m.backlog_information -= sent
