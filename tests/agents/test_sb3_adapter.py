@@ -1,0 +1,112 @@
+"""The adapter equals Stable-Baselines3's own wrappers around as many scalar environments."""
+
+import copy
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+import homeward  # noqa: F401 - registers the environments
+from homeward.agents.sb3_adapter import SB3Adapter
+from homeward.envs.vector import HomewardVectorEnv
+
+COUNT = 6
+DECISION_S = 300.0  # short missions: some forty decisions until the time is over
+
+
+def native(**options: Any) -> SB3Adapter:
+    return SB3Adapter(HomewardVectorEnv(COUNT, autoreset_mode="SameStep", decision_s=DECISION_S, **options))
+
+
+def scalars(**options: Any) -> DummyVecEnv:
+    make = partial(gym.make, "homeward/Survey-v0", decision_s=DECISION_S, disable_env_checker=True, **options)
+    return DummyVecEnv([lambda: Monitor(make()) for _ in range(COUNT)])
+
+
+def draw_actions(rng: np.random.Generator, action_type: str) -> NDArray[Any]:
+    """The first mission stands until its time is over, the others go and now and then turn back."""
+    if action_type == "continuous":
+        actions = rng.uniform(-0.3, 0.3, (COUNT, 3)).astype(np.float32)
+        actions[rng.random(COUNT) < 0.05, 2] = 1.0
+        actions[0] = -1.0
+        return actions
+    actions = np.stack([rng.integers(0, 5, COUNT), rng.integers(0, 5, COUNT), 1 + (rng.random(COUNT) < 0.05)], axis=1)
+    actions[0] = 0
+    return actions
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+@pytest.mark.parametrize("difficulty", ["known", "harsh"])
+def test_steps_equal_those_of_wrapped_scalar_environments(action_type: str, difficulty: str) -> None:
+    ours, theirs = (make(action_type=action_type, difficulty=difficulty) for make in (native, scalars))
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    ours.seed(3)
+    theirs.seed(3)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    rng = np.random.default_rng(0)
+    ways_to_end = set()
+    for _ in range(150):
+        actions = draw_actions(rng, action_type)
+        ours_now, theirs_now = ours.step(actions), theirs.step(actions)
+        for one, other in zip(ours_now[:3], theirs_now[:3], strict=True):
+            assert isinstance(one, np.ndarray) and isinstance(other, np.ndarray)
+            assert one.dtype == other.dtype
+            np.testing.assert_array_equal(one, other)
+        for done, info, expected in zip(ours_now[2], ours_now[3], theirs_now[3], strict=True):
+            if not done:
+                assert info == {}
+                continue
+            same_info(info, expected)
+            ways_to_end.add((info["home"], info["stranded"], info["TimeLimit.truncated"]))
+    assert ways_to_end == {(True, False, False), (False, True, False), (False, False, True)}
+
+
+def same_info(info: dict[str, Any], expected: dict[str, Any]) -> None:
+    assert set(info) == {*expected, "is_success"}
+    assert info["is_success"] == expected["home"]
+    np.testing.assert_array_equal(info["terminal_observation"], expected["terminal_observation"])
+    assert info["energy_j"] == dict(expected["energy_j"])
+    for name in ("score", "cost", "position_m", "home", "stranded", "TimeLimit.truncated"):
+        assert info[name] == expected[name]
+        assert type(info[name]) is type(expected[name])
+    assert info["episode"]["r"] == pytest.approx(expected["episode"]["r"], abs=1e-6)
+    assert info["episode"]["l"] == expected["episode"]["l"]
+
+
+def test_a_copy_goes_on_as_the_original() -> None:
+    env = native()
+    env.seed(0)
+    env.reset()
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        env.step(draw_actions(rng, "discrete"))
+    twin = copy.deepcopy(env)
+    for _ in range(60):
+        actions = draw_actions(rng, "discrete")
+        first, second = env.step(actions), twin.step(actions)
+        for one, other in zip(first[:3], second[:3], strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert [info.get("episode", {}).get("r") for info in first[3]] == [
+            info.get("episode", {}).get("r") for info in second[3]
+        ]
+
+
+def test_attributes_are_those_of_the_shared_environment() -> None:
+    env = native()
+    assert env.get_attr("num_envs", indices=[0, 2]) == [COUNT, COUNT]
+    assert env.env_is_wrapped(Monitor) == [False] * COUNT
+    with pytest.raises(NotImplementedError, match="share one environment"):
+        env.set_attr("num_envs", 1)
+    with pytest.raises(NotImplementedError, match="share one environment"):
+        env.env_method("reset")
+
+
+def test_another_way_of_resetting_is_refused() -> None:
+    with pytest.raises(ValueError, match="autoreset_mode is NextStep; make the environment with SameStep"):
+        SB3Adapter(HomewardVectorEnv(2))
