@@ -1,0 +1,169 @@
+"""The learner: proximal policy optimisation from Stable-Baselines3 on the native vector environment."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import platform
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numba
+import torch
+from gymnasium import spaces
+from rich.console import Console
+from stable_baselines3 import PPO
+from stable_baselines3.common.logger import configure
+from torch import nn
+
+import homeward
+from homeward.agents.policy_file import Layer, save_policy
+from homeward.agents.ppo_callback import TrainingCallback
+from homeward.agents.ppo_checkpoint import restore_checkpoint
+from homeward.agents.ppo_folder import TENSORBOARD
+from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.agents.sb3_adapter import SB3Adapter
+from homeward.envs.options import Options
+from homeward.envs.vector import HomewardVectorEnv
+
+_MODE_LOGITS = (-1.5, 2.0, -2.2)  # stop 3 %, go 96 %, return 1.5 %: back after about 70 decisions
+_LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so as rarely beside it
+_LAST_LEARNING_RATE = 0.01
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training run came to: decisions taken, and home rate and mean score of the last missions."""
+
+    steps: int
+    home_rate: float
+    score: float
+
+
+def train(
+    options: Options,
+    settings: PPOSettings,
+    steps: int,
+    seed: int,
+    folder: Path,
+    *,
+    details: Mapping[str, Any],
+    checkpoint_s: float,
+    restore: bool,
+    console: Console,
+) -> Trained:
+    """Train a policy and write it.
+
+    Args:
+        options: Of the environment; the shaping's discount is taken from the settings.
+        settings: Of the algorithm.
+        steps: Decisions to train on, made up to whole updates.
+        seed: Of all that is drawn: with the same seed, on the same machine, the policy is the same.
+        folder: Of the run: checkpoints, TensorBoard files and the policy.
+        details: More for the policy's description.
+        checkpoint_s: Least time between checkpoints, s.
+        restore: Whether to continue from the folder's checkpoint.
+        console: Where the progress goes.
+
+    Raises:
+        TrainingError: The checkpoint or the device cannot be used.
+        OSError: The folder cannot be written to.
+    """
+    total = math.ceil(steps / settings.rollout) * settings.rollout
+    with _one_thread():
+        model = make_model(options, settings, seed)
+        model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
+        if restore:
+            restore_checkpoint(model, folder)
+        callback = TrainingCallback(folder, total, checkpoint_s, console)
+        try:
+            model.learn(total - model.num_timesteps, callback, reset_num_timesteps=False)
+        finally:
+            callback.close()
+            model.logger.close()
+    versions = {"homeward": homeward.__version__, "python": platform.python_version()}
+    versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
+    save_policy(folder, layers_of(model), model.action_space, {**details, "steps": total, "versions": versions})
+    return Trained(total, callback.home_rate, callback.score)
+
+
+def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
+    """An untrained learner on its missions.
+
+    A robot that may turn back at every decision hardly ever gets anywhere by chance: the first policy mostly goes on.
+
+    Raises:
+        TrainingError: The device cannot be used.
+    """
+    if settings.device == "cuda" and not torch.cuda.is_available():
+        raise TrainingError("device = 'cuda' is not available here; choose cpu")
+    keywords = vars(options) | {"discount": settings.discount}
+    env = SB3Adapter(HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords))
+    with warnings.catch_warnings():
+        # The device is documented where it is chosen.
+        warnings.filterwarnings("ignore", "You are trying to run PPO on the GPU", UserWarning)
+        model = PPO(
+            "MlpPolicy",
+            env,
+            learning_rate=_Falling(settings.learning_rate),
+            n_steps=settings.n_steps,
+            batch_size=settings.batch_size,
+            n_epochs=settings.epochs,
+            gamma=settings.discount,
+            gae_lambda=settings.gae_lambda,
+            clip_range=settings.clip,
+            ent_coef=settings.entropy,
+            policy_kwargs={"net_arch": [settings.hidden, settings.hidden], "activation_fn": nn.Tanh},
+            seed=seed,
+            device=settings.device,
+        )
+    env.seed(seed * settings.n_envs)  # no two seeds share a mission
+    with torch.no_grad():
+        if isinstance(model.action_space, spaces.MultiDiscrete):
+            _head(model).bias[-3:] = torch.tensor(_MODE_LOGITS)
+        else:
+            model.policy.log_std[:] = torch.tensor(_LOG_DEVIATIONS)
+    return model
+
+
+class _Falling:
+    """A learning rate that falls linearly with the remaining share of the run."""
+
+    def __init__(self, start: float) -> None:
+        self._start = start
+
+    def __call__(self, remaining: float) -> float:
+        return self._start * max(remaining, _LAST_LEARNING_RATE)
+
+
+def layers_of(model: PPO) -> list[Layer]:
+    """Weight and bias of each layer of the policy's network."""
+    hidden = [module for module in model.policy.mlp_extractor.policy_net if isinstance(module, nn.Linear)]
+    layers = [*hidden, _head(model)]
+    return [(layer.weight.detach().cpu().numpy(), layer.bias.detach().cpu().numpy()) for layer in layers]
+
+
+def _head(model: PPO) -> nn.Linear:
+    head = model.policy.action_net
+    assert isinstance(head, nn.Linear)
+    return head
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """Keep torch and numba to one thread each.
+
+    Batches are too small to gain from more, and idle OpenMP threads of the one starve the other on a busy machine.
+    """
+    torch_threads, numba_threads = torch.get_num_threads(), numba.get_num_threads()
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(torch_threads)
+        numba.set_num_threads(numba_threads)

@@ -1,0 +1,145 @@
+"""Train a policy with PPO.
+
+`python train.py --env homeward/Survey-v0 --out DIR` writes DIR/policy.safetensors and DIR/policy.json, for
+`evaluate.py --agents ppo=DIR`, and on the way checkpoints, for --resume, and DIR/tensorboard.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import shlex
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from homeward.agents.ppo_folder import RunState, open_run
+from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.envs import IDS
+from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.routes import RouteError
+from homeward.physics import RobotError
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to train, and where to write it."""
+
+    env: str = "homeward/Survey-v0"
+    """Environment id."""
+    out: Path = Path("runs/ppo")
+    """Folder of the run."""
+    steps: int = 2_000_000
+    """Decisions to train on, made up to whole updates."""
+    seed: int = 0
+    """Seed of all that is drawn."""
+    resume: bool = False
+    """Continue the run of this folder from its last checkpoint, if it has one."""
+    checkpoint_s: float = 15.0
+    """Least time between checkpoints, s: what a kill may cost."""
+    difficulty: str = "uncertain"
+    """known, uncertain or harsh."""
+    robot: str = "rusti_computer"
+    """Preset name or TOML file."""
+    route: str = "generated"
+    """generated, hidden_wind, or the name or path of a CSV profile."""
+    action_type: str = "discrete"
+    """discrete or continuous."""
+    shaping: str = "dmax"
+    """dmax or none."""
+    decision_s: float | None = None
+    """Time between decisions, s; by default a 200th of the time that the battery lasts."""
+    ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
+
+
+def main(args: Args) -> Path:
+    """Train, or find the run finished, and return the folder with the policy.
+
+    Raises:
+        TrainingError, OptionError, RobotError, RouteError: An argument cannot be used.
+        OSError: The output folder cannot be written to.
+    """
+    options = _options(args)
+    settings = {
+        "env": args.env,
+        **{name: value for name, value in vars(options).items() if name != "mission"},
+        "steps": args.steps,
+        "seed": args.seed,
+        **dataclasses.asdict(args.ppo),
+    }
+    state = open_run(args.out, settings, args.resume)
+    console = Console(stderr=True)
+    if state is RunState.FINISHED:
+        console.print(f"{args.out} holds this run, finished: nothing to do", markup=False, soft_wrap=True)
+        return args.out
+    try:
+        from homeward.agents.ppo import train
+    except ModuleNotFoundError as error:
+        raise TrainingError(f"training needs {error.name}: pip install 'homeward[train]'") from None
+    trained = train(
+        options,
+        args.ppo,
+        args.steps,
+        args.seed,
+        args.out,
+        details={"env": args.env, "training": settings, "command": shlex.join(sys.argv)},
+        checkpoint_s=args.checkpoint_s,
+        restore=state is RunState.CONTINUED,
+        console=console,
+    )
+    console.print(
+        f"{trained.steps:,} steps; the last missions, still exploring: {trained.home_rate:.1%} home, "
+        f"score {trained.score:.4g}. Written to {args.out}: policy.safetensors, policy.json",
+        markup=False,
+        highlight=False,
+        soft_wrap=True,
+    )
+    return args.out
+
+
+def _options(args: Args) -> Options:
+    missions = {env_id: mission for mission, env_id in IDS.items()}
+    if args.env not in missions:
+        raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(missions)}")
+    for name, value, least in (
+        ("steps", args.steps, 1),
+        ("seed", args.seed, 0),
+        ("checkpoint_s", args.checkpoint_s, 0),
+    ):
+        if not value >= least:
+            raise TrainingError(f"{name} = {value} is not allowed; give at least {least}")
+    options = Options(
+        missions[args.env],
+        robot=args.robot,
+        route=args.route,
+        difficulty=args.difficulty,
+        action_type=args.action_type,
+        shaping=args.shaping,
+        discount=args.ppo.discount,
+        decision_s=args.decision_s,
+    )
+    settle(options)  # unusable robots and routes are found before anything is written
+    return options
+
+
+def run() -> int:
+    """Run from the command line: 0, or 2 with one line for input or output that cannot be used."""
+    try:
+        main(tyro.cli(Args, description=__doc__))
+    except (TrainingError, OptionError, RobotError, RouteError) as error:
+        message = str(error)
+    except OSError as error:
+        message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
+    except KeyboardInterrupt:
+        message = "interrupted: go on with --resume"
+    else:
+        return 0
+    print(f"train.py: {' '.join(message.split())}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(run())
