@@ -38,6 +38,7 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     left.set_ylim(len(names) - 0.4, -0.6)
     left.set_xlim(left=min(0.0, left.get_xlim()[0]))
     right.set_xlim(0.0, 1.4 * max(5.0, *(100.0 * one["stranded_ci95"][1] for one in summary["agents"].values())))
+    right.set_xticks([tick for tick in right.get_xticks() if tick <= 100.0])
     left.set_xlabel(f"score ({_UNITS[evaluation.options.mission]}), 0 unless home")
     right.set_xlabel("stranded, %")
     _tidy(left, right)
@@ -88,11 +89,12 @@ def episode_png(evaluation: Evaluation) -> bytes:
 
 
 def typical_episode(evaluation: Evaluation) -> int:
-    """Index of the episode, among those traced, whose mean score over the agents is their median."""
+    """Index of the episode, among those traced, in which the agents came closest to their median scores."""
     runs = list(evaluation.runs.values())
-    traced = runs[0].traces.shape[1]
-    means = np.mean([run.episodes.score[:traced] for run in runs], axis=0)
-    return int(np.argsort(means, kind="stable")[(traced - 1) // 2])
+    scores = np.array([run.episodes.score[: run.traces.shape[1]] for run in runs])
+    spread = scores.std(axis=1, keepdims=True)
+    distances = np.abs(scores - np.median(scores, axis=1, keepdims=True)) / np.where(spread > 0.0, spread, 1.0)
+    return int(np.argmin(distances.sum(axis=0)))
 
 
 def _shade_interest(axes: NDArray[Any], evaluation: Evaluation, episode: int, length_m: float) -> None:

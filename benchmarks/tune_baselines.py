@@ -1,9 +1,9 @@
 """Tune the baselines: the numbers of `agents/tuned.py`, by grid search over mean scores.
 
 `python benchmarks/tune_baselines.py` prints the tables and the numbers in about two minutes. Missions are those of
-training seeds, at difficulty `uncertain` with the default robot; a stranded robot scores 0. The pace has the highest sum
-of all rules' scores, each relative to the pace in use; the reserves are those that suit each rule best at that pace. One
-is found for the other in turn, beginning with the pace in use.
+training seeds, at difficulty `uncertain` with the default robot; a stranded robot scores 0. The pace has the highest
+sum of all rules' scores, each relative to the pace in use; the reserves are those that suit each rule best at that
+pace. One is found for the other in turn, beginning with the pace in use.
 """
 
 from __future__ import annotations
