@@ -130,7 +130,7 @@ def _print(summary: Mapping[str, Any], out: Path) -> None:
         + ", ".join(f"{one} {which}" for one, which in summary["versions"].items()),
         box=box.SIMPLE_HEAD,
     )
-    table.add_column("agent", no_wrap=True)
+    table.add_column("agent", overflow="fold")
     for heading in ("score", "IQM", f"minus {first}", "stranded", "late", "us"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, one in summary["agents"].items():
