@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -130,17 +130,19 @@ def _print(summary: Mapping[str, Any], out: Path) -> None:
         + ", ".join(f"{one} {which}" for one, which in summary["versions"].items()),
         box=box.SIMPLE_HEAD,
     )
-    table.add_column("agent", overflow="fold")
+    table.add_column("agent", overflow="fold", min_width=13)
     for heading in ("score", "IQM", f"minus {first}", "stranded", "late", "us"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, one in summary["agents"].items():
         difference = summary["paired"].get(f"{name} - {first}")
         table.add_row(
             name,
-            _with_interval(f"{one['score_mean']:.4g}", one["score_ci95"], ".4g"),
-            f"{one['score_iqm']:.4g}",
-            _with_interval(f"{difference['mean']:+.3g}", difference["ci95"], "+.3g") if difference else "",
-            _with_interval(f"{one['stranded_rate']:.1%}", one["stranded_ci95"], ".1%"),
+            _with_interval(one["score_mean"], one["score_ci95"], _number),
+            _number(one["score_iqm"]),
+            _with_interval(difference["mean"], difference["ci95"], functools.partial(_number, sign="+"))
+            if difference
+            else "",
+            _with_interval(one["stranded_rate"], one["stranded_ci95"], "{:.1%}".format),
             str(one["timed_out"]),
             f"{one['decision_us']:.2g}",
         )
@@ -150,8 +152,12 @@ def _print(summary: Mapping[str, Any], out: Path) -> None:
     console.print(f"Written to {out}: {files}", markup=False, highlight=False)
 
 
-def _with_interval(value: str, ends: list[float] | None, form: str) -> str:
-    return value if ends is None else f"{value}\n[dim]{ends[0]:{form}} {ends[1]:{form}}[/dim]"
+def _number(value: float, sign: str = "") -> str:
+    return f"{value:{sign}.0f}" if abs(value) >= 100.0 else f"{value:{sign}.3g}"
+
+
+def _with_interval(value: float, ends: list[float] | None, write: Callable[[float], str]) -> str:
+    return write(value) if ends is None else f"{write(value)}\n[dim]{write(ends[0])} {write(ends[1])}[/dim]"
 
 
 def run() -> int:
