@@ -76,7 +76,7 @@ def main(args: Args) -> None:
         table.add_row(row.measure, row.ours, row.peer, ratio, row.target)
     console.print(table)
     console.print(
-        "Survey, difficulty known, automatic resets included. Actions are drawn beforehand: any speed and sensing rate, "
+        "Survey, difficulty known, automatic resets included. Actions are drawn beforehand: any speed and rate, "
         "9 % stops, 1 % returns. CartPole gets a fixed random action, as its own step costs the same with any."
     )
 
@@ -161,7 +161,7 @@ def scalar_step() -> Row:
 def replay_rate() -> Row:
     """Samples of a recording per second, through the whole public function."""
     samples = 1_000_000
-    time_s = 0.1 * np.arange(samples)
+    time_s: NDArray[np.float64] = np.arange(samples, dtype=np.float64) / 10.0
     speed_mps = 0.5 + 0.5 * np.sin(time_s)
     grade_rad = 0.05 * np.sin(time_s / 30.0)
     robot = load_robot("husky")
@@ -229,8 +229,8 @@ def ppo_rate() -> Row:
         peer_rate.append(PPO_STEPS / 3 / _seconds(lambda: peer.learn(PPO_STEPS // 3)))
         ratios.append(ours_rate[-1] / peer_rate[-1])
     return Row(
-        "PPO", f"{statistics.median(ours_rate):,.0f} steps/s", f"SB3 CartPole {statistics.median(peer_rate):,.0f} steps/s",
-        statistics.median(ratios), "3 x",
+        "PPO", f"{statistics.median(ours_rate):,.0f} steps/s",
+        f"SB3 CartPole {statistics.median(peer_rate):,.0f} steps/s", statistics.median(ratios), "3 x",
     )  # fmt: skip
 
 

@@ -128,9 +128,10 @@ class Batch:
         """Begin new missions at some indices and write their observations."""
         if self._typed_generators is None:
             self._typed_generators = numba.typed.List(self._generators)
+        rows = np.ndarray(self.count, OBSERVATION_DTYPE, observations)
         kernel.reset_missions(
             indices, self._typed_generators, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, np.ndarray(self.count, OBSERVATION_DTYPE, observations), self.setting.fixed, self.setting.day,
+            self.setting.shared, rows, self.setting.fixed, self.setting.day,
         )  # fmt: skip
 
     def step(
@@ -151,9 +152,10 @@ class Batch:
             choices = self._as_actions(actions, np.int64)
         else:
             levels = self._as_actions(actions, np.float32)
-        ended = self._step(
+        rows = np.ndarray(self.count, OBSERVATION_DTYPE, observations)
+        ended: int = self._step(
             choices, levels, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, np.ndarray(self.count, OBSERVATION_DTYPE, observations), rewards, terminated, truncated,
+            self.setting.shared, rows, rewards, terminated, truncated,
         )  # fmt: skip
         if ended < 0:
             self._refuse(actions, -1 - ended)

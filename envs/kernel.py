@@ -80,9 +80,7 @@ def _potential(m: Any, shared: Any, spare_j: float) -> Any:
 
 
 @inline
-def _reset(
-    m: Any, p: Any, route: Any, rng: Any, nominal: Any, b: Any, shared: Any, fixed: Any, day: Any
-) -> None:
+def _reset(m: Any, p: Any, route: Any, rng: Any, nominal: Any, b: Any, shared: Any, fixed: Any, day: Any) -> None:
     """Begin a mission: draw the day, the route and the true robot."""
     m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.step_s = 0.0
     m.traction_n = m.drive_w = m.power_w = 0.0
@@ -312,7 +310,7 @@ def reset_missions(
     fixed: Any,
     day: Any,
 ) -> None:
-    """Begin new missions at some indices; arguments as in the step, and:
+    """Begin new missions at some indices, with arguments as in the step and some more.
 
     Args:
         indices: Which missions, int64, shape (k,).
@@ -322,8 +320,6 @@ def reset_missions(
     """
     for i in indices:
         robots[i] = nominals[0]
-        _reset(
-            records[i], robots[i], routes[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed[0], day
-        )
+        _reset(records[i], robots[i], routes[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed[0], day)
         m, shared = records[i], shareds[0]
         observe(m, routes[i].places[0], shared, gauge_energy(m, shared), 0.0, observations[i])

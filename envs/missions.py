@@ -1,4 +1,4 @@
-"""The three missions: what a robot does at the end of the route, what it scores, and what it may still hope to score."""
+"""The three missions: what a robot does at the end of the route, what it scores, and what more it may hope for."""
 
 from __future__ import annotations
 
@@ -20,7 +20,12 @@ def information_gain(interest: float, before_per_m: float, after_per_m: float, h
 
     A metre yields interest times n / (n + n_half): it saturates with the samples taken there. This is the difference.
     """
-    return interest * half_per_m * (after_per_m - before_per_m) / ((before_per_m + half_per_m) * (after_per_m + half_per_m))
+    return (
+        interest
+        * half_per_m
+        * (after_per_m - before_per_m)
+        / ((before_per_m + half_per_m) * (after_per_m + half_per_m))
+    )
 
 
 @inline
@@ -72,7 +77,7 @@ def arrive(m: Any, shared: Any) -> None:
 
 
 @inline
-def score(m: Any, shared: Any) -> float:
+def score(m: Any, shared: Any) -> Any:
     """What the mission is worth once the robot is home: furthest distance (m), information, or laps."""
     if shared.mission == OUT_AND_BACK:
         return m.furthest_m
@@ -82,7 +87,7 @@ def score(m: Any, shared: Any) -> float:
 
 
 @inline
-def hope(m: Any, shared: Any, spare_j: float) -> float:
+def hope(m: Any, shared: Any, spare_j: float) -> Any:
     """What the mission may still add to its score with spare energy, by the range that it buys (Eq. 8)."""
     if m.returning:
         return 0.0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route, load_route
-from homeward.envs.state import MAX_PLACES, OUT_AND_BACK, PATROL, ROUTE_DTYPE, SHARED_DTYPE, SURVEY
+from homeward.envs.state import INVERSES, MAX_PLACES, OUT_AND_BACK, PATROL, ROUTE_DTYPE, SHARED_DTYPE, SURVEY
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
@@ -161,19 +161,7 @@ def settle(options: Options) -> Setting:
     s["energy_per_m"] = robot.usable_energy_j / mission_range_m
     half_m = 0.5 * mission_range_m
     s["score_scale"] = (half_m, half_m * s["information_per_m"], half_m / length_m)[mission]
-    for inverse, name in (
-        ("per_usable_j", "usable_j"),
-        ("per_reach_m", "reach_m"),
-        ("per_max_speed", "max_speed_mps"),
-        ("per_max_sensing", "max_sensing_hz"),
-        ("per_backlog", "backlog_limit"),
-        ("per_link_m", "link_m"),
-        ("per_score", "score_scale"),
-        ("per_max_decisions", "max_decisions"),
-        ("per_decision", "decision_s"),
-        ("per_energy_per_m", "energy_per_m"),
-        ("per_place_m", "place_m"),
-    ):
+    for inverse, name in INVERSES.items():
         s[inverse] = 1.0 / s[name]
     return Setting(robot, shared, fixed, day)
 

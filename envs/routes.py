@@ -18,8 +18,17 @@ from homeward.physics.jit import inline
 
 GENERATED = "generated"
 HIDDEN_WIND = "hidden_wind"
-COLUMNS = ("distance_m", "grade_rad", "elevation_m", "roughness", "interest", "heading_rad", "temperature_c", "wind_mps",
-           "wind_from_rad")  # fmt: skip
+COLUMNS = (
+    "distance_m",
+    "grade_rad",
+    "elevation_m",
+    "roughness",
+    "interest",
+    "heading_rad",
+    "temperature_c",
+    "wind_mps",
+    "wind_from_rad",
+)
 
 _LIMITS = {
     "grade_rad": (-0.8, 0.8, "rad; degrees or per cent?"),
@@ -88,7 +97,8 @@ def load_route(route: str | Path, place_m: float) -> Route:
 
     Args:
         route: Path or name.
-        place_m: Length of a place, m; made shorter so that places fill the route, and longer where `MAX_PLACES` would not.
+        place_m: Length of a place, m; made shorter so that places fill the route, and longer where more than
+            `MAX_PLACES` would be needed.
 
     Raises:
         RouteError: The file is unreadable, has wrong columns or values.
@@ -125,7 +135,9 @@ def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]]) -> None:
             low, high, hint = _LIMITS[name]
             if ((values < low) | (values > high)).any():
                 row = int(np.flatnonzero((values < low) | (values > high))[0])
-                raise RouteError(f"{path}: row {row + 2}: {name} = {values[row]:g} is not in [{low:g}, {high:g}] ({hint})")
+                raise RouteError(
+                    f"{path}: row {row + 2}: {name} = {values[row]:g} is not in [{low:g}, {high:g}] ({hint})"
+                )
     if len(distance) < 2 or distance[0] != 0.0 or not (np.diff(distance) > 0.0).all():
         raise RouteError(f"{path}: distance_m must hold at least two values, from 0 and increasing, in metres")
 
@@ -142,7 +154,8 @@ def _cut(columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
             return np.full(count, default)
         steps = 0.5 * (values[1:] + values[:-1]) * np.diff(distance)
         integral = np.concatenate(([0.0], np.cumsum(steps)))
-        return np.diff(np.interp(edges, distance, integral)) / length
+        means: NDArray[np.float64] = np.diff(np.interp(edges, distance, integral)) / length
+        return means
 
     grade = mean("grade_rad", 0.0)
     if "elevation_m" in columns:
@@ -204,7 +217,11 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
             heading += bend
         sine, first = after, last
     for _ in range(HOT_SPOTS):
-        height, half_width, centre = 0.5 + 3.0 * rng.random(), (0.03 + 0.06 * rng.random()) * count, count * rng.random()
+        height, half_width, centre = (
+            0.5 + 3.0 * rng.random(),
+            (0.03 + 0.06 * rng.random()) * count,
+            count * rng.random(),
+        )
         for k in range(max(int(centre - half_width), 0), min(int(centre + half_width) + 1, count)):
             offset = (k + 0.5 - centre) / half_width
             route.places[k].interest += height * max(1.0 - offset * offset, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -32,14 +32,14 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         True
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi"], "render_fps": 4}
+    metadata = {"render_modes": ["ansi"], "render_fps": 4}  # noqa: RUF012 (as Gymnasium has it)
 
     def __init__(self, *, mission: str = "Survey", render_mode: str | None = None, **options: Any) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise OptionError(f"render_mode = {render_mode!r} is not allowed; choose from None, ansi")
         self.render_mode = render_mode
         self.options = parse_options({"mission": mission, **options}, ("render_mode",))
-        self.observation_space = observation_space()
+        self.observation_space: Any = observation_space()
         self.action_space = action_space(self.options)
         self.batch = Batch(self.options, 1)
         self._live = info_of(self.batch.records)
@@ -79,7 +79,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             self._info(),
         )
 
-    def render(self) -> str | None:  # type: ignore[override]
+    def render(self) -> str | None:
         """A line of text on where the robot is, in mode `ansi`."""
         if self.render_mode is None:
             return None

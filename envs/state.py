@@ -76,6 +76,21 @@ MAX_PLACES = 65
 ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,))], align=True)
 """The route of one mission; the shared record says how many places it has."""
 
+INVERSES = {
+    "per_usable_j": "usable_j",
+    "per_reach_m": "reach_m",
+    "per_max_speed": "max_speed_mps",
+    "per_max_sensing": "max_sensing_hz",
+    "per_backlog": "backlog_limit",
+    "per_link_m": "link_m",
+    "per_score": "score_scale",
+    "per_max_decisions": "max_decisions",
+    "per_decision": "decision_s",
+    "per_energy_per_m": "energy_per_m",
+    "per_place_m": "place_m",
+}
+"""Fields of the shared record that hold the inverse of another: a step has no time for divisions."""
+
 SHARED_DTYPE = np.dtype(
     [
         ("mission", np.int64),
@@ -105,10 +120,7 @@ SHARED_DTYPE = np.dtype(
         ("score_scale", np.float64),  # score of a good mission
         ("discount", np.float64),
         ("drag_j_per_m", np.float64),  # drive energy per metre against drag at 1 m/s, by the robot's own model
-        # Inverses of the above: a step has no time for divisions.
-        *((name, np.float64) for name in ("per_usable_j", "per_reach_m", "per_max_speed", "per_max_sensing", "per_backlog",
-                                          "per_link_m", "per_score", "per_max_decisions", "per_decision", "per_energy_per_m",
-                                          "per_place_m")),  # fmt: skip
+        *((name, np.float64) for name in INVERSES),
     ],
     align=True,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from homeward.envs.batch import INFO_KEYS, Batch, action_space, info_of, observation_space
 from homeward.envs.options import OptionError, parse_options
-
 
 
 class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any]]):
@@ -33,7 +32,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         OptionError: A keyword or value is not allowed.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 (as Gymnasium has it)
 
     def __init__(
         self,
@@ -53,7 +52,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         except ValueError:
             modes = ", ".join(mode.value for mode in AutoresetMode)
             raise OptionError(f"autoreset_mode = {autoreset_mode!r} is not allowed; choose from {modes}") from None
-        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}  # type: ignore[misc]
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.options = parse_options({"mission": mission, **options}, ("num_envs", "autoreset_mode", "render_mode"))
         self.num_envs = num_envs
         self.render_mode = None
@@ -65,6 +64,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self._over = np.zeros(num_envs, np.bool_)
         self._any_over = False
         self._everyone = np.arange(num_envs)
+        self._last_observations: NDArray[np.float32] | None = None
         self._live = self._live_info()
         self._observation_shape = (num_envs, *(self.single_observation_space.shape or ()))
 
@@ -107,7 +107,9 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
         if self._any_over and self.autoreset_mode is AutoresetMode.DISABLED:
             over = np.flatnonzero(self._over).tolist()
-            raise OptionError(f"missions {over} are over; reset them with options={{'reset_mask': mask}} before the step")
+            raise OptionError(
+                f"missions {over} are over; reset them with options={{'reset_mask': mask}} before the step"
+            )
         ended = self.batch.step(actions, observations, rewards, terminated, truncated)
         if self._any_over:  # next-step mode: the kernel left these alone
             self.batch.reset(np.flatnonzero(self._over), observations)
