@@ -179,7 +179,8 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
     * sine of the grade: a mean of N(0, 0.02) over the route plus an autoregressive part of deviation 0.04 that keeps
       half of itself from knot to knot, within +-0.2; linear in between;
     * roughness: with probability 0.5 a new patch of U(-1, 1), where negative means 0: smooth;
-    * curvature: autoregressive, keeping half, of deviation 3 rad per route; the heading is its integral, from U(0, 2 pi).
+    * curvature: autoregressive, keeping half, of deviation 3 rad per route; its integral is the heading, from
+      U(0, 2 pi).
 
     Further:
 
