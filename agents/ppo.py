@@ -74,7 +74,7 @@ def train(
         OSError: The folder cannot be written to.
     """
     total = math.ceil(steps / settings.rollout) * settings.rollout
-    with _one_thread():
+    with one_thread():
         model = make_model(options, settings, seed)
         model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
         if restore:
@@ -102,7 +102,7 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     if settings.device == "cuda" and not torch.cuda.is_available():
         raise TrainingError("device = 'cuda' is not available here; choose cpu")
     keywords = vars(options) | {"discount": settings.discount}
-    env = SB3Adapter(HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords))
+    env = SB3Adapter(HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords), settings.stranding_cost)
     with warnings.catch_warnings():
         # The device is documented where it is chosen.
         warnings.filterwarnings("ignore", "You are trying to run PPO on the GPU", UserWarning)
@@ -154,7 +154,7 @@ def _head(model: PPO) -> nn.Linear:
 
 
 @contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Keep torch and numba to one thread each.
 
     Batches are too small to gain from more, and idle OpenMP threads of the one starve the other on a busy machine.

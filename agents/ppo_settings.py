@@ -13,7 +13,7 @@ class TrainingError(ValueError):
 class PPOSettings:
     """Settings of proximal policy optimisation (Schulman et al. 2017, arXiv 1707.06347)."""
 
-    n_envs: int = 512
+    n_envs: int = 256
     """Missions side by side."""
     n_steps: int = 64
     """Decisions of each mission between two updates."""
@@ -29,8 +29,10 @@ class PPOSettings:
     """How far advantages look ahead (generalised advantage estimation)."""
     clip: float = 0.2
     """How far an update may move the probability of an action."""
-    entropy: float = 0.001
+    entropy: float = 0.0
     """Weight of the entropy bonus."""
+    stranding_cost: float = 0.3
+    """Reward lost by stranding beyond the score, as a share of a good score: without it, gambling pays too well."""
     hidden: int = 64
     """Width of the two hidden layers, of the policy and of the value."""
     device: str = "cpu"
@@ -50,8 +52,9 @@ class PPOSettings:
                 raise TrainingError(
                     f"{name} = {getattr(self, name)} is not allowed; give a number in ({low:g}, {high:g}]"
                 )
-        if not 0.0 <= self.entropy <= 1.0:
-            raise TrainingError(f"entropy = {self.entropy} is not allowed; give a number in [0, 1]")
+        for name in ("entropy", "stranding_cost"):
+            if not 0.0 <= getattr(self, name) <= 100.0:
+                raise TrainingError(f"{name} = {getattr(self, name)} is not allowed; give a number in [0, 100]")
         if self.batch_size < 2 or self.rollout % self.batch_size:
             raise TrainingError(
                 f"batch_size = {self.batch_size} does not divide n_envs * n_steps = {self.rollout} into whole batches"

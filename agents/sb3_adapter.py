@@ -26,16 +26,18 @@ class SB3Adapter(VecEnv):
 
     Args:
         env: Made with `autoreset_mode="SameStep"`.
+        stranding_cost: Taken from the reward of a mission that strands.
 
     Raises:
         ValueError: The environment resets in another way.
     """
 
-    def __init__(self, env: HomewardVectorEnv) -> None:
+    def __init__(self, env: HomewardVectorEnv, stranding_cost: float = 0.0) -> None:
         if env.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode is {env.autoreset_mode.value}; make the environment with SameStep")
         self.env = env
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self._stranding_cost = stranding_cost
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)
         self._start_s = time.time()
@@ -55,6 +57,8 @@ class SB3Adapter(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Step all missions."""
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
+        if "final_info" in info:
+            rewards = rewards - self._stranding_cost * info["final_info"]["stranded"]
         self._returns += rewards
         self._lengths += 1
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]

@@ -97,6 +97,24 @@ def test_a_copy_goes_on_as_the_original() -> None:
         ]
 
 
+def test_stranding_costs_what_it_is_said_to() -> None:
+    free, costly = native(), SB3Adapter(HomewardVectorEnv(COUNT, autoreset_mode="SameStep", decision_s=DECISION_S), 0.5)
+    for env in (free, costly):
+        env.seed(0)
+        env.reset()
+    go = np.tile([4, 2, 1], (COUNT, 1))
+    stranded = 0
+    for _ in range(40):
+        (_, rewards, _, infos), (_, costly_rewards, _, costly_infos) = free.step(go), costly.step(go)
+        lost = np.array([0.5 if info.get("stranded") else 0.0 for info in infos])
+        np.testing.assert_allclose(rewards - costly_rewards, lost, atol=1e-6)
+        for info, costly_info in zip(infos, costly_infos, strict=True):
+            if info.get("stranded"):
+                stranded += 1
+                assert info["episode"]["r"] - costly_info["episode"]["r"] == pytest.approx(0.5)
+    assert stranded >= COUNT
+
+
 def test_attributes_are_those_of_the_shared_environment() -> None:
     env = native()
     assert env.get_attr("num_envs", indices=[0, 2]) == [COUNT, COUNT]
