@@ -17,7 +17,7 @@ help:
 	@echo "make clean   remove .venv, runs and what tools left behind"
 
 demo: .venv/installed
-	$(BIN)/python train.py --env homeward/Survey-v0 --out $(DEMO)/ppo
+	$(BIN)/python train.py --env homeward/Survey-v0 --out $(DEMO)/ppo --resume
 	$(BIN)/python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax dmax_mapped dmax_adaptive ppo=$(DEMO)/ppo \
 	    --episodes 500 --seed 7 --out $(DEMO)/evaluation
 	@# Real drives of a Husky: downloaded, or read from HOMEWARD_DATA; without either, the recording that ships.

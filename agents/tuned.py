@@ -9,14 +9,14 @@ from homeward.agents.pace import NO_SENSING, Pace
 
 PACES = {
     "OutAndBack": NO_SENSING,
-    "Survey": Pace(rate=1.0, interest=0.6, full=0.9),
+    "Survey": Pace(rate=1.0, interest=0.4, full=0.9),
     "Patrol": NO_SENSING,
 }
 """Speed and sensing rate, the same for all rules."""
 
 RESERVES = {
-    "dmax": {"OutAndBack": 0.24, "Survey": 0.2, "Patrol": 0.02},
+    "dmax": {"OutAndBack": 0.24, "Survey": 0.18, "Patrol": 0.02},
     "dmax_mapped": {"OutAndBack": 0.22, "Survey": 0.16, "Patrol": 0.02},
-    "dmax_adaptive": {"OutAndBack": 2.0, "Survey": 2.0, "Patrol": 0.0},
+    "dmax_adaptive": {"OutAndBack": 2.0, "Survey": 1.75, "Patrol": 0.0},
 }
 """Shares of the usable energy kept back; for `dmax_adaptive`, standard deviations."""

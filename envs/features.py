@@ -28,7 +28,6 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
     ("interest", "2", "interest here"),
     ("interest_near", "2", "mean interest of the next two places outwards"),
     ("interest_far", "2", "mean interest of the eight places beyond, 0 unless the route is known"),
-    ("sampled", "1", "share of the information here that is taken"),
     ("backlog", "memory", "samples on board"),
     ("link", "1", "share of its rate that the radio keeps here"),
     ("headwind", "10 m/s", "wind against the direction of travel, 0 unless known"),
@@ -95,7 +94,6 @@ def observe(m: Any, place: Any, shared: Any, energy_j: float, cost_j: float, out
     out.interest = min(0.5 * place.interest, LIMIT)
     out.interest_near = min(0.5 * place.interest_near, LIMIT)
     out.interest_far = min(0.5 * place.interest_far, LIMIT)
-    out.sampled = place.samples_per_m / (place.samples_per_m + shared.saturation_per_m)
     out.backlog = m.backlog * shared.per_backlog
     out.link = 1.0 / fading(m.position_m, shared.per_link_m)
     out.headwind = 0.0

@@ -25,14 +25,13 @@ def _conditions(
     m: Any, place: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, headwind_mps: float, ahead: float
 ) -> Any:
     """Conditions at a place; `ahead` is 1 away from home and -1 towards it, the headwind that of the way out."""
-    sine = ahead * place.sin_grade
-    roughness = float(place.roughness)
+    roughness, cosine = float(place.roughness), float(place.cos_grade)
     return Conditions(
         speed_mps,
         sensing_hz,
         accel_mps2,
-        sine,
-        np.sqrt(1.0 - sine * sine),
+        ahead * place.sin_grade,
+        cosine,
         ahead * place.curvature_per_m * speed_mps,
         roughness,
         ahead * headwind_mps,
@@ -46,7 +45,7 @@ def _conditions(
 def _map_place(m: Any, route: Any, believed: Any, b: Any, shared: Any) -> None:
     """See the place that the robot comes to for the first time, and cost it by its own model, with `b` to work in."""
     place = route.places[m.mapped]
-    place.samples_per_m = 0.0
+    place.cos_grade = np.sqrt(1.0 - place.sin_grade * place.sin_grade)
     place.headwind_mps = 0.0
     if m.wind_mps > 0.0:
         place.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
@@ -142,14 +141,14 @@ def _cross(m: Any, route: Any, nominal: Any, b: Any, shared: Any) -> None:
 
 
 @inline
-def _account(m: Any, place: Any, nominal: Any, shared: Any, x: Any, passed_s: float) -> None:
+def _account(m: Any, place: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: float) -> None:
     """Book what the robot's own model says of a stretch, and what was sensed and sent on it."""
     drive_j_per_m = place.out_j_per_m if x.direction > 0.0 else place.back_j_per_m
     drive_j_per_m += shared.drag_j_per_m * (x.speed_mps * x.speed_mps - shared.cruise_mps * shared.cruise_mps)
     sensing_w = model.ancillary_power(nominal, x.sensing_hz) - model.ancillary_power(nominal, 0.0)
     m.modelled_j += (max(drive_j_per_m, 0.0) * x.speed_mps + place.standing_w + sensing_w) * passed_s
     if shared.mission == SURVEY:
-        missions.sense(m, place, shared, x.sensing_hz, passed_s)
+        missions.sense(m, place, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
         missions.transmit(m, shared, x.speed_mps > 0.0, passed_s)
 
 
@@ -191,15 +190,15 @@ def _decide(
                 dt_s = ahead_m / speed
         x = _conditions(m, place, speed, sensing_hz, accel, place.headwind_mps, m.direction)
         passed_s = advance(p, m, x, dt_s)
-        _account(m, place, nominal, shared, x, passed_s)
         left_s -= passed_s
         m.dwell_s = max(m.dwell_s - passed_s, 0.0)
-        if crossing and not m.depleted:
-            m.position_m = border_m
-            _cross(m, route, nominal, b, shared)
-        else:
-            m.position_m += m.direction * speed * passed_s
+        crossing = crossing and not m.depleted
+        m.position_m = border_m if crossing else m.position_m + m.direction * speed * passed_s
+        new_m = max(m.position_m - m.furthest_m, 0.0)
         m.furthest_m = max(m.furthest_m, m.position_m)
+        _account(m, place, nominal, shared, x, passed_s, new_m)
+        if crossing:
+            _cross(m, route, nominal, b, shared)
 
 
 @inline

@@ -15,17 +15,17 @@ _ANY = 1e-9  # samples, against a division by none
 
 
 @inline
-def information_gain(interest: float, before_per_m: float, after_per_m: float, half_per_m: float) -> Any:
-    """Information that further samples yield from a metre of ground that has some already.
+def information(interest: float, new_m: float, samples: float, way_m: float, half_per_m: float) -> Any:
+    """Information from the new metres of a stretch: interest times n / (n + n_half) a metre, n samples per metre.
 
-    A metre yields interest times n / (n + n_half): it saturates with the samples taken there. This is the difference.
+    Args:
+        interest: Weight of the ground.
+        new_m: Metres of the stretch that the robot had not reached before.
+        samples: Taken on the stretch.
+        way_m: Length of the stretch.
+        half_per_m: Samples per metre that give half of the information.
     """
-    return (
-        interest
-        * half_per_m
-        * (after_per_m - before_per_m)
-        / ((before_per_m + half_per_m) * (after_per_m + half_per_m))
-    )
+    return interest * new_m * samples / max(samples + half_per_m * way_m, _ANY)
 
 
 @inline
@@ -36,21 +36,16 @@ def fading(distance_m: float, per_half_m: float) -> Any:
 
 
 @inline
-def sense(m: Any, place: Any, shared: Any, sensing_hz: float, passed_s: float) -> None:
-    """Take samples for a while: information goes on board, and what does not fit is lost."""
-    samples = sensing_hz * passed_s
-    before_per_m = place.samples_per_m
-    after_per_m = before_per_m + samples * shared.per_place_m
-    place.samples_per_m = after_per_m
-    gain = information_gain(place.interest, before_per_m, after_per_m, shared.saturation_per_m)
-    information = gain * shared.place_m
+def sense(m: Any, place: Any, shared: Any, samples: float, way_m: float, new_m: float) -> None:
+    """Take samples along a stretch: their information goes on board, and what does not fit is lost."""
+    found = information(place.interest, new_m, samples, way_m, shared.saturation_per_m)
     if m.backlog + samples > shared.backlog_limit:
-        lost = information * (m.backlog + samples - shared.backlog_limit) / samples
+        lost = found * (m.backlog + samples - shared.backlog_limit) / samples
         m.lost += lost
-        information -= lost
+        found -= lost
         samples = shared.backlog_limit - m.backlog
     m.backlog += samples
-    m.backlog_information += information
+    m.backlog_information += found
 
 
 @inline

@@ -49,12 +49,12 @@ PLACE_DTYPE = np.dtype(
         (name, np.float32)
         for name in (
             "sin_grade",  # along the way out
+            "cos_grade",
             "roughness",
             "curvature_per_m",
             "heading_rad",
             "headwind_mps",  # along the way out, on this day
             "interest",
-            "samples_per_m",  # taken here so far
             "home_cost_j",  # from the start of this place home; this and the next four by the robot's own model
             "home_j_per_m",  # towards home, all power
             "back_j_per_m",  # towards home, drive only
