@@ -40,6 +40,9 @@ _LIMITS = {
     "wind_from_rad": (-10.0, 10.0, "rad; degrees?"),
 }
 
+_OF_THE_DAY = ("temperature_c", "wind_mps", "wind_from_rad")
+_STEEPEST = 0.7
+
 
 class RouteError(ValueError):
     """A route that cannot be used; the message says where and what to change."""
@@ -58,6 +61,9 @@ class Route:
         temperature_c: Air temperature of the day, C.
         wind_mps: Wind speed of the day, m/s.
         wind_from_rad: Direction that the wind blows from, rad counter-clockwise from east.
+
+    Raises:
+        RouteError: A value is outside what is allowed, or arrays differ in length.
     """
 
     place_m: float
@@ -68,6 +74,19 @@ class Route:
     temperature_c: float = 20.0
     wind_mps: float = 0.0
     wind_from_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.place_m < np.inf:
+            raise RouteError(f"place_m = {self.place_m!r} is not allowed; give the length of a place, in metres")
+        places = max(np.size(self.grade_rad), 1)
+        for name, (low, high, hint) in _LIMITS.items():
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            shape = () if name in _OF_THE_DAY else (places,)
+            if values.shape != shape:
+                raise RouteError(f"{name} has shape {values.shape}; give {shape}")
+            wrong = ~((values >= low) & (values <= high))
+            if wrong.any():
+                raise RouteError(f"{name} = {values[wrong].flat[0]:g} is not in [{low:g}, {high:g}] ({hint})")
 
     @property
     def length_m(self) -> float:
@@ -92,8 +111,8 @@ def load_route(route: str | Path, place_m: float) -> Route:
 
     Columns: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`, `roughness`,
     `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row, `temperature_c`,
-    `wind_mps`, `wind_from_rad`. Between rows values are linear; a place takes their mean, and from an elevation the
-    slope from its start to its end.
+    `wind_mps`, `wind_from_rad`. Lines that start with # are comments. Between rows values are linear; a place takes
+    their mean, and from an elevation the slope from its start to its end.
 
     Args:
         route: Path or name.
@@ -104,11 +123,16 @@ def load_route(route: str | Path, place_m: float) -> Route:
         RouteError: The file is unreadable, has wrong columns or values.
     """
     shipped = _folder() / f"{route}.csv"
-    path = shipped if isinstance(route, str) and "/" not in route and shipped.is_file() else Path(route)
-    if not path.is_file():
+    named = isinstance(route, str) and "/" not in route and shipped.is_file()
+    path = shipped if named else Path(route) if isinstance(route, str | Path) else None
+    if path is None or not path.is_file():
         raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
     try:
-        table = np.genfromtxt(path.read_text(encoding="utf-8").splitlines(), delimiter=",", names=True, ndmin=1)
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = [line for line in lines if line.strip(" \t,") and not line.startswith("#")]
+        if len(lines) < 3:
+            raise ValueError("give a header and at least two rows")
+        table = np.genfromtxt(lines, delimiter=",", names=True, ndmin=1)
     except (ValueError, IndexError, UnicodeDecodeError, OSError) as error:
         raise RouteError(f"{path}: not a readable CSV table with a header: {str(error).splitlines()[0]}") from None
     names = table.dtype.names or ()
@@ -118,7 +142,7 @@ def load_route(route: str | Path, place_m: float) -> Route:
         raise RouteError(f"{path}: {problem}; columns are {', '.join(COLUMNS)}")
     columns = {name: np.atleast_1d(table[name]) for name in names}
     _check_profile(path, columns)
-    return _cut(columns, place_m)
+    return _cut(path, columns, place_m)
 
 
 def _folder() -> Any:
@@ -142,7 +166,7 @@ def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]]) -> None:
         raise RouteError(f"{path}: distance_m must hold at least two values, from 0 and increasing, in metres")
 
 
-def _cut(columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
+def _cut(path: Any, columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
     distance = columns["distance_m"]
     count = min(max(1, int(np.ceil(distance[-1] / place_m - 1e-9))), MAX_PLACES)
     edges = np.linspace(0.0, distance[-1], count + 1)
@@ -160,8 +184,13 @@ def _cut(columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
     grade = mean("grade_rad", 0.0)
     if "elevation_m" in columns:
         rise = np.diff(np.interp(edges, distance, columns["elevation_m"]))
-        grade = np.arcsin(np.clip(rise / length, -0.7, 0.7))
-    day = {name: float(columns[name][0]) for name in ("temperature_c", "wind_mps", "wind_from_rad") if name in columns}
+        steepest = int(np.abs(rise).argmax())
+        if abs(rise[steepest]) > _STEEPEST * length:
+            raise RouteError(
+                f"{path}: elevation_m changes by {rise[steepest]:g} m in {length:g} m of way, which is too steep; feet?"
+            )
+        grade = np.arcsin(rise / length)
+    day = {name: float(columns[name][0]) for name in _OF_THE_DAY if name in columns}
     return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **day)
 
 

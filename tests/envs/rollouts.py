@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward import Robot
 from homeward.envs import IDS
 from homeward.envs.features import INDEX
 from homeward.envs.scalar import HomewardEnv
@@ -63,3 +65,19 @@ def route_file(folder: Path, text: str, name: str = "route.csv") -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def windy(robot: Robot) -> Robot:
+    """A robot with effects of every kind that keep state or depend on the place."""
+    return dataclasses.replace(
+        robot,
+        track_m=0.3,
+        effects={
+            "wind": {"exposure": 1.0},
+            "turning": {"scrub": 0.3},
+            "inertia": {"mass_factor": 1.1},
+            "surface": {"gain": 0.5},
+            "motor_heating": {"per_k": 0.004, "rise_k_per_w": 1.0, "time_constant_s": 600.0},
+            "internal_resistance": {"ohm": 0.05},
+        },
+    )

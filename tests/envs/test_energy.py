@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from pathlib import Path
@@ -19,7 +18,7 @@ from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.physics import CAUSES, d_max
 from homeward.physics.robot import preset_names
-from tests.envs.rollouts import MISSIONS, SHORT_S, drive, feature, make, mission, random_actions, route_file
+from tests.envs.rollouts import MISSIONS, SHORT_S, drive, feature, make, mission, random_actions, route_file, windy
 from tests.physics.drives import STEADY, robots
 from tests.physics.drives import drive as drive_kernel
 
@@ -142,22 +141,6 @@ def test_halving_the_decision_moves_the_end_by_less_than_a_thousandth(
     whole_m = ran_empty(decision_s, commands, **options)
     half_m = ran_empty(0.5 * decision_s, np.repeat(commands, 2, axis=0), **options)
     assert half_m == pytest.approx(whole_m, rel=1e-3)
-
-
-def windy(robot: Robot) -> Robot:
-    """A robot with effects of every kind that keep state or depend on the place."""
-    return dataclasses.replace(
-        robot,
-        track_m=0.3,
-        effects={
-            "wind": {"exposure": 1.0},
-            "turning": {"scrub": 0.3},
-            "inertia": {"mass_factor": 1.1},
-            "surface": {"gain": 0.5},
-            "motor_heating": {"per_k": 0.004, "rise_k_per_w": 1.0, "time_constant_s": 600.0},
-            "internal_resistance": {"ohm": 0.05},
-        },
-    )
 
 
 @pytest.mark.parametrize("mission_id", MISSIONS)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
 from homeward.envs import batch
@@ -97,7 +97,7 @@ def test_vector_equals_scalar(
         ends |= {(step, i) for i in np.flatnonzero(over).tolist()}
         if mode is AutoresetMode.DISABLED and over.any():
             observations, info = envs.reset(options={"reset_mask": over})
-            for i in np.flatnonzero(over):
+            for i in np.flatnonzero(over).tolist():
                 observation, one = scalars.envs[i].reset()
                 np.testing.assert_array_equal(observations[i], observation)
                 assert plain(info, i) == plain(one)
@@ -109,12 +109,14 @@ def test_vector_equals_scalar(
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_native_equals_gymnasiums_vector_env(mode: AutoresetMode) -> None:
     options: dict[str, Any] = {"difficulty": "harsh", "decision_s": SHORT_S}
-    theirs: VectorEnv[Any, Any, Any] = SyncVectorEnv([lambda: make("Survey", **options)] * COUNT, autoreset_mode=mode)
+    theirs: Any = SyncVectorEnv([lambda: make("Survey", **options)] * COUNT, autoreset_mode=mode)
     ours = HomewardVectorEnv(COUNT, mission="Survey", autoreset_mode=mode, **options)
     np.testing.assert_array_equal(theirs.reset(seed=list(SEEDS))[0], ours.reset(seed=SEEDS)[0])
     rng, ends = np.random.default_rng(8), 0
     for _ in range(STEPS):
         actions = random_actions(rng, "discrete", COUNT)
+        expected: Any
+        found: Any
         expected, found = theirs.step(actions), ours.step(actions)
         for one, other in zip(expected[:4], found[:4], strict=True):
             np.testing.assert_array_equal(one, other)
@@ -127,7 +129,7 @@ def test_native_equals_gymnasiums_vector_env(mode: AutoresetMode) -> None:
             np.testing.assert_array_equal(observations, ours.reset(options={"reset_mask": over})[0])
         if mode is AutoresetMode.SAME_STEP:
             assert ("final_obs" in found[4]) == ("final_obs" in expected[4]) == over.any()
-            for i in np.flatnonzero(over):
+            for i in np.flatnonzero(over).tolist():
                 np.testing.assert_array_equal(expected[4]["final_obs"][i], found[4]["final_obs"][i])
             if over.any():
                 np.testing.assert_array_equal(expected[4]["_final_obs"], found[4]["_final_obs"])
@@ -156,8 +158,10 @@ def test_the_order_of_missions_does_not_matter(threads: str) -> None:
     rng = np.random.default_rng(9)
     for _ in range(STEPS):
         actions = random_actions(rng, "discrete", COUNT)
-        for one, other in zip(envs.step(actions)[:4], others.step(actions[order])[:4], strict=True):
-            np.testing.assert_array_equal(one[order], other)
+        found, permuted = envs.step(actions), others.step(actions[order])
+        for i in range(4):
+            one: Any = found[i]
+            np.testing.assert_array_equal(one[order], permuted[i])
 
 
 def test_large_vector_envs_equal_small_ones(monkeypatch: pytest.MonkeyPatch) -> None:

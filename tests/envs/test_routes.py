@@ -1,0 +1,324 @@
+"""Routes: the generator's distributions, the named case of hidden wind, and profiles from files."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from homeward import load_robot
+from homeward.envs.options import OptionError
+from homeward.envs.routes import Route, RouteError, load_route, route_names
+from homeward.envs.scalar import HomewardEnv
+from homeward.envs.state import GO, MAX_PLACES, RETURN
+from homeward.envs.vector import HomewardVectorEnv
+from homeward.physics import ancillary_power, traction_force
+from tests.envs.rollouts import drive, mission, route_file
+
+MANY = 4000
+
+
+@pytest.fixture(scope="module")
+def days() -> Any:
+    """Records, places used and length of many generated missions, at the difficulty where the wind blows."""
+    envs = HomewardVectorEnv(MANY, mission="Survey", difficulty="uncertain")
+    envs.reset(seed=0)
+    shared = envs.batch.setting.shared[0]
+    return envs.batch.records, envs.batch.routes["places"][:, : shared["places"]], float(shared["length_m"])
+
+
+def error(deviation: float, count: int = MANY) -> float:
+    """Four standard errors of a mean."""
+    return 4.0 * deviation / math.sqrt(count)
+
+
+def test_grades_are_drawn_as_documented(days: Any) -> None:
+    _, places, _ = days
+    sines = places["sin_grade"].astype(float)
+    assert np.abs(sines).max() <= 0.2
+    # Beside the knots: the route's mean of N(0, 0.02) plus the part of deviation 0.04.
+    for place in (0, -1):
+        assert sines[:, place].mean() == pytest.approx(0.0, abs=error(0.045))
+        assert 0.85 * 0.0447 < sines[:, place].std() < 0.0447
+    assert sines.mean(axis=1).std() == pytest.approx(0.03, abs=0.01)
+    # Neighbours belong together and the ends do not, but for the mean that they share.
+    assert np.corrcoef(sines[:, 0], sines[:, 1])[0, 1] > 0.9
+    assert np.corrcoef(sines[:, 0], sines[:, -1])[0, 1] == pytest.approx(0.2, abs=0.07)
+
+
+def test_roughness_comes_in_patches(days: Any) -> None:
+    _, places, _ = days
+    roughness = places["roughness"]
+    assert roughness.min() == 0.0 and roughness.max() <= 1.0
+    first, last = roughness[:, 0], roughness[:, -1]
+    assert (first > 0.0).mean() == pytest.approx(0.25, abs=error(0.43))
+    assert first[first > 0.0].mean() == pytest.approx(0.5, abs=error(0.29, MANY // 4))
+    assert (last > 0.0).mean() == pytest.approx(0.5, abs=error(0.5))
+    changes = (np.diff(roughness, axis=1) != 0.0).sum(axis=1)
+    assert 1 <= changes.mean() <= 5
+
+
+def test_interest_is_low_but_for_hot_spots(days: Any) -> None:
+    _, places, _ = days
+    interest = places["interest"]
+    assert interest.min() == pytest.approx(0.3)
+    assert interest.max() < 0.3 + 6 * 3.5
+    assert 0.2 < (interest < 0.3001).mean() < 0.7
+    assert interest.max(axis=1).mean() > 2.0
+    # Six parabolas of mean height 2 and half width 0.06, of which the ends of the route cut off a little.
+    assert 1.2 < interest.mean() < 0.3 + 6 * 2.0 * 4 / 3 * 0.06
+
+
+def test_routes_wind_and_their_heading_is_the_integral_of_the_curvature(days: Any) -> None:
+    _, places, length_m = days
+    heading, curvature = places["heading_rad"].astype(float), places["curvature_per_m"].astype(float)
+    place_m = length_m / places.shape[1]
+    np.testing.assert_allclose(np.diff(heading, axis=1), curvature[:, :-1] * place_m, atol=1e-4)
+    assert curvature[:, 0].std() * length_m == pytest.approx(3.0, abs=0.15)
+    assert (heading[:, 0].min(), heading[:, 0].max()) == pytest.approx((0.0, 2.0 * math.pi), abs=0.02)
+
+
+def test_days_are_drawn_as_documented(days: Any) -> None:
+    records, _, _ = days
+    temperature, wind, direction = (records[name] for name in ("temperature_c", "wind_mps", "wind_from_rad"))
+    assert temperature.mean() == pytest.approx(12.0, abs=error(8.0))
+    assert (temperature.min(), temperature.max()) == (-10.0, 35.0)
+    assert np.median(temperature) == pytest.approx(12.0, abs=error(10.0))
+    assert wind.mean() == pytest.approx(1.5 * math.sqrt(math.pi / 2.0), abs=error(1.0))  # Rayleigh
+    assert wind.min() > 0.0
+    assert direction.mean() == pytest.approx(math.pi, abs=error(1.82))
+    assert (direction.min(), direction.max()) == pytest.approx((0.0, 2.0 * math.pi), abs=0.02)
+
+
+def test_any_robot_meets_the_same_variety() -> None:
+    """Lengths scale with the robot: one seed is one profile, stretched."""
+    profiles = []
+    for robot in ("rusti", "husky"):
+        env = HomewardEnv(robot=robot)
+        env.reset(seed=3)
+        profiles.append(env.batch.routes["places"][0][["sin_grade", "roughness", "interest"]].copy())
+    np.testing.assert_array_equal(*profiles)
+
+
+def test_hidden_wind_helps_on_the_way_out_and_hurts_on_the_way_home() -> None:
+    envs = HomewardVectorEnv(60, mission="OutAndBack", route="hidden_wind", difficulty="uncertain")
+    envs.reset(seed=0)
+    records, places = envs.batch.records, envs.batch.routes["places"][:, : envs.batch.setting.shared["places"][0]]
+    assert ((records["wind_mps"] >= 3.0) & (records["wind_mps"] <= 6.0)).all()
+    against = np.cos(records["wind_from_rad"][:, None] - places["heading_rad"])
+    assert (against.mean(axis=1) < 0.0).all() and against.mean() < -0.5
+    for _ in range(60):
+        *_, info = envs.step(np.array([[4, 0, GO]] * 60))
+    out_j = info["energy_j"]["wind"].copy()
+    assert (out_j < 0.0).mean() > 0.5 and out_j.mean() < 0.0
+    over = np.zeros(60, bool)
+    home_j = np.zeros(60)
+    for _ in range(100):
+        *_, terminated, truncated, info = envs.step(np.array([[4, 0, RETURN]] * 60))
+        ended = (terminated | truncated) & ~over
+        home_j[ended] = info["energy_j"]["wind"][ended] - out_j[ended]
+        over |= ended
+        if over.all():
+            break
+    assert over.all() and (home_j > 0.0).mean() > 0.9 and home_j.mean() > abs(out_j.mean())
+
+
+def test_hidden_wind_fools_who_extrapolates() -> None:
+    """The way home costs more, over the way out, than on days with a wind from anywhere."""
+    dearer = {}
+    for route in ("generated", "hidden_wind"):
+        ratios = []
+        for seed in range(15):
+            env = HomewardEnv(mission="OutAndBack", route=route, difficulty="uncertain")
+            env.reset(seed=seed)
+            start_j = float(mission(env)["energy_j"])
+            list(drive(env, [[4, 0, GO]] * 40))
+            turn_j = float(mission(env)["energy_j"])
+            list(drive(env, [[4, 0, RETURN]] * 100))
+            assert mission(env)["home"]
+            ratios.append((turn_j - float(mission(env)["energy_j"])) / (start_j - turn_j))
+        dearer[route] = float(np.mean(ratios))
+    assert dearer["hidden_wind"] > 1.3 * dearer["generated"]
+
+
+def test_the_routes_that_ship_are_named() -> None:
+    assert route_names() == ["generated", "hidden_wind", "box", "incline"]
+    for name in route_names()[2:]:
+        assert load_route(name, 1.0).length_m < 1.0
+
+
+def test_a_file_is_cut_into_equal_places(tmp_path: Path) -> None:
+    path = route_file(
+        tmp_path,
+        "distance_m,grade_rad,roughness,interest,heading_rad,temperature_c,wind_mps,wind_from_rad\n"
+        "0,0.1,0,1,0,5,2,1\n10,0.1,1,1,0,9,9,9\n20,0.1,1,3,1,9,9,9\n30,0.1,1,3,1,9,9,9\n40,0.1,1,3,2,9,9,9\n",
+    )
+    route = load_route(path, 11.0)
+    assert (route.place_m, route.length_m) == (10.0, 40.0)
+    np.testing.assert_allclose(route.grade_rad, 0.1)
+    np.testing.assert_allclose(route.roughness, [0.5, 1.0, 1.0, 1.0])
+    np.testing.assert_allclose(route.interest, [1.0, 2.0, 3.0, 3.0])
+    np.testing.assert_allclose(route.heading_rad, [0.0, 0.5, 1.0, 1.5])
+    np.testing.assert_allclose(route.curvature_per_m, [0.05, 0.05, 0.05, 0.0])
+    assert (route.temperature_c, route.wind_mps, route.wind_from_rad) == (5.0, 2.0, 1.0)
+
+
+def test_what_a_file_leaves_out_is_plain(tmp_path: Path) -> None:
+    route = load_route(route_file(tmp_path, "# a corridor\n\ndistance_m\n0\n10\n"), 2.0)
+    assert not route.grade_rad.any() and not route.roughness.any() and not route.heading_rad.any()
+    assert (route.interest == 1.0).all() and (route.temperature_c, route.wind_mps) == (20.0, 0.0)
+
+
+@pytest.mark.parametrize("place_m", [3.0, 7.3, 50.0, 1000.0])
+def test_the_ascent_of_a_file_is_preserved(tmp_path: Path, place_m: float) -> None:
+    """However coarse the places: the last one is as high as the file says."""
+    rng = np.random.default_rng(0)
+    distance = np.concatenate(([0.0], np.cumsum(rng.uniform(1.0, 20.0, 40))))
+    elevation = 100.0 + np.cumsum(rng.normal(0.0, 0.5, 41))
+    rows = [f"{d!r},{z!r}" for d, z in zip(distance.tolist(), elevation.tolist(), strict=True)]
+    route = load_route(route_file(tmp_path, "\n".join(["distance_m,elevation_m", *rows])), place_m)
+    assert len(route.grade_rad) <= MAX_PLACES and route.length_m == pytest.approx(distance[-1])
+    assert (np.sin(route.grade_rad) * route.place_m).sum() == pytest.approx(elevation[-1] - elevation[0])
+
+
+def test_a_closed_heading_turns_the_short_way(tmp_path: Path) -> None:
+    path = route_file(tmp_path, "distance_m,heading_rad\n0,6.2\n1,6.2\n1.001,0.1\n2,0.1\n")
+    assert abs(load_route(path, 1.0).curvature_per_m[0]) < 0.2
+
+
+BROKEN = {
+    "": "at least two",
+    "\n\n\n": "at least two",
+    "distance_m\n": "at least two",
+    "distance_m,grade_rad\n0,0\n": "at least two",
+    "distance_m,grade_rad\n0,0\n,\n": "at least two",
+    "grade_rad\n0\n1\n": "no column distance_m",
+    "distance_m,slope\n0,0\n1,0\n": "unknown column 'slope'",
+    "distance_m;grade_rad\n0;0\n1;0\n": "not a readable CSV",
+    "# nothing\n# but\n# comments\n": "at least two",
+    "distance_m,grade_rad\n1,0\n2,0\n": "from 0 and increasing",
+    "distance_m,grade_rad\n0,0\n2,0\n1,0\n": "from 0 and increasing",
+    "distance_m,grade_rad\n0,0\n0,0\n": "from 0 and increasing",
+    "distance_m,grade_rad\n0,0\n1\n": "not a readable CSV",
+    "distance_m,grade_rad\n0,0\n1,\n": "row 3: grade_rad is not a finite number",
+    "distance_m,grade_rad\n0,steep\n1,0\n": "row 2: grade_rad is not a finite number",
+    "distance_m,grade_rad\n0,0\n1,inf\n": "row 3: grade_rad is not a finite number",
+    "distance_m,grade_rad\n0,0\nnan,0\n": "row 3: distance_m is not a finite number",
+    "distance_m,grade_rad\n0,0\n1,5.71\n": "row 3: grade_rad = 5.71 is not in",
+    "distance_m,elevation_m\n0,0\n10,2000\n": "elevation_m",
+    "distance_m,interest\n0,0\n1,-1\n": "row 3: interest = -1 is not in",
+    "distance_m,roughness\n0,0\n1,-0.1\n": "roughness = -0.1",
+    "distance_m,temperature_c\n0,293\n1,293\n": "temperature_c = 293",
+    "distance_m,wind_mps\n0,-1\n1,0\n": "wind_mps = -1",
+    "distance_m,wind_from_rad\n0,270\n1,270\n": "wind_from_rad = 270",
+    "distance_m,distance_m\n0,0\n1,1\n": "unknown column",
+}
+
+
+@pytest.mark.parametrize(("text", "says"), BROKEN.items())
+def test_a_file_that_cannot_be_used_says_why(tmp_path: Path, text: str, says: str) -> None:
+    path = route_file(tmp_path, text)
+    with pytest.raises(RouteError) as caught:
+        HomewardEnv(route=path)
+    message = str(caught.value)
+    assert says in message and str(path) in message and "\n" not in message
+
+
+def test_a_file_that_is_no_text_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "route.csv"
+    path.write_bytes(bytes(range(256)) * 4)
+    with pytest.raises(RouteError, match="not a readable CSV"):
+        HomewardEnv(route=path)
+
+
+def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
+    path = tmp_path / "route.csv"
+    path.write_text("distance_m,grade_rad\n0,0\n10,0.1\n", encoding="utf-8-sig")
+    assert load_route(path, 5.0).length_m == 10.0
+
+
+@pytest.mark.parametrize("route", ["nowhere", "", "no/such.csv", None, 5, ["box"], Path("/")])
+def test_a_route_that_is_none_names_those_that_are(route: Any) -> None:
+    with pytest.raises(RouteError, match="generated, hidden_wind, box, incline"):
+        HomewardEnv(route=route)
+
+
+def flat(count: int, **changes: Any) -> Route:
+    zeros = np.zeros(count)
+    values: dict[str, Any] = {"place_m": 10.0, "grade_rad": zeros, "roughness": zeros, "interest": zeros + 1.0}
+    return Route(**values | {"heading_rad": zeros} | changes)
+
+
+def test_a_route_made_in_python_is_taken_as_it_is() -> None:
+    env = HomewardEnv(mission="OutAndBack", route=flat(7), difficulty="known")
+    env.reset(seed=0)
+    *_, last = drive(env, [[4, 0, GO]] * 5)
+    assert last.info["position_m"] == pytest.approx(70.0)
+    with pytest.raises(OptionError, match=f"at most {MAX_PLACES}"):
+        HomewardEnv(route=flat(MAX_PLACES + 1))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"place_m": 0.0},
+        {"place_m": math.nan},
+        {"grade_rad": np.full(7, math.nan)},
+        {"grade_rad": np.full(7, 1.6)},
+        {"interest": np.ones(6)},
+        {"roughness": np.full(7, -1.0)},
+        {"wind_mps": math.inf},
+        {"temperature_c": 300.0},
+    ],
+)
+def test_a_route_made_in_python_is_checked(changes: dict[str, Any]) -> None:
+    with pytest.raises(RouteError, match=next(iter(changes))):
+        HomewardEnv(route=flat(7, **changes))
+
+
+@pytest.mark.parametrize("count", range(1, MAX_PLACES + 1))
+def test_the_end_of_any_route_is_reached(count: int) -> None:
+    """With places whose sum rounds below the length or above it."""
+    env = HomewardEnv(mission="OutAndBack", route=flat(count, place_m=0.1), difficulty="known", decision_s=50.0)
+    env.reset(seed=0)
+    *_, end = drive(env, [[4, 0, GO]] * 2)
+    assert end.info["position_m"] == pytest.approx(0.1 * count)
+    *_, home = drive(env, [[4, 0, RETURN]] * 2)
+    assert home.info["home"] and home.info["score"] == pytest.approx(0.1 * count)
+
+
+@pytest.mark.parametrize(("route", "grade_rad", "length_m"), [("box", 0.0, 0.38), ("incline", 0.09966, 0.5)])
+@pytest.mark.parametrize("speed", [2, 4])
+def test_patrols_on_the_papers_trajectories_draw_what_the_model_says(
+    route: str, grade_rad: float, length_m: float, speed: int
+) -> None:
+    """Eqs. 3, 5 and 7 with the duty cycle of a mission in turns: forth, pit stop, back, pit stop."""
+    rusti = load_robot("rusti")
+    env = HomewardEnv(mission="Patrol", robot=rusti, route=route, difficulty="known")
+    env.reset(seed=0)
+    *_, last = drive(env, [[speed, 4, GO]] * 10)
+    m, ledger = mission(env), last.info["energy_j"]
+    speed_mps = 0.1 + 0.9 * speed / 4
+    forth_n, back_n = (float(traction_force(rusti, speed_mps, sign * grade_rad)) for sign in (1.0, -1.0))
+    force_n = 0.5 * (forth_n + max(back_n, 0.0))
+    drive_j = ledger["rolling"] + ledger["drag"] + ledger["grade"]
+    assert m["legs"] > 100
+    # A leg that is under way at the end may be the dearer one.
+    assert drive_j == pytest.approx(force_n * m["distance_m"] / rusti.traction_efficiency, rel=2.0 / m["legs"])
+    assert ledger.total() - drive_j == pytest.approx(float(ancillary_power(rusti, 100.0)) * m["time_s"], rel=1e-9)
+    duty = m["distance_m"] / speed_mps / m["time_s"]
+    pit_stop_s = float(env.batch.setting.shared["pit_stop_s"][0])
+    leg_s = length_m / speed_mps
+    assert duty == pytest.approx(leg_s / (leg_s + pit_stop_s), rel=2.0 / m["legs"])
+
+
+def test_the_box_at_full_speed_takes_the_papers_drive_power() -> None:
+    """8.83 W against rolling friction at 1 m/s, as the model gives for 0.78 kg."""
+    env = HomewardEnv(mission="Patrol", robot="rusti", route="box", difficulty="known")
+    env.reset(seed=0)
+    *_, last = drive(env, [[4, 0, GO]] * 10)
+    driven_s = float(mission(env)["distance_m"]) / 1.0
+    assert last.info["energy_j"]["rolling"] / driven_s == pytest.approx(8.83, abs=0.005)
