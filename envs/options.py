@@ -66,7 +66,7 @@ class Options:
             ("action_type", self.action_type, ACTION_TYPES),
             ("shaping", self.shaping, SHAPINGS),
         ):
-            if value not in allowed:
+            if not isinstance(value, str) or value not in allowed:
                 raise OptionError(f"{name} = {value!r} is not allowed; choose from {', '.join(allowed)}")
         _check_number("discount", self.discount, 0.0, 1.0)
         if self.decision_s is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -78,7 +79,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             options: `reset_mask`, bool of shape (num_envs,): which missions to begin anew.
 
         Raises:
-            OptionError: The seeds or the mask have the wrong length.
+            OptionError: The seeds or the mask have the wrong length or type.
         """
         indices = self._chosen(options)
         self._seed(seed, indices)
@@ -135,13 +136,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         return np.flatnonzero(mask)
 
     def _seed(self, seed: int | Sequence[int | None] | None, indices: NDArray[np.int64]) -> None:
-        seeds: list[int | None]
-        if seed is None or isinstance(seed, int | np.integer):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = list(seed)
-        if len(seeds) != self.num_envs:
-            raise OptionError(f"{len(seeds)} seeds were given for {self.num_envs} missions; give one each")
+        seeds = self._one_each(seed)
         if self.batch.generators and all(one is None for one in seeds):
             return
         generators = list(self.batch.generators) or [seeding.np_random(one)[0] for one in seeds]
@@ -149,6 +144,20 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             if seeds[i] is not None:
                 generators[i] = seeding.np_random(seeds[i])[0]
         self.batch.generators = generators
+
+    def _one_each(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        try:
+            if seed is None:
+                return [None] * self.num_envs
+            given = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+            seeds = [None if one is None else operator.index(one) for one in given]
+        except TypeError:
+            raise OptionError(f"seed = {seed!r} is not allowed; give a whole number, or one a mission") from None
+        if len(seeds) != self.num_envs:
+            raise OptionError(f"{len(seeds)} seeds were given for {self.num_envs} missions; give one each")
+        if any(one is not None and one < 0 for one in seeds):
+            raise OptionError(f"seed = {seed!r} is not allowed; seeds are not negative")
+        return seeds
 
     def _reset_at_once(self, observations: NDArray[np.float32], info: dict[str, Any]) -> None:
         """Same-step mode: keep what the ended missions came to, and begin them anew."""

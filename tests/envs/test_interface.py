@@ -20,6 +20,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics as RecordVectorEpi
 
 from homeward.envs import IDS
 from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.features import FEATURES
 from homeward.envs.options import ACTION_TYPES, SHAPINGS
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
@@ -65,7 +66,7 @@ def test_an_id_imports_the_package_by_itself(root: Path) -> None:
         [sys.executable, "-W", "error", "-c", program], cwd=root, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == ["(25,) True", "(3, 25) HomewardVectorEnv"]
+    assert done.stdout.splitlines() == [f"({len(FEATURES)},) True", f"(3, {len(FEATURES)}) HomewardVectorEnv"]
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)

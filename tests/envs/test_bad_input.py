@@ -1,0 +1,259 @@
+"""What cannot be used is refused in one line that says what is allowed, and nothing is stepped."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import NameNotFound, ResetNeeded
+from gymnasium.vector import AutoresetMode
+
+from homeward import RobotError, load_robot
+from homeward.envs import IDS
+from homeward.envs.options import OptionError
+from homeward.envs.scalar import HomewardEnv
+from homeward.envs.state import GO, RETURN
+from homeward.envs.vector import HomewardVectorEnv
+from tests.envs.rollouts import drive, make
+
+OPTIONS: list[tuple[dict[str, Any], str]] = [
+    ({"difficulty": "easy"}, "difficulty = 'easy' is not allowed; choose from known, uncertain, harsh"),
+    ({"difficulty": 1}, "known, uncertain, harsh"),
+    ({"difficulty": None}, "known, uncertain, harsh"),
+    ({"difficulty": ["known"]}, "known, uncertain, harsh"),
+    ({"difficulty": np.array(["known", "harsh"])}, "known, uncertain, harsh"),
+    ({"action_type": "box"}, "action_type = 'box' is not allowed; choose from discrete, continuous"),
+    ({"shaping": True}, "shaping = True is not allowed; choose from dmax, none"),
+    ({"shaping": None}, "dmax, none"),
+    ({"discount": 0.0}, "discount = 0.0 is not allowed; give a number in (0, 1]"),
+    ({"discount": 1.01}, "(0, 1]"),
+    ({"discount": math.nan}, "(0, 1]"),
+    ({"discount": "0.99"}, "(0, 1]"),
+    ({"discount": True}, "(0, 1]"),
+    ({"decision_s": 0.0}, "decision_s = 0.0 is not allowed; give a number in (0, 1e+06]"),
+    ({"decision_s": -1.0}, "(0, 1e+06]"),
+    ({"decision_s": math.inf}, "(0, 1e+06]"),
+    ({"decision_s": "30"}, "(0, 1e+06]"),
+    ({"dificulty": "known"}, "unknown keyword 'dificulty' (did you mean 'difficulty'?)"),
+    ({"colour": "red"}, "unknown keyword 'colour'; allowed: robot, route, difficulty, action_type, shaping, discount"),
+    ({"robot": "rusty"}, "presets: husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean 'rusti'?)"),
+    ({"robot": "no/such.toml"}, "presets: husky, jackal"),
+    ({"robot": None}, "robot = None is not a preset name"),
+    ({"route": "incline2"}, "known: generated, hidden_wind, box, incline"),
+]
+
+
+def makers() -> dict[str, Callable[..., Any]]:
+    return {
+        "make": lambda **options: gym.make(IDS["Survey"], **options),
+        "make_vec": lambda **options: gym.make_vec(IDS["Survey"], 2, "vector_entry_point", **options),
+    }
+
+
+@pytest.mark.parametrize("maker", makers())
+@pytest.mark.parametrize(("options", "says"), OPTIONS, ids=lambda value: str(value)[:40])
+def test_options_that_cannot_be_used_say_what_can(maker: str, options: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError) as caught:
+        makers()[maker](**options)
+    assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_wrong_keyword_lists_the_right_ones() -> None:
+    options = "robot, route, difficulty, action_type, shaping, discount, decision_s, "
+    with pytest.raises(OptionError, match=options + "render_mode$"):
+        gym.make(IDS["Patrol"], rute="box")
+    with pytest.raises(OptionError, match=options + "num_envs, autoreset_mode, render_mode$"):
+        gym.make_vec(IDS["Patrol"], 2, "vector_entry_point", rute="box")
+
+
+def test_an_unknown_id_names_the_known_ones() -> None:
+    with pytest.raises(NameNotFound, match=r"Did you mean: `Survey`"):
+        gym.make("homeward/Survei-v0")
+    with pytest.raises(OptionError, match="choose from OutAndBack, Survey, Patrol"):
+        HomewardEnv(mission="Survei")
+    with pytest.raises(OptionError, match="choose from OutAndBack, Survey, Patrol"):
+        HomewardVectorEnv(2, mission="survey")
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.0, "2", None])
+def test_a_number_of_missions_that_is_none(count: Any) -> None:
+    with pytest.raises(OptionError, match=r"num_envs = .* whole number of at least 1"):
+        HomewardVectorEnv(count)
+
+
+def test_modes_that_do_not_exist() -> None:
+    with pytest.raises(OptionError, match="choose from NextStep, SameStep, Disabled"):
+        HomewardVectorEnv(2, autoreset_mode="later")
+    with pytest.raises(OptionError, match="choose from None, ansi"):
+        HomewardEnv(render_mode="human")
+    with pytest.raises(OptionError, match="render a scalar environment"):
+        HomewardVectorEnv(2, render_mode="ansi")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("mass_kg = 0.78", "mass_kg = -0.78"), "body.mass_kg = -0.78"),
+        (("mass_kg = 0.78", "mass = 0.78"), "body.mass = 0.78 is not a known field"),
+        (("mass_kg = 0.78", ""), "body.mass_kg is missing"),
+        (("mass_kg = 0.78", "mass_kg = nan"), "body.mass_kg = nan"),
+        (("[body]", "[body"), "not a readable TOML file"),
+    ],
+)
+def test_a_broken_robot_file_is_named_with_its_field(tmp_path: Path, change: tuple[str, str], says: str) -> None:
+    path = tmp_path / "robot.toml"
+    text = load_robot("rusti").to_toml()
+    assert change[0] in text
+    path.write_text(text.replace(*change), encoding="utf-8")
+    with pytest.raises(RobotError) as caught:
+        gym.make(IDS["Survey"], robot=path)
+    assert says in str(caught.value) and str(path) in str(caught.value)
+
+
+def test_a_robot_that_never_runs_empty_is_refused() -> None:
+    downhill = {"regeneration": {"share": 0.9}, "hidden_grade": {"slope": -0.5}}
+    with pytest.raises(OptionError, match="'rusti' never runs empty"):
+        HomewardEnv(robot=dataclasses.replace(load_robot("rusti"), effects=downhill))
+
+
+DISCRETE: list[tuple[Any, str]] = [
+    ([5, 0, 1], "[5, 0, 1] of env 0 is not allowed; give speed and sensing levels 0 to 4 and 0 (stop)"),
+    ([0, 0, 3], "1 (go) or 2 (return)"),
+    ([0, -1, 1], "[0, -1, 1]"),
+    ([0.0, 0.0, 1.0], "dtype float64; give int64"),
+    ([math.nan, 0, 1], "dtype float64; give int64"),
+    ([True, False, True], "dtype bool; give int64"),
+    (["a", "b", "c"], "dtype <U1; give int64"),
+    ([0, 0], "shape (1, 2); give (1, 3)"),
+    ([[0, 0, 1]], "shape (1, 1, 3); give (1, 3)"),
+    (1, "shape (1,); give (1, 3)"),
+    (None, "give (1, 3)"),
+    (np.array([2**63, 0, 1], np.uint64), "is not allowed"),
+]
+CONTINUOUS: list[tuple[Any, str]] = [
+    ([1.5, 0.0, 0.0], "[1.5, 0.0, 0.0] of env 0 is not allowed; give three numbers within [-1, 1]"),
+    ([0.0, -1.001, 0.0], "within [-1, 1]"),
+    ([0.0, 0.0, math.nan], "within [-1, 1]"),
+    ([math.inf, 0.0, 0.0], "within [-1, 1]"),
+    ([-math.inf, 0.0, 0.0], "within [-1, 1]"),
+    ([1e300, 0.0, 0.0], "within [-1, 1]"),
+    ([1j, 0.0, 0.0], "dtype complex128; give float32"),
+    (["a", "b", "c"], "dtype <U1; give float32"),
+    ([0.0, 0.0], "shape (1, 2); give (1, 3)"),
+    (0.0, "shape (1,); give (1, 3)"),
+]
+
+
+@pytest.mark.parametrize(
+    ("action_type", "action", "says"),
+    [("discrete", *case) for case in DISCRETE] + [("continuous", *case) for case in CONTINUOUS],
+)
+def test_actions_that_are_none_step_nothing(action_type: str, action: Any, says: str) -> None:
+    env = make("Survey", action_type=action_type)
+    env.reset(seed=0)
+    before = env.batch.records.copy()
+    with pytest.raises(OptionError) as caught:
+        env.step(action)
+    assert says in str(caught.value) and "\n" not in str(caught.value)
+    np.testing.assert_array_equal(env.batch.records, before)
+    *_, info = env.step([4, 0, GO] if action_type == "discrete" else [1.0, -1.0, 0.0])
+    assert info["position_m"] > 0.0
+
+
+@pytest.mark.parametrize("count", [3, 600])
+def test_one_bad_action_steps_none_of_the_missions(count: int) -> None:
+    """Wherever it is, and with the kernel of small and of large vector environments."""
+    envs = HomewardVectorEnv(count, action_type="continuous")
+    envs.reset(seed=0)
+    before = envs.batch.records.copy()
+    for index in (0, 1, count - 1):
+        actions = np.zeros((count, 3), np.float32)
+        actions[index, 1] = math.nan
+        with pytest.raises(OptionError, match=rf"of env {index} is not allowed"):
+            envs.step(actions)
+        np.testing.assert_array_equal(envs.batch.records, before)
+    with pytest.raises(OptionError, match=rf"shape \({count - 1}, 3\); give \({count}, 3\)"):
+        envs.step(np.zeros((count - 1, 3), np.float32))
+
+
+def test_integers_of_any_width_and_lists_are_actions() -> None:
+    for action in ([4, 0, 1], (4, 0, 1), np.array([4, 0, 1], np.uint8), np.array([4, 0, 1], np.int32)):
+        env = make("OutAndBack")
+        env.reset(seed=0)
+        assert env.step(action)[4]["position_m"] == pytest.approx(300.0)
+    for level in (np.float16, np.float64, np.int64):
+        env = make("OutAndBack", action_type="continuous")
+        env.reset(seed=0)
+        assert env.step(np.array([1, -1, 0], level))[4]["position_m"] == pytest.approx(300.0)
+
+
+def test_a_step_before_the_first_reset_is_refused() -> None:
+    with pytest.raises(ResetNeeded, match=r"call reset\(\)"):
+        HomewardEnv().step([4, 0, GO])
+    for mode in AutoresetMode:
+        with pytest.raises(ResetNeeded, match=r"call reset\(\)"):
+            HomewardVectorEnv(2, autoreset_mode=mode).step(np.zeros((2, 3), np.int64))
+
+
+def test_a_step_after_the_end_is_refused() -> None:
+    env = make("OutAndBack")
+    env.reset(seed=0)
+    *_, last = drive(env, [[4, 0, RETURN]])
+    assert last.terminated
+    with pytest.raises(ResetNeeded, match=r"over .* call reset\(\)"):
+        env.step([4, 0, GO])
+    env.reset()
+    env.step([4, 0, GO])
+
+
+def test_without_autoreset_missions_that_are_over_need_a_reset() -> None:
+    envs = HomewardVectorEnv(3, autoreset_mode=AutoresetMode.DISABLED)
+    envs.reset(seed=0)
+    envs.step(np.array([[4, 0, RETURN], [4, 0, GO], [4, 0, RETURN]]))
+    before = envs.batch.records.copy()
+    with pytest.raises(OptionError, match=r"missions \[0, 2\] are over"):
+        envs.step(np.array([[4, 0, GO]] * 3))
+    np.testing.assert_array_equal(envs.batch.records, before)
+    envs.reset(options={"reset_mask": np.array([True, False, False])})
+    with pytest.raises(OptionError, match=r"missions \[2\] are over"):
+        envs.step(np.array([[4, 0, GO]] * 3))
+
+
+@pytest.mark.parametrize(
+    "seed", [[1, 2], [1, 2, 3, 4], (), "abc", 1.5, [1.5, 2, 3], -1, [0, 1, -5], np.zeros((3, 1), int)]
+)
+def test_seeds_that_are_none(seed: Any) -> None:
+    envs = HomewardVectorEnv(3)
+    with pytest.raises(OptionError, match="seed"):
+        envs.reset(seed=seed)
+    envs.reset(seed=np.array([1, 2, 3]))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(envs.reset(seed=[1, 2, 3])[0], envs.reset(seed=np.int64(1))[0])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        np.array([True, False]),
+        np.array([1, 0, 1]),
+        np.zeros(3, bool),
+        np.ones((3, 1), bool),
+        "all",
+        None,
+    ],
+)
+def test_masks_that_are_none(mask: Any) -> None:
+    envs = HomewardVectorEnv(3)
+    envs.reset(seed=0)
+    with pytest.raises(OptionError, match=r"reset_mask must be a bool array of shape \(3,\)"):
+        envs.reset(options={"reset_mask": mask})
+
+
+def test_a_mask_before_the_first_reset_is_refused() -> None:
+    with pytest.raises(OptionError, match=r"call reset\(\) without one first"):
+        HomewardVectorEnv(2).reset(options={"reset_mask": np.array([True, False])})

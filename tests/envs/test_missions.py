@@ -1,0 +1,232 @@
+"""The rules of the three missions."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from homeward.envs.missions import DRIVING_LINK
+from homeward.envs.scalar import HomewardEnv
+from homeward.envs.state import GO, RETURN, STOP
+from tests.envs.rollouts import drive, feature, make, mission, route_file
+
+EVEN = "distance_m,interest\n0,2\n{length_m},2\n"
+
+
+def survey(folder: Path, length_m: float = 3200.0, **options: Any) -> HomewardEnv:
+    """A survey of even ground, with nothing hidden."""
+    path = route_file(folder, EVEN.format(length_m=length_m))
+    env = make("Survey", **{"route": path, "difficulty": "known", "shaping": "none", "decision_s": 20.0} | options)
+    env.reset(seed=0)
+    return env
+
+
+class TestOutAndBack:
+    def test_the_furthest_distance_counts_once_home(self) -> None:
+        env = make("OutAndBack", shaping="none", difficulty="known", decision_s=100.0)
+        env.reset(seed=0)
+        out = list(drive(env, [[4, 0, GO]] * 4 + [[4, 0, RETURN]] * 2))
+        assert [step.info["score"] for step in out] == pytest.approx([100.0, 200.0, 300.0, 400.0, 400.0, 400.0])
+        *_, last = drive(env, itertools.repeat([4, 0, GO], 5))
+        assert last.info["home"] and last.info["position_m"] == 0.0 and last.info["score"] == pytest.approx(400.0)
+        scale = float(env.batch.setting.shared["score_scale"][0])
+        assert last.reward == pytest.approx(400.0 / scale)
+
+    def test_a_stranded_robot_scores_nothing(self) -> None:
+        env = make("OutAndBack", shaping="none")
+        env.reset(seed=0)
+        assert sum(step.reward for step in drive(env, itertools.repeat([4, 4, GO], 60))) == 0.0
+        assert mission(env)["depleted"]
+
+    def test_the_route_ends_where_it_ends(self, tmp_path: Path) -> None:
+        path = route_file(tmp_path, "distance_m\n0\n250\n")
+        env = make("OutAndBack", route=path, difficulty="known", decision_s=100.0)
+        env.reset(seed=0)
+        steps = list(drive(env, [[4, 0, GO]] * 5))
+        assert [step.info["position_m"] for step in steps] == pytest.approx([100.0, 200.0, 250.0, 250.0, 250.0])
+        # It waits at the end: ancillary power only.
+        spent_j = steps[-1].info["energy_j"].total() - steps[-2].info["energy_j"].total()
+        assert spent_j == pytest.approx(100.0 * 0.5881, rel=1e-3)
+
+    def test_home_is_reached_within_a_step_and_no_more_is_spent(self) -> None:
+        env = make("OutAndBack", difficulty="known", decision_s=100.0)
+        env.reset(seed=0)
+        list(drive(env, [[4, 0, GO], [4, 0, GO], [4, 0, RETURN], [2, 0, RETURN]]))
+        before_s = float(mission(env)["time_s"])
+        *_, last = drive(env, [[4, 0, RETURN]])
+        assert last.terminated and last.info["home"]
+        assert mission(env)["time_s"] - before_s == pytest.approx(45.0)
+
+
+class TestSurvey:
+    def test_information_of_new_metres_saturates_with_samples_per_metre(self, tmp_path: Path) -> None:
+        """Interest n / (n + n_half) of each metre, whatever the decisions and places that the way is cut into."""
+        for decision_s, speed, sensing in itertools.product((7.0, 60.0), (1, 2, 4), (1, 2, 4)):
+            env = survey(tmp_path, decision_s=decision_s, robot="rusti")
+            shared, m = env.batch.setting.shared[0], mission(env)
+            shared["backlog_limit"] = 1e12
+            *_, last = drive(env, [[speed, sensing, GO]] * round(420.0 / decision_s))
+            per_m = 25.0 * sensing / (0.1 + 0.9 * speed / 4)
+            expected = 2.0 * per_m / (per_m + float(shared["saturation_per_m"])) * m["position_m"]
+            assert last.info["score"] == pytest.approx(expected, rel=1e-6)
+            assert last.info["score"] < 2.0 * m["position_m"]
+
+    def test_driving_over_known_ground_adds_nothing(self, tmp_path: Path) -> None:
+        env = survey(tmp_path)
+        *_, out = drive(env, [[2, 4, GO]] * 20)
+        *_, back = drive(env, itertools.repeat([2, 4, RETURN], 40))
+        assert back.info["home"]
+        assert back.info["score"] == pytest.approx(out.info["score"])
+        assert back.info["energy_j"]["computer"] > out.info["energy_j"]["computer"]
+
+    def test_standing_adds_nothing(self, tmp_path: Path) -> None:
+        env = survey(tmp_path)
+        *_, out = drive(env, [[2, 2, GO]] * 3)
+        *_, stood = drive(env, [[2, 4, STOP]] * 3)
+        assert stood.info["score"] == pytest.approx(out.info["score"])
+
+    def test_what_the_memory_cannot_hold_is_lost(self, tmp_path: Path) -> None:
+        env = survey(tmp_path, decision_s=60.0)
+        shared, m = env.batch.setting.shared[0], mission(env)
+        kept = []
+        for _ in range(30):
+            observation, *_, info = env.step([1, 4, GO])
+            assert m["backlog"] <= shared["backlog_limit"] * (1.0 + 1e-12)
+            assert info["score"] == pytest.approx(m["delivered"] + m["backlog_information"])
+            kept.append((float(m["lost"]), feature(observation, "backlog")))
+        lost = [value for value, _ in kept]
+        full = [backlog > 0.9 for _, backlog in kept]
+        assert lost[0] == 0.0 and lost[-1] > 0.0 and np.all(np.diff(lost) >= 0.0)
+        assert full[-1] and not full[0]
+
+    def test_nothing_sensed_is_nothing_known(self, tmp_path: Path) -> None:
+        env = survey(tmp_path)
+        steps = list(drive(env, [[4, 0, GO]] * 10 + [[4, 0, RETURN]] * 20))
+        assert steps[-1].info["home"] and steps[-1].info["score"] == 0.0
+        assert mission(env)["backlog"] == mission(env)["lost"] == 0.0
+        assert steps[-1].info["energy_j"]["computer"] == 0.0
+
+    def sent(self, folder: Path, distance_m: float, mode: int) -> float:
+        """Samples sent in a decision that begins at a distance with many on board."""
+        env = survey(folder, decision_s=1.0)
+        m = mission(env)
+        m["position_m"], m["place"], m["backlog"], m["backlog_information"] = distance_m, 0, 5e4, 100.0
+        env.batch.records["place"] = env.batch.records["mapped"] = 0
+        place_m = float(env.batch.setting.shared["place_m"][0])
+        env.batch.records["place"] = int(distance_m // place_m)
+        env.batch.records["mapped"] = int(distance_m // place_m) + 1
+        before = float(env.batch.records["backlog"][0])
+        env.step([0, 0, mode])
+        after = float(env.batch.records["backlog"][0])
+        shares = float(env.batch.records["delivered"][0]) / 100.0, (before - after) / before
+        assert shares[0] == pytest.approx(shares[1])
+        return before - after
+
+    def test_the_radio_is_slower_far_away_and_while_driving(self, tmp_path: Path) -> None:
+        env = survey(tmp_path)
+        shared = env.batch.setting.shared[0]
+        radio_hz, link_m = float(shared["radio_hz"]), float(shared["link_m"])
+        for distance_m in (0.0, link_m, 3.0 * link_m):
+            standing = self.sent(tmp_path, distance_m, STOP)
+            assert standing == pytest.approx(radio_hz / (1.0 + (distance_m / link_m) ** 2), rel=1e-6)
+            assert self.sent(tmp_path, distance_m, GO) == pytest.approx(DRIVING_LINK * standing, rel=1e-3)
+
+    def test_information_is_sent_or_carried_home(self, tmp_path: Path) -> None:
+        env = survey(tmp_path)
+        m = mission(env)
+        list(drive(env, [[4, 3, GO]] * 10))
+        before = float(m["delivered"] + m["backlog_information"])
+        delivered = float(m["delivered"])
+        list(drive(env, [[0, 0, STOP]] * 5))
+        assert m["delivered"] > delivered
+        assert m["delivered"] + m["backlog_information"] == pytest.approx(before)
+        *_, last = drive(env, itertools.repeat([4, 0, RETURN], 60))
+        assert last.info["home"] and last.info["score"] == pytest.approx(before)
+        assert last.reward == pytest.approx(before / float(env.batch.setting.shared["score_scale"][0]))
+
+    def test_hot_spots_are_worth_more(self, tmp_path: Path) -> None:
+        scores = []
+        for interest in (1, 3):
+            path = route_file(tmp_path, f"distance_m,interest\n0,{interest}\n3200,{interest}\n", f"{interest}.csv")
+            env = survey(tmp_path, route=path)
+            *_, last = drive(env, [[4, 2, GO]] * 10)
+            scores.append(last.info["score"])
+        assert scores[1] == pytest.approx(3.0 * scores[0])
+
+
+class TestPatrol:
+    def patrol(self, **options: Any) -> HomewardEnv:
+        env = make("Patrol", **{"difficulty": "known", "shaping": "none", "decision_s": 30.0} | options)
+        env.reset(seed=0)
+        return env
+
+    def test_posts_are_served_in_turns_with_pit_stops(self) -> None:
+        """At top speed a leg takes 4 decisions and a pit stop 2."""
+        env = self.patrol()
+        shared = env.batch.setting.shared[0]
+        length_m = float(shared["length_m"])
+        assert (length_m, float(shared["pit_stop_s"])) == pytest.approx((120.0, 60.0))
+        steps = list(drive(env, [[4, 0, GO]] * 18))
+        positions = [step.info["position_m"] / 30.0 for step in steps]
+        assert positions == pytest.approx([1, 2, 3, 4, 4, 4, 3, 2, 1, 0, 0, 0, 1, 2, 3, 4, 4, 4])
+        laps = [step.info["score"] for step in steps]
+        assert laps == [0] * 3 + [0.5] * 6 + [1.0] * 6 + [1.5] * 3
+        pit_stops = [feature(step.observation, "pit_stop") for step in steps]
+        assert pit_stops == pytest.approx([0, 0, 0, 2, 1, 0, 0, 0, 0, 2, 1, 0, 0, 0, 0, 2, 1, 0])
+        assert not any(step.info["home"] for step in steps)
+        outbound = [feature(step.observation, "outbound") for step in steps]
+        assert outbound == [1] * 3 + [-1] * 6 + [1] * 6 + [-1] * 3
+
+    @pytest.mark.parametrize("mode", [STOP, GO])
+    def test_a_pit_stop_cannot_be_cut_short_nor_begun_early(self, mode: int) -> None:
+        env = self.patrol()
+        *_, arrived = drive(env, [[4, 0, GO]] * 4)
+        assert feature(arrived.observation, "pit_stop") == pytest.approx(2.0)
+        waiting = list(drive(env, [[4, 0, mode]] * 2))
+        assert all(step.info["position_m"] == arrived.info["position_m"] for step in waiting)
+        assert feature(waiting[-1].observation, "pit_stop") == 0.0
+        *_, gone = drive(env, [[4, 0, GO]])
+        assert gone.info["position_m"] == pytest.approx(90.0)
+
+    def test_stopping_on_the_way_is_no_pit_stop(self) -> None:
+        env = self.patrol()
+        list(drive(env, [[4, 0, GO]] * 3 + [[4, 0, STOP]] * 10))
+        *_, arrived = drive(env, [[4, 0, GO]])
+        assert arrived.info["score"] == 0.5 and feature(arrived.observation, "pit_stop") == pytest.approx(2.0)
+
+    def test_laps_count_at_home(self) -> None:
+        env = self.patrol()
+        *_, last = drive(env, [[4, 0, GO]] * 16 + [[4, 0, RETURN]] * 8)
+        assert last.info["home"] and last.info["score"] == 2.0
+        assert last.reward == pytest.approx(2.0 / float(env.batch.setting.shared["score_scale"][0]))
+
+    def test_a_leg_that_is_broken_off_does_not_count(self) -> None:
+        env = self.patrol()
+        *_, last = drive(env, [[4, 0, GO]] * 15 + [[4, 0, RETURN]] * 8)  # 90 m of the 120 m of the third leg
+        assert last.info["home"] and last.info["score"] == 1.0
+
+    def test_the_return_leaves_a_pit_stop(self) -> None:
+        env = self.patrol()
+        *_, last = drive(env, [[4, 0, GO]] * 4 + [[4, 0, RETURN]])
+        assert last.info["position_m"] == pytest.approx(90.0) and feature(last.observation, "pit_stop") == 0.0
+        *_, last = drive(env, [[4, 0, RETURN]] * 3)
+        assert last.info["home"] and last.info["score"] == 1.0
+
+    def test_a_return_at_the_home_post_ends_the_mission(self) -> None:
+        env = self.patrol()
+        *_, post = drive(env, [[4, 0, GO]] * 10)
+        assert post.info["position_m"] == 0.0 and not post.terminated
+        before_j = float(mission(env)["energy_j"])
+        *_, last = drive(env, [[4, 0, RETURN]])
+        assert last.info["home"] and last.info["score"] == 1.0 and mission(env)["energy_j"] == before_j
+
+    def test_many_laps_fit_in_a_decision(self) -> None:
+        """The paper's box is far shorter than what a robot drives between two decisions."""
+        env = self.patrol(route="box", robot="rusti")
+        *_, last = drive(env, [[4, 0, GO]])
+        leg_s = 0.38 + float(env.batch.setting.shared["pit_stop_s"][0])
+        assert last.info["score"] == pytest.approx(0.5 * int((30.0 + leg_s - 0.38) / leg_s))
