@@ -94,7 +94,8 @@ def test_a_mission_spends_what_the_kernel_says(tmp_path: Path) -> None:
         )
         expected = drive_kernel(robot, steps, SHORT_S)
         assert info["position_m"] == pytest.approx(float(expected["distance_m"]), rel=1e-9)
-        np.testing.assert_allclose(list(info["energy_j"].values()), expected["ledger_j"], rtol=1e-9)
+        # Places are kept in single precision.
+        np.testing.assert_allclose(list(info["energy_j"].values()), expected["ledger_j"], rtol=1e-7)
 
 
 @pytest.mark.parametrize("robot", PRESETS)
