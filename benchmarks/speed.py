@@ -34,7 +34,7 @@ SIZES = (4096, 256, 16)
 TARGETS = {"no effects": (1.5, 4.0, 5.0), "3 effects": (1.3, 3.0, 4.0), "all effects": (0.6, 2.0, 3.0)}
 THREE = ("turning", "wind", "internal_resistance")
 PAIRS = 9
-PPO_STEPS = 60_000
+PPO_STEPS = 65_536
 
 
 @dataclass
@@ -77,7 +77,8 @@ def main(args: Args) -> None:
     console.print(table)
     console.print(
         "Survey, difficulty known, automatic resets included. Actions are drawn beforehand: any speed and rate, "
-        "9 % stops, 1 % returns. CartPole gets a fixed random action, as its own step costs the same with any."
+        "10 % stops, 0.2 % returns (a mission lasts about as long as a trained agent's). CartPole gets a fixed random "
+        "action, as its own step costs the same with any."
     )
 
 
@@ -89,10 +90,10 @@ def robot_with(effects: str) -> Robot:
 
 
 def some_actions(count: int, rounds: int = 100) -> list[NDArray[np.int64]]:
-    """Actions of some rounds, each of shape (count, 3)."""
+    """Actions of some rounds, each of shape (count, 3): missions last about as long as a trained agent's."""
     rng = np.random.default_rng(0)
     chance = rng.random((rounds, count))
-    modes = np.where(chance < 0.01, 2, np.where(chance < 0.1, 0, 1))
+    modes = np.where(chance < 0.002, 2, np.where(chance < 0.1, 0, 1))
     levels = rng.integers(0, 5, (2, rounds, count))
     return list(np.ascontiguousarray(np.stack((*levels, modes), axis=-1)))
 

@@ -86,7 +86,7 @@ class Batch:
         self.setting = settle(options)
         self.count = count
         self.records = np.zeros(count, MISSION_DTYPE)
-        self._robots = np.zeros(count, ROBOT_DTYPE)
+        self._robots = np.full(count, self.setting.robot.record()[0], ROBOT_DTYPE)
         self._routes = np.zeros(count, ROUTE_DTYPE)
         self._nominals = self.setting.robot.record()
         self._beliefs = np.zeros(count, ROBOT_STATE_DTYPE)
@@ -168,7 +168,8 @@ class Batch:
         if array.dtype != dtype:
             if array.dtype.kind not in ("iu" if dtype is np.int64 else "iuf"):
                 raise OptionError(f"actions have dtype {array.dtype}; give {np.dtype(dtype)}")
-            array = array.astype(dtype)
+            with np.errstate(over="ignore"):  # infinity is refused as any number beyond the bounds
+                array = array.astype(dtype)
         return np.ascontiguousarray(array)
 
     def _refuse(self, actions: Any, index: int) -> None:

@@ -25,13 +25,13 @@ def _conditions(
     m: Any, place: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, headwind_mps: float, ahead: float
 ) -> Any:
     """Conditions at a place; `ahead` is 1 away from home and -1 towards it, the headwind that of the way out."""
-    roughness, cosine = float(place.roughness), float(place.cos_grade)
+    sine, roughness = ahead * place.sin_grade, float(place.roughness)
     return Conditions(
         speed_mps,
         sensing_hz,
         accel_mps2,
-        ahead * place.sin_grade,
-        cosine,
+        sine,
+        np.sqrt(1.0 - sine * sine),
         ahead * place.curvature_per_m * speed_mps,
         roughness,
         ahead * headwind_mps,
@@ -45,7 +45,6 @@ def _conditions(
 def _map_place(m: Any, route: Any, believed: Any, b: Any, shared: Any) -> None:
     """See the place that the robot comes to for the first time, and cost it by its own model, with `b` to work in."""
     place = route.places[m.mapped]
-    place.cos_grade = np.sqrt(1.0 - place.sin_grade * place.sin_grade)
     place.headwind_mps = 0.0
     if m.wind_mps > 0.0:
         place.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
@@ -105,6 +104,7 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, nominal: Any, b: Any, shared: A
     m.mean_grade = rise / shared.places
     route.places[0].home_cost_j = 0.0
     _map_place(m, route, nominal, b, shared)
+    m.here = route.places[0]
     m.potential = _potential(m, shared, gauge_energy(m, shared)) if shared.shaped else 0.0
 
 
@@ -138,6 +138,7 @@ def _cross(m: Any, route: Any, nominal: Any, b: Any, shared: Any) -> None:
     m.place = ahead
     if m.place == m.mapped:
         _map_place(m, route, nominal, b, shared)
+    m.here = route.places[ahead]
 
 
 @inline
@@ -174,7 +175,7 @@ def _decide(
     accel = (speed_mps - m.speed_mps) * shared.per_decision
     left_s = shared.decision_s
     while left_s > 0.0 and not m.home and not m.depleted:
-        place = route.places[m.place]
+        place = m.here
         speed, dt_s, border_m, crossing = 0.0, left_s, 0.0, False
         if m.dwell_s > 0.0:
             dt_s = min(left_s, m.dwell_s)
@@ -272,7 +273,7 @@ def _step(
             # Where nothing is hidden, all missions have the robot of the file: one record, always in the cache.
             p = robots[i] if shared.difficulty > KNOWN else nominal
             _decide(m, p, route, nominal, beliefs[i], shared, speed, sensing_hz, mode)
-            place = route.places[m.place]
+            place = m.here
             done = m.home or m.depleted
             m.score = missions.score(m, shared)
             m.cost = 1.0 if m.depleted else 0.0
@@ -318,7 +319,8 @@ def reset_missions(
         day: Temperature (C), wind (m/s) and its direction (rad) of that route.
     """
     for i in indices:
-        robots[i] = nominals[0]
+        if shareds[0].difficulty > KNOWN:
+            robots[i] = nominals[0]
         _reset(records[i], robots[i], routes[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed[0], day)
         m, shared = records[i], shareds[0]
-        observe(m, routes[i].places[0], shared, gauge_energy(m, shared), 0.0, observations[i])
+        observe(m, m.here, shared, gauge_energy(m, shared), 0.0, observations[i])

@@ -9,6 +9,31 @@ from homeward.physics.kernel import STATE_FIELDS
 OUT_AND_BACK, SURVEY, PATROL = range(3)
 STOP, GO, RETURN = range(3)
 
+PLACE_DTYPE = np.dtype(
+    [
+        (name, np.float32)
+        for name in (
+            "sin_grade",  # along the way out
+            "roughness",
+            "curvature_per_m",
+            "heading_rad",
+            "headwind_mps",  # along the way out, on this day
+            "interest",
+            "home_cost_j",  # from the start of this place home; this and the next four by the robot's own model
+            "home_j_per_m",  # towards home, all power
+            "back_j_per_m",  # towards home, drive only
+            "out_j_per_m",  # away from home, drive only
+            "standing_w",  # standing here, nothing sensed
+            "grade_near",  # mean ahead, within sight
+            "grade_far",  # mean ahead, beyond it
+            "interest_near",
+            "interest_far",
+        )
+    ],
+    align=True,
+)
+"""One place of a route in one mission."""
+
 MISSION_DTYPE = np.dtype(
     [
         *(field for field in STATE_FIELDS if len(field) == 2),
@@ -37,6 +62,7 @@ MISSION_DTYPE = np.dtype(
         ("returning", np.bool_),
         ("home", np.bool_),
         ("over", np.bool_),
+        ("here", PLACE_DTYPE),  # a copy of the place that the robot is in
         # The arrays last: what every step touches stays together in the caches.
         *(field for field in STATE_FIELDS if len(field) > 2),
     ],
@@ -44,34 +70,8 @@ MISSION_DTYPE = np.dtype(
 )
 """One mission: the kernel's state and what the environment adds."""
 
-PLACE_DTYPE = np.dtype(
-    [
-        (name, np.float32)
-        for name in (
-            "sin_grade",  # along the way out
-            "cos_grade",
-            "roughness",
-            "curvature_per_m",
-            "heading_rad",
-            "headwind_mps",  # along the way out, on this day
-            "interest",
-            "home_cost_j",  # from the start of this place home; this and the next four by the robot's own model
-            "home_j_per_m",  # towards home, all power
-            "back_j_per_m",  # towards home, drive only
-            "out_j_per_m",  # away from home, drive only
-            "standing_w",  # standing here, nothing sensed
-            "grade_near",  # mean ahead, within sight
-            "grade_far",  # mean ahead, beyond it
-            "interest_near",
-            "interest_far",
-        )
-    ],
-    align=True,
-)
-"""One place of a route in one mission: 64 bytes, a cache line."""
-
-MAX_PLACES = 65
-"""An odd number: records of 4096 bytes would share a few sets of the caches."""
+MAX_PLACES = 64
+"""Most places of a route; a longer profile is cut into longer places."""
 
 ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,))], align=True)
 """The route of one mission; the shared record says how many places it has."""

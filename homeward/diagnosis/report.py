@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 import platform
 import tempfile
 from importlib.metadata import PackageNotFoundError, version
@@ -21,6 +20,7 @@ from homeward.diagnosis.chain import Analysis, Evidence
 from homeward.diagnosis.correct import comments
 from homeward.diagnosis.replay import WINDOW_S
 from homeward.diagnosis.structure import FALSE_ALARM_RATE, SMALLEST_GAIN, Dependence
+from homeward.files import write_whole
 
 _MOST_RUNS = 12  # in the time plot
 _MOST_POINTS = 2000
@@ -47,7 +47,7 @@ def write_outputs(analysis: Analysis, folder: Path) -> list[Path]:
         "report.html": report_html(analysis),
     }
     for name, text in texts.items():
-        _write_whole(folder / name, text)
+        write_whole(folder / name, text)
     return [folder / name for name in texts]
 
 
@@ -60,18 +60,6 @@ def check_writable(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder):
         pass
-
-
-def _write_whole(path: Path, text: str) -> None:
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def corrected_toml(analysis: Analysis) -> str:
