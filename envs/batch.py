@@ -18,7 +18,7 @@ from homeward.physics.jit import announce_first_compilation
 from homeward.physics.kernel import CAUSES, ROBOT_STATE_DTYPE
 from homeward.physics.robot import ROBOT_DTYPE
 
-_PARALLEL_FROM = 512
+_PARALLEL_FROM = 256
 """Missions from which two threads are faster than one."""
 
 _NO_CHOICES, _NO_LEVELS = np.empty((0, 3), np.int64), np.empty((0, 3), np.float32)
