@@ -5,7 +5,6 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, mission_energy, usable_energy
+from homeward.physics.model import composition
 
 SPEED_MPS = 1.0
 """Speed of all missions here: the paper's Table III is for about 1 m/s; it gives no speed for Table II."""
@@ -80,26 +80,6 @@ def mission_hours(robot: Robot, mission: Mission) -> float:
 def drive_power(robot: Robot, grade_rad: float = 0.0) -> float:
     """Power into the drive at `SPEED_MPS`, W."""
     return float(mission_energy(robot, SPEED_MPS, SPEED_MPS, grade_rad) - ancillary_power(robot, 0.0))
-
-
-def composition(components_w: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    """Least and most share of each component in the total power, by the rule of the paper's Table III.
-
-    A share is least with the component at its least and all others at their most, and the reverse.
-
-    Args:
-        components_w: Least and most power of each component, W.
-
-    >>> least, most = composition(COMPONENTS_W)["manoeuvring"]
-    >>> round(100 * least, 2), round(100 * most, 2)
-    (89.03, 92.1)
-    """
-    all_least_w = sum(least for least, _ in components_w.values())
-    all_most_w = sum(most for _, most in components_w.values())
-    return {
-        name: (least / (least + all_most_w - most), most / (most + all_least_w - least))
-        for name, (least, most) in components_w.items()
-    }
 
 
 def robots() -> dict[str, Robot]:

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks import paper_tables
-from benchmarks.paper_tables import COMPONENTS_W, INCLINE_RAD, MISSIONS, composition, mission_hours
+from benchmarks.paper_tables import COMPONENTS_W, INCLINE_RAD, MISSIONS, mission_hours
 from homeward import Robot, load_robot
 from homeward.physics import ancillary_power, d_max, ideal_range, mission_energy, traction_force, usable_energy
-from homeward.physics.model import GRAVITY_MPS2, drive_power, sensing_power
+from homeward.physics.model import GRAVITY_MPS2, composition, drive_power, sensing_power
 
 RUSTI = load_robot("rusti")
 NO_DRAG = dataclasses.replace(RUSTI, drag_ns2_per_m2=0.0)
