@@ -23,7 +23,7 @@ class PPOSettings:
     """Passes over the decisions in an update."""
     learning_rate: float = 1e-3
     """Step size of Adam at the start; it falls linearly to a hundredth."""
-    discount: float = 0.999
+    discount: float = 0.9995
     """Discount factor, also of the shaping; the way home is about a hundred decisions long and must still count."""
     gae_lambda: float = 0.95
     """How far advantages look ahead (generalised advantage estimation)."""
@@ -31,7 +31,7 @@ class PPOSettings:
     """How far an update may move the probability of an action."""
     entropy: float = 0.0
     """Weight of the entropy bonus."""
-    stranding_cost: float = 0.3
+    stranding_cost: float = 0.5
     """Reward lost by stranding beyond the score, as a share of a good score: without it, gambling pays too well."""
     hidden: int = 64
     """Width of the two hidden layers, of the policy and of the value."""
