@@ -72,7 +72,7 @@ def _compose(kind: Kind, *, cumulative: bool) -> Callable[..., float]:
     """
 
     @inline
-    def nothing(p: Any, s: Any, x: Any, load: float, watts_per_unit: float) -> float:
+    def nothing(on: Any, p: Any, s: Any, x: Any, load: float, watts_per_unit: float) -> float:
         return 0.0
 
     total = nothing
@@ -86,13 +86,13 @@ def _append(before: Callable[..., float], effect: Callable[..., float], index: i
     mask, column = np.uint64(1 << index), _BASE + index
 
     @inline
-    def total(p: Any, s: Any, x: Any, load: float, watts_per_unit: float) -> float:
-        added = before(p, s, x, load, watts_per_unit)
-        part = 0.0
-        if p.effects & mask:
+    def total(on: Any, p: Any, s: Any, x: Any, load: float, watts_per_unit: float) -> float:
+        added = before(on, p, s, x, load, watts_per_unit)
+        if on & mask:
             part = effect(p, s, x, load + added if cumulative else load)
-        s.parts_w[column] = part * watts_per_unit
-        return added + part
+            s.parts_w[column] = part * watts_per_unit
+            added += part
+        return added
 
     return total
 
@@ -117,13 +117,14 @@ def _paper_demand(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
 
 @inline
 def _demand_with_effects(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
+    on = p.effects
     _paper_demand(p, s, x, watts_per_n)
-    force_n = s.traction_n + _extra_force(p, s, x, s.traction_n, watts_per_n)
+    force_n = s.traction_n + _extra_force(on, p, s, x, s.traction_n, watts_per_n)
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
-    ancillary_w += _extra_ancillary(p, s, x, ancillary_w, 1.0)
-    drive_w = np.maximum(force_n, 0.0) * watts_per_n + _extra_drive(p, s, x, force_n, 1.0)
+    ancillary_w += _extra_ancillary(on, p, s, x, ancillary_w, 1.0)
+    drive_w = np.maximum(force_n, 0.0) * watts_per_n + _extra_drive(on, p, s, x, force_n, 1.0)
     power_w = ancillary_w + drive_w
-    power_w += _extra_battery(p, s, x, power_w, 1.0)
+    power_w += _extra_battery(on, p, s, x, power_w, 1.0)
     s.traction_n, s.drive_w, s.power_w = force_n, drive_w, power_w
     return power_w
 
