@@ -57,7 +57,7 @@ class Options:
     difficulty: str = "uncertain"
     action_type: str = "discrete"
     shaping: str = "dmax"
-    discount: float = 0.999
+    discount: float = 0.9995
     decision_s: float | None = None
 
     def __post_init__(self) -> None:
