@@ -44,27 +44,27 @@ def _conditions(
 @inline
 def _map_place(m: Any, route: Any, believed: Any, b: Any, shared: Any) -> None:
     """See the place that the robot comes to for the first time, and cost it by its own model, with `b` to work in."""
-    place = route.places[m.mapped]
-    place.headwind_mps = 0.0
+    place, seen = route.places[m.mapped], route.seen[m.mapped]
+    seen.headwind_mps = 0.0
     if m.wind_mps > 0.0:
-        place.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
-    place.grade_near, place.interest_near = _mean_ahead(route, shared, m.mapped + 1, m.mapped + 3)
-    place.grade_far = place.interest_far = 0.0
+        seen.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
+    seen.grade_near, seen.interest_near = _mean_ahead(route, shared, m.mapped + 1, m.mapped + 3)
+    seen.grade_far = seen.interest_far = 0.0
     if shared.difficulty == KNOWN:
-        place.grade_far, place.interest_far = _mean_ahead(route, shared, m.mapped + 3, m.mapped + 11)
+        seen.grade_far, seen.interest_far = _mean_ahead(route, shared, m.mapped + 3, m.mapped + 11)
     cruise = shared.cruise_mps
-    headwind = float(place.headwind_mps) if shared.difficulty == KNOWN else 0.0
+    headwind = float(seen.headwind_mps) if shared.difficulty == KNOWN else 0.0
     b.speed_mps, b.step_s = cruise, shared.decision_s
     standing_w = demand(believed, b, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0))
     out_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
     home_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
-    place.standing_w = standing_w
-    place.out_j_per_m = (out_w - standing_w) / cruise
-    place.back_j_per_m = (home_w - standing_w) / cruise
-    place.home_j_per_m = home_w / cruise
+    seen.standing_w = standing_w
+    seen.out_j_per_m = (out_w - standing_w) / cruise
+    seen.back_j_per_m = (home_w - standing_w) / cruise
+    seen.home_j_per_m = home_w / cruise
     m.mapped += 1
     if m.mapped < shared.places:
-        route.places[m.mapped].home_cost_j = place.home_cost_j + place.home_j_per_m * shared.place_m
+        route.seen[m.mapped].home_cost_j = seen.home_cost_j + seen.home_j_per_m * shared.place_m
 
 
 @inline
@@ -94,7 +94,7 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, nominal: Any, b: Any, shared: A
         generate(rng, route, m, shared.places, shared.length_m, shared.hidden_wind)
     else:
         for k in range(shared.places):
-            _copy_place(fixed.places[k], route.places[k])
+            route.places[k] = fixed.places[k]
         m.temperature_c, m.wind_mps, m.wind_from_rad = day[0], day[1], day[2]
     if p.effects == 0:
         m.wind_mps = 0.0  # the paper's robot feels none
@@ -102,19 +102,10 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, nominal: Any, b: Any, shared: A
     for k in range(shared.places):
         rise += route.places[k].sin_grade
     m.mean_grade = rise / shared.places
-    route.places[0].home_cost_j = 0.0
+    route.seen[0].home_cost_j = 0.0
     _map_place(m, route, nominal, b, shared)
-    m.here = route.places[0]
+    m.here, m.seen = route.places[0], route.seen[0]
     m.potential = _potential(m, shared, gauge_energy(m, shared)) if shared.shaped else 0.0
-
-
-@inline
-def _copy_place(source: Any, target: Any) -> None:
-    target.sin_grade = source.sin_grade
-    target.roughness = source.roughness
-    target.curvature_per_m = source.curvature_per_m
-    target.heading_rad = source.heading_rad
-    target.interest = source.interest
 
 
 @inline
@@ -138,18 +129,19 @@ def _cross(m: Any, route: Any, nominal: Any, b: Any, shared: Any) -> None:
     m.place = ahead
     if m.place == m.mapped:
         _map_place(m, route, nominal, b, shared)
-    m.here = route.places[ahead]
+    m.here, m.seen = route.places[ahead], route.seen[ahead]
 
 
 @inline
-def _account(m: Any, place: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: float) -> None:
+def _account(m: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: float) -> None:
     """Book what the robot's own model says of a stretch, and what was sensed and sent on it."""
-    drive_j_per_m = place.out_j_per_m if x.direction > 0.0 else place.back_j_per_m
+    seen = m.seen
+    drive_j_per_m = seen.out_j_per_m if x.direction > 0.0 else seen.back_j_per_m
     drive_j_per_m += shared.drag_j_per_m * (x.speed_mps * x.speed_mps - shared.cruise_mps * shared.cruise_mps)
     sensing_w = model.ancillary_power(nominal, x.sensing_hz) - model.ancillary_power(nominal, 0.0)
-    m.modelled_j += (max(drive_j_per_m, 0.0) * x.speed_mps + place.standing_w + sensing_w) * passed_s
+    m.modelled_j += (max(drive_j_per_m, 0.0) * x.speed_mps + seen.standing_w + sensing_w) * passed_s
     if shared.mission == SURVEY:
-        missions.sense(m, place, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
+        missions.sense(m, m.here, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
         missions.transmit(m, shared, x.speed_mps > 0.0, passed_s)
 
 
@@ -175,7 +167,6 @@ def _decide(
     accel = (speed_mps - m.speed_mps) * shared.per_decision
     left_s = shared.decision_s
     while left_s > 0.0 and not m.home and not m.depleted:
-        place = m.here
         speed, dt_s, border_m, crossing = 0.0, left_s, 0.0, False
         if m.dwell_s > 0.0:
             dt_s = min(left_s, m.dwell_s)
@@ -189,7 +180,7 @@ def _decide(
             crossing = ahead_m <= speed * left_s
             if crossing:
                 dt_s = ahead_m / speed
-        x = _conditions(m, place, speed, sensing_hz, accel, place.headwind_mps, m.direction)
+        x = _conditions(m, m.here, speed, sensing_hz, accel, m.seen.headwind_mps, m.direction)
         passed_s = advance(p, m, x, dt_s)
         left_s -= passed_s
         m.dwell_s = max(m.dwell_s - passed_s, 0.0)
@@ -197,7 +188,7 @@ def _decide(
         m.position_m = border_m if crossing else m.position_m + m.direction * speed * passed_s
         new_m = max(m.position_m - m.furthest_m, 0.0)
         m.furthest_m = max(m.furthest_m, m.position_m)
-        _account(m, place, nominal, shared, x, passed_s, new_m)
+        _account(m, nominal, shared, x, passed_s, new_m)
         if crossing:
             _cross(m, route, nominal, b, shared)
 
@@ -273,12 +264,11 @@ def _step(
             # Where nothing is hidden, all missions have the robot of the file: one record, always in the cache.
             p = robots[i] if shared.difficulty > KNOWN else nominal
             _decide(m, p, route, nominal, beliefs[i], shared, speed, sensing_hz, mode)
-            place = m.here
             done = m.home or m.depleted
             m.score = missions.score(m, shared)
             m.cost = 1.0 if m.depleted else 0.0
             reward = m.score * shared.per_score if m.home else 0.0
-            energy_j, cost_j = gauge_energy(m, shared), home_cost(m, place, shared)
+            energy_j, cost_j = gauge_energy(m, shared), home_cost(m, shared)
             if shared.shaped:
                 potential = 0.0 if done else _potential(m, shared, energy_j - cost_j)
                 reward += shared.discount * potential - m.potential
@@ -288,7 +278,7 @@ def _step(
             truncated[i] = not done and m.decisions >= shared.max_decisions
             m.over = done or truncated[i]
             ended += m.over
-            observe(m, place, shared, energy_j, cost_j, observations[i])
+            observe(m, shared, energy_j, cost_j, observations[i])
     return ended
 
 
@@ -323,4 +313,4 @@ def reset_missions(
             robots[i] = nominals[0]
         _reset(records[i], robots[i], routes[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed[0], day)
         m, shared = records[i], shareds[0]
-        observe(m, m.here, shared, gauge_energy(m, shared), 0.0, observations[i])
+        observe(m, shared, gauge_energy(m, shared), 0.0, observations[i])

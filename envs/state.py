@@ -17,8 +17,18 @@ PLACE_DTYPE = np.dtype(
             "roughness",
             "curvature_per_m",
             "heading_rad",
-            "headwind_mps",  # along the way out, on this day
             "interest",
+        )
+    ],
+    align=True,
+)
+"""The ground of one place of a route: all that a new mission has to write."""
+
+SEEN_DTYPE = np.dtype(
+    [
+        (name, np.float32)
+        for name in (
+            "headwind_mps",  # along the way out, on this day
             "home_cost_j",  # from the start of this place home; this and the next four by the robot's own model
             "home_j_per_m",  # towards home, all power
             "back_j_per_m",  # towards home, drive only
@@ -32,7 +42,7 @@ PLACE_DTYPE = np.dtype(
     ],
     align=True,
 )
-"""One place of a route in one mission."""
+"""What a mission knows of one place since the robot came to it."""
 
 MISSION_DTYPE = np.dtype(
     [
@@ -62,7 +72,8 @@ MISSION_DTYPE = np.dtype(
         ("returning", np.bool_),
         ("home", np.bool_),
         ("over", np.bool_),
-        ("here", PLACE_DTYPE),  # a copy of the place that the robot is in
+        ("here", PLACE_DTYPE),  # copies of the place that the robot is in
+        ("seen", SEEN_DTYPE),
         # The arrays last: what every step touches stays together in the caches.
         *(field for field in STATE_FIELDS if len(field) > 2),
     ],
@@ -73,7 +84,7 @@ MISSION_DTYPE = np.dtype(
 MAX_PLACES = 64
 """Most places of a route; a longer profile is cut into longer places."""
 
-ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,))], align=True)
+ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,)), ("seen", SEEN_DTYPE, (MAX_PLACES,))], align=True)
 """The route of one mission; the shared record says how many places it has."""
 
 INVERSES = {
