@@ -25,7 +25,7 @@ slope drives the robot by itself, no force is. `braking` is regenerated energy t
 SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING = range(len(BASE_CAUSES))
 _BASE, _EFFECTS, _FORCES = len(BASE_CAUSES), len(EFFECTS), sum(effect.kind == "force" for effect in EFFECTS)
 _INTERMITTENT = np.uint64(1 << [effect.id for effect in EFFECTS].index("intermittent_load"))
-_HALVINGS = 60  # of a step, down to the rounding of its length
+_GUESSES, _HALVINGS, _ROUNDING = 20, 60, 1e-14  # of the moment of depletion: halvings go down to its rounding
 
 STATE_FIELDS = (
     ("energy_j", np.float64),  # left in the battery
@@ -225,11 +225,18 @@ def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
 @inline
 def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     """Mean power until the battery is empty, W: effects that act at the start or build up change it within the step."""
-    low_s, high_s, power_w = 0.0, s.step_s, 0.0
-    for halving in range(_HALVINGS + 1):
-        s.step_s = 0.5 * (low_s + high_s) if halving < _HALVINGS else high_s
+    low_s, high_s, power_w = 0.0, s.step_s, s.power_w
+    for trial in range(_GUESSES + _HALVINGS):
+        # Most often the power hardly changes with the length of the step, and the first guesses meet.
+        guess_s = s.energy_j / power_w if power_w > 0.0 else high_s
+        if trial >= _GUESSES or not low_s < guess_s < high_s:
+            guess_s = 0.5 * (low_s + high_s)
+        s.step_s = guess_s
         power_w = _demand_with_effects(p, s, x, watts_per_n)
-        if power_w * s.step_s < s.energy_j:
+        short_j = s.energy_j - power_w * s.step_s
+        if abs(short_j) <= _ROUNDING * s.energy_j:
+            break
+        if short_j > 0.0:
             low_s = s.step_s
         else:
             high_s = s.step_s
