@@ -113,7 +113,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             )
         ended = self.batch.step(actions, observations, rewards, terminated, truncated)
         if self._any_over:  # next-step mode: the kernel left these alone
-            self.batch.reset(np.flatnonzero(self._over), observations)
+            self.batch.reset(self._over.nonzero()[0], observations)
             self._over[:] = False
             self._any_over = False
         info = self._info()
