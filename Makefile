@@ -31,6 +31,9 @@ test: .venv/installed
 	$(BIN)/mypy
 	$(BIN)/python -m pytest --numprocesses 2
 
+.DEFAULT:
+	@echo "make $@: there is no such target; these are:" >&2; $(MAKE) --no-print-directory help >&2; exit 2
+
 format: .venv/installed
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .

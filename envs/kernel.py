@@ -265,7 +265,7 @@ def _step(
             p = robots[i] if shared.difficulty > KNOWN else nominal
             _decide(m, p, route, nominal, beliefs[i], shared, speed, sensing_hz, mode)
             done = m.home or m.depleted
-            m.score = missions.score(m, shared)
+            m.score = 0.0 if m.depleted else missions.score(m, shared)
             m.cost = 1.0 if m.depleted else 0.0
             reward = m.score * shared.per_score if m.home else 0.0
             energy_j, cost_j = gauge_energy(m, shared), home_cost(m, shared)

@@ -33,6 +33,10 @@ class OptionError(ValueError):
     """A keyword argument of an environment that cannot be used; the message says what is allowed."""
 
 
+class RenderModeError(OptionError, TypeError):
+    """A render mode that there is not; a `TypeError` too, from which stable-baselines3 goes on without rendering."""
+
+
 @dataclass(frozen=True)
 class Options:
     """Keyword arguments of the environments.
@@ -161,6 +165,10 @@ def settle(options: Options) -> Setting:
     mission_range_m = float(d_max(robot, cruise, duty=duty, sensing_hz=sensing_hz))
     s["energy_per_m"] = robot.usable_energy_j / mission_range_m
     half_m = 0.5 * mission_range_m
+    if mission == SURVEY and interest <= 0.0:
+        raise OptionError(
+            "route has no interest anywhere, so a survey cannot score; give some place an interest above 0"
+        )
     s["score_scale"] = (half_m, half_m * s["information_per_m"], half_m / length_m)[mission]
     for inverse, name in INVERSES.items():
         s[inverse] = 1.0 / s[name]

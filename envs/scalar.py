@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.batch import Batch, EnergyLedger, action_space, info_of, observation_space
-from homeward.envs.options import OptionError, parse_options
+from homeward.envs.options import RenderModeError, parse_options
 
 
 class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
@@ -36,7 +36,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
 
     def __init__(self, *, mission: str = "Survey", render_mode: str | None = None, **options: Any) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise OptionError(f"render_mode = {render_mode!r} is not allowed; choose from None, ansi")
+            raise RenderModeError(f"render_mode = {render_mode!r} is not allowed; choose from None, ansi")
         self.render_mode = render_mode
         self.options = parse_options({"mission": mission, **options}, ("render_mode",))
         self.observation_space: Any = observation_space()

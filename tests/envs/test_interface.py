@@ -231,3 +231,12 @@ def test_rendering_says_where_the_robot_is() -> None:
     env.step([4, 0, RETURN])
     assert str(env.render()).startswith("home: 0 m from home")
     assert HomewardEnv().render() is None
+
+
+def test_stable_baselines3_makes_its_own_vector_env() -> None:
+    """It asks for pictures first and goes on without them after a `TypeError`."""
+    sb3 = pytest.importorskip("stable_baselines3.common.env_util")
+    with pytest.warns(UserWarning, match="rgb_array"):  # Gymnasium's, of the first try
+        env = sb3.make_vec_env("homeward/Survey-v0", n_envs=2, seed=0)
+    assert env.reset().shape == (2, *env.observation_space.shape)
+    env.close()
