@@ -111,7 +111,9 @@ def analyse(
         parameters_off=off if verdict == "parameters_off" else (),
         where=evidence.location.places if evidence.location is not None else (),
         fit=fit,
-        range_change_m=range_change(robot, corrected) if evidence.runs.unit == "W" else None,
+        range_change_m=None
+        if evidence.runs.unit == "A" or verdict == "unknown_physics"
+        else range_change(robot, corrected),
         next_experiment=wording.next_experiment(verdict, evidence),
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)

@@ -18,9 +18,10 @@ from homeward.physics import Robot, d_max
 def correct(robot: Robot, estimates: Sequence[Estimate], unit: Unit, verdict: Verdict) -> Robot:
     """Robot with the fitted value of each identifiable group; losses, and what cannot be told apart, stay as assumed.
 
-    A verdict that finds no fault changes nothing: a difference within the noise is no correction.
+    A verdict that finds no fault changes nothing: a difference within the noise is no correction. Nor does unknown
+    physics: the fitted values then make up for it and are no measurement.
     """
-    if verdict not in ("parameters_off", "unknown_physics", "missing_physics"):
+    if verdict not in ("parameters_off", "missing_physics"):
         return robot
     fitted = {one.group.name: one.fitted for one in estimates if one.fitted is not None}
     per = robot.traction_efficiency if unit == "W" else thrust_n_per_a(robot)
