@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ _SHORTEST = 10  # windows
 _MOST_BLOCKS = 2000
 _MEMORY_TIMES = 3.0  # blocks are this many correlation times long
 _MOST_FOLDS = 10
+_MOST_CORRELATED = 0.9  # over any lag: beyond it is drift, not noise
 _BLOCK_FOLDS = 5
 _FEWEST_RUNS = 3
 
@@ -39,6 +41,46 @@ def correlation_windows(residual: Array, run: NDArray[np.intp]) -> float:
         total += 2.0 * correlation
         lag += 1
     return total
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of a series of windows: correlation time in windows, and standard deviation of what lasts that long."""
+
+    memory: float
+    long_run: float  # sqrt of the variance of a sum of n windows over n
+
+
+def noise_of(residual: Array, run: NDArray[np.intp]) -> Noise:
+    """Noise of residuals from their increments, so that changes of level, however many, do not count as noise.
+
+    The increments over k and 2 k windows of an autoregressive process have a ratio of variances of 1 + phi^k. Medians
+    keep out the few increments across a change.
+
+    >>> rng = np.random.default_rng(0)
+    >>> series = rng.normal(size=4000) + 50.0 * (np.arange(4000) // 200 % 2)
+    >>> found = noise_of(series, np.zeros(4000, dtype=int))
+    >>> round(found.memory, 1), round(found.long_run, 1)
+    (1.0, 1.0)
+    """
+    best = Noise(1.0, _spread(residual, run, 1) / np.sqrt(2.0))
+    for lag in (1, 2, 4, 8, 16):
+        short, long = _spread(residual, run, lag) ** 2, _spread(residual, run, 2 * lag) ** 2
+        if short <= 0.0 or long <= 0.0:
+            continue
+        phi = float(np.clip(long / short - 1.0, 0.0, _MOST_CORRELATED)) ** (1.0 / lag)
+        variance = short / (2.0 * (1.0 - phi**lag))
+        memory = (1.0 + phi) / (1.0 - phi)
+        if variance * memory > best.long_run**2:
+            best = Noise(memory, float(np.sqrt(variance * memory)))
+    return best
+
+
+def _spread(values: Array, run: NDArray[np.intp], lag: int) -> float:
+    """Standard deviation of increments over a lag within runs, from their median size."""
+    same = run[lag:] == run[:-lag]
+    steps = np.abs(values[lag:] - values[:-lag])[same]
+    return 1.4826 * float(np.median(steps)) if len(steps) else 0.0
 
 
 def cut_blocks(run: NDArray[np.intp], residual: Array | None = None) -> NDArray[np.intp]:

@@ -11,7 +11,8 @@ come from a sandwich estimator clustered by block, which holds under autocorrela
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -55,6 +56,15 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class WithEffects:
+    """What a prediction adds to the robot: effects by id with their parameters, a wind, a lag of the instrument."""
+
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    headwind_mps: Sequence[Array] | None = None  # an array per run
+    lag_s: float = 0.0
+
+
+@dataclass(frozen=True)
 class Parameters:
     """The fitted parameters of a problem: a vector theta, how it becomes a robot, and its physical bounds.
 
@@ -82,9 +92,13 @@ class Parameters:
         )
         return robot if len(self.groups) == 4 else with_ancillary(robot, idle, sample)
 
-    def predict(self, runs: Runs, theta: Array) -> Array:
-        """What these parameters predict, shape (windows,)."""
-        return predict(runs, self.robot(theta), rest_current_a=float(theta[0]) if runs.unit == "A" else 0.0)
+    def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:
+        """What these parameters predict, shape (windows,), with effects if any are given."""
+        robot, extra = self.robot(theta), with_effects or WithEffects()
+        if extra.effects:
+            robot = dataclasses.replace(robot, effects={**robot.effects, **extra.effects})
+        rest_current_a = float(theta[0]) if runs.unit == "A" else 0.0
+        return predict(runs, robot, rest_current_a, extra.headwind_mps, extra.lag_s)
 
     def active(self) -> NDArray[np.intp]:
         """Indices of theta that the groups stand for."""
@@ -169,6 +183,21 @@ class Refit:
     def robot(self) -> Robot:
         """The robot with the fitted parameters."""
         return self.parameters.robot(self.theta)
+
+    def freedom(self) -> tuple[Array, Array]:
+        """Least and largest step from theta that is physical, in units of `scale`, each of shape (groups,)."""
+        problem = self.parameters
+        active = problem.active()
+        scale = problem.scale[active]
+        return (problem.low - self.theta)[active] / scale - 1e-12, (problem.high - self.theta)[active] / scale + 1e-12
+
+    def moved(self, step: Array) -> Array:
+        """Theta after a step in units of `scale`, within its bounds."""
+        problem = self.parameters
+        theta = self.theta.copy()
+        active = problem.active()
+        theta[active] += step * problem.scale[active]
+        return np.clip(theta, problem.low, problem.high)
 
     def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
         """Prediction for all windows by parameters fitted on the chosen ones only, shape (windows,)."""

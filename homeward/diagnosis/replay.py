@@ -80,23 +80,37 @@ def thrust_n_per_a(robot: Robot) -> float:
     return robot.traction_n_per_a * (1.0 - robot.friction_loss)
 
 
-def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0) -> Array:
+def predict(
+    runs: Runs,
+    robot: Robot,
+    rest_current_a: float = 0.0,
+    headwind_mps: Sequence[Array] | None = None,
+    lag_s: float = 0.0,
+) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
     Motor current is the force at the wheels over the thrust per ampere, plus what the motors draw at rest; a descent
     that the robot rolls down draws none, as in the power of the drive.
+
+    Args:
+        runs: The runs.
+        robot: The robot.
+        rest_current_a: What the motors draw at rest, A.
+        headwind_mps: Wind against the direction of travel, m/s, an array per run.
+        lag_s: Time by which the instrument is late, s.
     """
     means = []
-    for run, cut in zip(runs.signals, runs.windows, strict=True):
+    for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
         model = replay(
             robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
             accel_mps2=run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
-            base_distance_m=run.base_distance_m,
+            base_distance_m=run.base_distance_m, headwind_mps=0.0 if headwind_mps is None else headwind_mps[index],
         )  # fmt: skip
-        if runs.unit == "W":
-            predicted = model.power_w
-        else:
+        predicted = model.power_w
+        if runs.unit == "A":
             rolling = np.minimum(np.abs(run.speed_mps) / _SLOW_MPS, 1.0)
             predicted = rest_current_a + rolling * np.maximum(model.traction_n, 0.0) / thrust_n_per_a(robot)
+        if lag_s != 0.0:
+            predicted = np.interp(run.time_s - lag_s, run.time_s, predicted)
         means.append(cut.means(predicted))
     return np.concatenate(means)

@@ -1,0 +1,324 @@
+"""What may be missing, one hypothesis an effect: what it would add to each window of these recordings.
+
+What an effect adds comes from the kernel: the replay with the effect less the replay without it. Where the cause is in
+no channel (who put a load on the robot, and when), the size of the effect follows a schedule that is found from the
+residual, and how it may change tells the effects apart: a load is put on where the robot stands, the ground changes
+while it moves, a battery ages between runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from homeward.diagnosis.blocks import Noise
+from homeward.diagnosis.instruments import INSTRUMENTS, Instrument
+from homeward.diagnosis.refit import Parameters, WithEffects
+from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.schedules import Schedule, by_place, in_time
+from homeward.diagnosis.signals import Array
+from homeward.physics.effects import EFFECTS, Effect, Parameter
+
+CATALOGUE: Mapping[str, Effect | Instrument] = {
+    **{one.id: one for one in EFFECTS},
+    **{one.id: one for one in INSTRUMENTS},
+}
+"""Everything that can be named, by id."""
+
+PHYSICS = frozenset(one.id for one in EFFECTS)
+"""Ids of the effects of the robot and its surroundings; the others are faults of instruments."""
+
+_STANDS_MPS = 0.05
+_AROUND_S = 4.0  # a change that was found is taken to lie within this of the true one
+_TINY = 1e-6  # of the largest size: the response is linear there
+_LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
+
+Shapes = Callable[[Runs], Iterator[dict[str, float]]]
+Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
+
+_MAY_CHANGE: Mapping[str, tuple[Changes, bool]] = {  # and whether below the usual size is possible
+    "payload": ("standing", False),
+    "surface": ("moving", True),
+    "hidden_grade": ("moving", True),
+    "wind": ("moving", True),
+    "ageing": ("between runs", False),
+    "standby": ("once", False),
+    "intermittent_load": ("repeatedly", False),
+    "sensor_offset": ("once", True),
+    "sensor_gain": ("once", True),
+}
+"""How the size of an effect whose cause no channel holds may change."""
+
+_BY_PLACE = ("surface", "hidden_grade")
+_ONLY_SCHEDULED = ("payload", "surface", "ageing", "standby", "intermittent_load", "sensor_offset", "sensor_gain")
+_OF_CURRENT = ("inertia", "viscous", "wind", "surface", "payload", "hidden_grade", "slip", "turning", "clock_lag")
+"""What shows in motor current: forces at the wheels. Of the rest, a torque sensor sees nothing."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One hypothesis about one effect: what a unit of its size adds, shape (windows, sizes), and bounds of the sizes.
+
+    `hidden` counts what was searched for beside the sizes, for the comparison of models of different freedom.
+    """
+
+    effect: str
+    columns: Array
+    low: Array  # (sizes,)
+    high: Array
+    hidden: int = 0
+    shape: Mapping[str, float] = field(default_factory=dict)
+    schedule: Schedule | None = None
+    direction_rad: float | None = None  # where the wind comes from
+
+    @property
+    def axis(self) -> str:
+        """What the size depends on."""
+        return "steady" if self.schedule is None else self.schedule.axis
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What hypotheses are made from: the runs, the refit's parameters, what is already in the model, what is left."""
+
+    runs: Runs
+    parameters: Parameters
+    theta: Array
+    present: WithEffects  # effects that are already in the model
+    predicted: Array  # (windows,)
+    residual: Array  # (windows,)
+    noise: Noise
+
+    def response(self, effect: str, size: float, shape: Mapping[str, float], base: WithEffects | None = None) -> Array:
+        """What an effect of this size adds, per unit of its size, shape (windows,)."""
+        start = base or self.present
+        name = CATALOGUE[effect].parameters[0].name
+        added = WithEffects({**start.effects, effect: {**shape, name: size}}, start.headwind_mps, start.lag_s)
+        without = self.predicted if base is None else self.parameters.predict(self.runs, self.theta, base)
+        return (self.parameters.predict(self.runs, self.theta, added) - without) / size
+
+
+def terms(setting: Setting, leave_out: tuple[str, ...] = ()) -> list[Term]:
+    """Every hypothesis that the channels of these runs allow.
+
+    Args:
+        setting: What is known so far.
+        leave_out: Effects that are already in the model.
+    """
+    found: list[Term] = []
+    for effect in CATALOGUE:
+        if effect in leave_out or (setting.runs.unit == "A" and effect not in _OF_CURRENT):
+            continue
+        found += [term for term in _terms_of(effect, setting) if np.isfinite(term.columns).all() and term.columns.any()]
+    return found
+
+
+def missing_channels(effect: str, runs: Runs) -> tuple[str, ...]:
+    """Channels that an effect needs to be seen and that no run has."""
+    given = set(runs.context) | {"time_s", "power_w", "distance_m"}
+    if runs.unit == "W":
+        given |= {"voltage_v", "current_a"}
+    if "wheel_difference_mps" in given:
+        given.add("yaw_rate_radps")
+    needed = {"ageing": (), "rate_capacity": (), "odometry_scale": ("base_distance_m",)}
+    return tuple(name for name in needed.get(effect, CATALOGUE[effect].needs) if name not in given)
+
+
+def _terms_of(effect: str, setting: Setting) -> Iterator[Term]:
+    runs = setting.runs
+    if effect not in _ONLY_SCHEDULED and not missing_channels(effect, runs):
+        if effect == "wind":
+            yield from _winds(setting)
+        elif effect == "clock_lag":
+            yield from _lags(setting)
+        elif effect in _SHAPES or effect in _PLAIN:
+            yield from _steady(effect, setting)
+    if effect in _MAY_CHANGE:
+        yield from _scheduled(effect, setting)
+
+
+def _steady(effect: str, setting: Setting) -> Iterator[Term]:
+    """The effect at one size throughout, at each of a few values of its other parameters."""
+    parameter = CATALOGUE[effect].parameters[0]
+    size = _TINY * max(abs(parameter.low), parameter.high)
+    base = None
+    if effect == "regeneration" and "inertia" not in setting.present.effects:
+        # What brakes a robot on the level is its inertia: without it there is nothing to regenerate.
+        present = setting.present
+        base = WithEffects({**present.effects, "inertia": {"mass_factor": 1.0}}, present.headwind_mps, present.lag_s)
+    shapes = list(_SHAPES[effect](setting.runs)) if effect in _SHAPES else [{}]
+    best: tuple[float, Term] | None = None
+    for shape in shapes:
+        column = setting.response(effect, size, shape, base)
+        power = float(column @ column)
+        if power == 0.0:
+            continue
+        explained = float(column @ setting.residual) ** 2 / power
+        term = Term(effect, column[:, None], _bound(parameter.low), _bound(parameter.high), int(len(shapes) > 1), shape)
+        if best is None or explained > best[0]:
+            best = explained, term
+    if best is not None:
+        yield best[1]
+
+
+def _bound(value: float) -> Array:
+    return np.array([value])
+
+
+def _temperatures(name: str) -> Shapes:
+    def shapes(runs: Runs) -> Iterator[dict[str, float]]:
+        parameter = next(p for e in EFFECTS for p in e.parameters if p.name == name)
+        temperature = runs.context["temperature_c"]
+        known = temperature[np.isfinite(temperature)]
+        quantiles = np.round(np.quantile(known, [0.3, 0.5, 0.7, 0.85]), 1).tolist() if len(known) else []
+        for value in dict.fromkeys([*quantiles, float(np.max(known, initial=-100.0)) + 0.1, 20.0]):
+            if parameter.low <= value <= parameter.high:
+                yield {name: float(value)}
+
+    return shapes
+
+
+def _references(runs: Runs) -> Iterator[dict[str, float]]:
+    drawn = runs.observed[runs.observed > 0.0]
+    for value in np.unique(np.quantile(drawn, [0.02, 0.5])) if len(drawn) else []:
+        yield {"reference_w": float(value)}
+
+
+def _time_constants(runs: Runs) -> Iterator[dict[str, float]]:
+    work_w = float(np.mean(np.maximum(runs.observed, 0.0)))
+    longest_s = max(float(np.ptp(run.time_s)) for run in runs.signals)
+    for constant_s in (60.0, 200.0, 600.0, 1800.0):
+        if constant_s <= 2.0 * longest_s:
+            # Rise and change per kelvin enter as a product: at mean load a winding 40 K above the air is usual.
+            yield {"time_constant_s": constant_s, "rise_k_per_w": 40.0 / max(work_w, 1e-6)}
+
+
+_SHAPES: Mapping[str, Shapes] = {
+    "heater": _temperatures("on_below_c"),
+    "cold_battery": _temperatures("warm_c"),
+    "rate_capacity": _references,
+    "motor_heating": _time_constants,
+    "compute": lambda runs: iter([{"base_share": 1.0}]),
+}
+_PLAIN = (
+    "inertia", "viscous", "slip", "turning", "regeneration", "copper_loss", "no_load", "radio", "internal_resistance",
+    "breakaway", "hidden_grade",
+)  # fmt: skip
+
+
+def _winds(setting: Setting) -> Iterator[Term]:
+    """A steady wind from one direction, by the heading: its strength and where it comes from."""
+    runs = setting.runs
+    headings = [run.context["heading_rad"] for run in runs.signals]
+    parts = []
+    for part in (np.cos, np.sin):
+        speed_mps = 1e-3
+        present = setting.present
+        added = WithEffects(
+            {**present.effects, "wind": {"exposure": 1.0}}, [speed_mps * part(h) for h in headings], present.lag_s
+        )
+        parts.append((setting.parameters.predict(runs, setting.theta, added) - setting.predicted) / speed_mps)
+    low, high = np.full(2, -40.0), np.full(2, 40.0)
+    yield Term("wind", np.column_stack(parts), low, high, 0)
+
+
+def _lags(setting: Setting) -> Iterator[Term]:
+    """A power clock that is late by each of a few lags."""
+    best: tuple[float, Term] | None = None
+    for lag_s in _LAGS_S:
+        shifted = WithEffects(setting.present.effects, setting.present.headwind_mps, lag_s)
+        change = setting.parameters.predict(setting.runs, setting.theta, shifted) - setting.predicted
+        left = setting.residual - change
+        error = float(left @ left)
+        if best is None or error < best[0]:
+            best = error, Term("clock_lag", change[:, None] / lag_s, _bound(-5.0), _bound(5.0), 1, {"lag_s": lag_s})
+    if best is not None:
+        lag_s = best[1].shape["lag_s"]
+        around = sorted((0.5 * lag_s, 1.5 * lag_s))
+        yield Term("clock_lag", best[1].columns, _bound(around[0]), _bound(around[1]), 1, best[1].shape)
+
+
+def _scheduled(effect: str, setting: Setting) -> Iterator[Term]:
+    runs = setting.runs
+    how, signed = _MAY_CHANGE[effect]
+    if effect == "wind" and "heading_rad" in runs.context:
+        return
+    parameter = CATALOGUE[effect].parameters[0]
+    shape = _shape_in_time(effect, setting, parameter)
+    if shape is None:
+        return
+    for axis in ("time", "place") if effect in _BY_PLACE else ("time",):
+        find = in_time if axis == "time" else by_place
+        schedule = find(shape, setting.residual, runs, setting.noise, signed=signed)
+        if schedule is None or (axis == "time" and not _possible(how, schedule, runs)):
+            continue
+        sizes = schedule.levels - 1
+        low = np.full(sizes, parameter.low if signed else 0.0)
+        high = np.full(sizes, parameter.high)
+        if effect == "wind":
+            low, high = np.full(sizes, -40.0), np.full(sizes, 40.0)
+        columns = schedule.columns(shape)
+        yield Term(effect, columns, low, high, schedule.changes, _rhythm(effect, schedule, runs), schedule)
+
+
+def _shape_in_time(effect: str, setting: Setting, parameter: Parameter) -> Array | None:
+    """What a unit of the size would add if the effect were at work all the time."""
+    runs = setting.runs
+    if effect in ("standby", "intermittent_load", "sensor_offset"):
+        return np.ones(len(runs.observed))
+    if effect == "sensor_gain":
+        return setting.predicted
+    if effect == "ageing":
+        return np.maximum(setting.predicted, 0.0)
+    if effect == "surface":
+        added = WithEffects(setting.present.effects, setting.present.headwind_mps, setting.present.lag_s)
+        change = 1e-3
+        theta = setting.theta.copy()
+        theta[2] *= 1.0 + change
+        return (setting.parameters.predict(runs, theta, added) - setting.predicted) / change
+    if effect == "wind":
+        speed_mps = 1e-3
+        present = setting.present
+        blowing = [np.full(len(run.time_s), speed_mps) for run in runs.signals]
+        added = WithEffects({**present.effects, "wind": {"exposure": 1.0}}, blowing, present.lag_s)
+        return (setting.parameters.predict(runs, setting.theta, added) - setting.predicted) / speed_mps
+    return setting.response(effect, _TINY * parameter.high, {})
+
+
+def _possible(how: Changes, schedule: Schedule, runs: Runs) -> bool:
+    """Whether the size of an effect may change as a schedule says it does."""
+    per_run = [schedule.level[runs.run == run] for run in np.unique(runs.run)]
+    within = [np.flatnonzero(np.diff(level)) for level in per_run]
+    if how == "between runs":
+        return all(len(changes) == 0 for changes in within)
+    if how == "once":
+        return all(len(changes) <= 1 for changes in within)
+    if how == "repeatedly":
+        return any(len(changes) >= 2 for changes in within)
+    speeds = np.abs(runs.context["speed_mps"])
+    stood = []
+    for run, changes in zip(np.unique(runs.run), within, strict=True):
+        here = np.flatnonzero(runs.run == run)
+        for change in changes:
+            near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND_S]
+            stood.append(bool((speeds[near] < _STANDS_MPS).any()))
+    if how == "standing":
+        return all(stood)
+    return not stood or not all(stood)
+
+
+def _rhythm(effect: str, schedule: Schedule, runs: Runs) -> dict[str, float]:
+    """Mean period and share of time of what switches on and off."""
+    if effect != "intermittent_load":
+        return {}
+    on = schedule.level > 0
+    starts = [np.flatnonzero(np.diff(on[runs.run == run].astype(int)) > 0) for run in np.unique(runs.run)]
+    periods = [
+        np.diff(runs.time_s[runs.run == run][start]) for run, start in zip(np.unique(runs.run), starts, strict=True)
+    ]
+    together = np.concatenate(periods)
+    period_s = float(np.mean(together)) if len(together) else float(runs.duration_s.sum()) / max(schedule.changes, 1)
+    return {"period_s": max(period_s, 1.0), "duty": float(np.clip(np.average(on, weights=runs.duration_s), 0.01, 0.99))}

@@ -1,0 +1,287 @@
+"""Which physics is missing: every hypothesis fitted together with the refit, alone and in pairs, and held to proof.
+
+A hypothesis must predict held-out stretches better than the refit by a stated share with an interval that excludes
+zero, pay for its freedom by the Bayesian information criterion, and beat placebos: its own regressors shifted in time,
+which have the same freedom and the same spectrum but no cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.blocks import Noise
+from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Setting, Term, terms
+from homeward.diagnosis.refit import Refit, WithEffects
+from homeward.diagnosis.regression import Products, products
+from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.signals import Array
+
+SMALLEST_GAIN = 0.05
+"""Share of the refit's held-out squared error that an effect must explain to be named."""
+
+_FOLDS = 5
+_MOST_EFFECTS = 3
+_MUST_PAY = 10.0  # difference of BIC: "very strong" (Kass & Raftery, 1995)
+_ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
+_PLACEBOS = 19  # so that being better than all of them has p = 0.05
+_DRAWS = 2000
+_PAIRED = 12  # single hypotheses that are tried in pairs
+
+
+@dataclass(frozen=True)
+class Named:
+    """One effect that the recordings ask for, and what speaks for it."""
+
+    term: Term
+    delta_bic: float  # against the model without it
+    held_out_gain: float  # share of the squared held-out error of the model without it
+    gain_ci95: tuple[float, float]
+    p_value: float  # share of placebos that do as well
+    rivals: tuple[Term, ...]  # what the data cannot separate from it, best first
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One hypothesis tried alone, for the report."""
+
+    effect: str
+    axis: str
+    delta_bic: float
+    held_out_gain: float
+
+
+@dataclass(frozen=True)
+class Naming:
+    """What was found, and how every single hypothesis did; `absorbed` is the share of it that the refit takes up."""
+
+    named: tuple[Named, ...]
+    ranking: tuple[Ranked, ...]
+    absorbed: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Bench:
+    """A set of columns with their products, on which any choice of hypotheses is compared."""
+
+    base: NDArray[np.intp]  # columns of the refit and of what is named already
+    own: tuple[NDArray[np.intp], ...]  # columns of each hypothesis
+    candidates: tuple[Term, ...]
+    columns: Array
+    low: Array  # of all columns
+    high: Array
+    target: Array
+    run: NDArray[np.intp]
+    fold: NDArray[np.intp]
+    products: Products
+    effective: float  # number of independent windows
+
+    def with_base(self, *chosen: int) -> NDArray[np.intp]:
+        """Columns of the base and of these hypotheses."""
+        return np.concatenate([self.base, *(self.own[one] for one in chosen)])
+
+    def error(self, *chosen: int) -> float:
+        """Held-out squared error of the base with these hypotheses."""
+        columns = self.with_base(*chosen)
+        return float(self.products.held_out(columns, self.low[columns], self.high[columns]).sum())
+
+    def delta_bic(self, *chosen: int) -> float:
+        """Evidence for these hypotheses beside the base, from held-out errors."""
+        ratio = np.log(max(self.error(), 1e-300) / max(self.error(*chosen), 1e-300))
+        freedom = sum(len(self.own[one]) + self.candidates[one].hidden for one in chosen)
+        return float(self.effective * ratio - freedom * np.log(max(self.effective, 2.0)))
+
+    def predictions(self, columns: NDArray[np.intp]) -> Array:
+        """What each fold is predicted to be by the others, shape (windows,)."""
+        result = np.empty(len(self.fold))
+        folds = np.arange(int(self.fold.max()) + 1)
+        for one in folds:
+            weights = self.products.fit(columns, self.low[columns], self.high[columns], folds != one)
+            test = self.fold == one
+            result[test] = self.columns[np.ix_(test, columns)] @ weights
+        return result
+
+
+def name_missing(
+    fit: Refit, runs: Runs, block: NDArray[np.intp], noise: Noise, seed: int, progress: Callable[[str], None]
+) -> Naming:
+    """Name the effects that the recordings ask for beyond the refit.
+
+    Args:
+        fit: The refit.
+        runs: The runs.
+        block: Stretches that count as independent, shape (windows,).
+        noise: Noise of what the channels leave.
+        seed: Seed of placebos and intervals.
+        progress: Called with what is being done.
+    """
+    target = runs.observed - fit.predicted
+    columns = fit.jacobian
+    low, high = fit.freedom()
+    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, target, noise)
+    named: list[Named] = []
+    ranking: tuple[Ranked, ...] = ()
+    absorbed: dict[str, float] = {}
+    while len(named) < _MOST_EFFECTS:
+        progress(f"trying every effect{'' if not named else ' beside ' + named[-1].term.effect}")
+        candidates = tuple(terms(setting, tuple(one.term.effect for one in named)))
+        bench = _bench(columns, low, high, candidates, target, runs.run, block % _FOLDS, noise)
+        if not named:
+            ranking, absorbed = _rank(bench), _absorbed(bench)
+        found = _best(bench, block, seed)
+        if found is None:
+            break
+        named.append(found)
+        columns = np.column_stack([columns, found.term.columns])
+        low, high = np.concatenate([low, found.term.low]), np.concatenate([high, found.term.high])
+        setting = _with(setting, fit, named, columns, low, high, target)
+    return Naming(tuple(named), ranking, absorbed)
+
+
+def _with(
+    start: Setting, fit: Refit, named: Sequence[Named], columns: Array, low: Array, high: Array, target: Array
+) -> Setting:
+    """The setting once these effects are in the model: steady ones are in the kernel's prediction from now on."""
+    everything = np.arange(columns.shape[1])
+    weights = products(columns, target, np.zeros(len(target), dtype=np.intp)).fit(everything, low, high)
+    groups = fit.jacobian.shape[1]
+    theta = fit.moved(weights[:groups])
+    effects: dict[str, dict[str, float]] = {}
+    at = groups
+    for one in named:
+        size = float(weights[at])
+        at += one.term.columns.shape[1]
+        if one.term.schedule is None and one.term.effect in PHYSICS and one.term.effect != "wind" and size != 0.0:
+            effects[one.term.effect] = {**one.term.shape, CATALOGUE[one.term.effect].parameters[0].name: size}
+    present = WithEffects(effects)
+    predicted = fit.parameters.predict(start.runs, theta, present)
+    return replace(start, theta=theta, present=present, predicted=predicted, residual=target - columns @ weights)
+
+
+def _bench(
+    base: Array, low: Array, high: Array, candidates: tuple[Term, ...], target: Array, run: NDArray[np.intp],
+    fold: NDArray[np.intp], noise: Noise,
+) -> _Bench:  # fmt: skip
+    columns = np.column_stack([base, *(term.columns for term in candidates)])
+    ends = np.cumsum([base.shape[1], *(term.columns.shape[1] for term in candidates)])
+    return _Bench(
+        base=np.arange(base.shape[1]),
+        own=tuple(np.arange(a, b) for a, b in pairwise(ends)),
+        candidates=candidates,
+        columns=columns,
+        low=np.concatenate([low, *(term.low for term in candidates)]),
+        high=np.concatenate([high, *(term.high for term in candidates)]),
+        target=target,
+        run=run,
+        fold=fold,
+        products=products(columns, target, fold),
+        effective=len(target) / noise.memory,
+    )
+
+
+def _rank(bench: _Bench) -> tuple[Ranked, ...]:
+    before = bench.error()
+    ranked = []
+    for index, term in enumerate(bench.candidates):
+        gain = 1.0 - bench.error(index) / before if before > 0.0 else 0.0
+        ranked.append(Ranked(term.effect, term.axis, bench.delta_bic(index), gain))
+    return tuple(sorted(ranked, key=lambda one: -one.delta_bic))
+
+
+def _absorbed(bench: _Bench) -> dict[str, float]:
+    """Share of each effect that the refit takes up: of several forms, the one that shows most counts."""
+    gram = bench.products.gram.sum(axis=0)
+    base = bench.base
+    inverse = np.linalg.pinv(gram[np.ix_(base, base)], rcond=1e-10)
+    shares: dict[str, float] = {}
+    for own, term in zip(bench.own, bench.candidates, strict=True):
+        for column in own:
+            size = float(gram[column, column])
+            taken = float(gram[column, base] @ inverse @ gram[base, column])
+            share = float(np.clip(taken / size, 0.0, 1.0)) if size > 0.0 else 1.0
+            shares[term.effect] = min(share, shares.get(term.effect, 1.0))
+    return shares
+
+
+def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Named | None:
+    """The hypothesis that explains most for its freedom, alone or as the stronger half of the best pair."""
+    if not bench.candidates:
+        return None
+    alone = np.array([bench.delta_bic(index) for index in range(len(bench.candidates))])
+    order = np.argsort(-alone, kind="stable")
+    best, first = float(alone[order[0]]), int(order[0])
+    for position, one in enumerate(order[:_PAIRED]):
+        for other in order[position + 1 : _PAIRED]:
+            if bench.candidates[one].effect != bench.candidates[other].effect:
+                both = bench.delta_bic(int(one), int(other))
+                if both > best + _MUST_PAY:
+                    best, first = both, int(one)
+    return _proven(bench, first, alone, block, seed)
+
+
+def _proven(bench: _Bench, chosen: int, alone: Array, block: NDArray[np.intp], seed: int) -> Named | None:
+    before, after = bench.error(), bench.error(chosen)
+    gain = 1.0 - after / max(before, 1e-300)
+    if alone[chosen] < _MUST_PAY or gain < SMALLEST_GAIN:
+        return None
+    interval = _gain_interval(bench, chosen, block, seed)
+    if interval[0] <= 0.0:
+        return None
+    p_value = _placebo_p_value(bench, chosen, after, seed)
+    if p_value > 1.0 / (_PLACEBOS + 1):
+        return None
+    return Named(bench.candidates[chosen], float(alone[chosen]), gain, interval, p_value, _rivals(bench, chosen, alone))
+
+
+def _rivals(bench: _Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
+    """Other effects that explain nearly as much: each in its best form, best first."""
+    before = bench.error()
+    explained = before - bench.error(chosen)
+    found: dict[str, Term] = {}
+    for index in np.argsort(-alone, kind="stable"):
+        other = bench.candidates[index]
+        if other.effect == bench.candidates[chosen].effect or alone[index] < _MUST_PAY:
+            continue
+        if before - bench.error(int(index)) >= _ALIKE * explained or alone[chosen] - alone[index] < _MUST_PAY:
+            found.setdefault(other.effect, other)
+    return tuple(found.values())
+
+
+def _gain_interval(bench: _Bench, chosen: int, block: NDArray[np.intp], seed: int) -> tuple[float, float]:
+    """Interval of the gain by bootstrap over blocks."""
+    sums = np.stack([
+        np.bincount(block, (bench.target - bench.predictions(columns)) ** 2)
+        for columns in (bench.base, bench.with_base(chosen))
+    ])  # fmt: skip
+    drawn = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
+    without, with_it = sums[:, drawn].sum(axis=2)
+    low, high = np.quantile(1.0 - with_it / np.maximum(without, 1e-300), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _placebo_p_value(bench: _Bench, chosen: int, error: float, seed: int) -> float:
+    """Share of placebos, and the effect itself, that predict as well as the effect."""
+    rng = np.random.default_rng(seed)
+    columns = bench.with_base(chosen)
+    everything = np.arange(len(columns))
+    as_good = 1
+    for _ in range(_PLACEBOS):
+        shifted = shifted_in_time(bench.columns[:, bench.own[chosen]], bench.run, rng)
+        together = products(np.column_stack([bench.columns[:, bench.base], shifted]), bench.target, bench.fold)
+        held_out = together.held_out(everything, bench.low[columns], bench.high[columns])
+        as_good += float(held_out.sum()) <= error
+    return as_good / (_PLACEBOS + 1)
+
+
+def shifted_in_time(columns: Array, run: NDArray[np.intp], rng: np.random.Generator) -> Array:
+    """The columns turned round within each run by a random time: the same values, no cause."""
+    shifted = np.empty_like(columns)
+    for one in np.unique(run):
+        here = np.flatnonzero(run == one)
+        by = int(rng.integers(len(here) // 10, max(len(here) - len(here) // 10, len(here) // 10 + 1)))
+        shifted[here] = np.roll(columns[here], by, axis=0)
+    return shifted
