@@ -8,15 +8,21 @@ Operational Efficacy Amelioration, IROS 2018, arXiv 1811.03159.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numba.extending import overload
 
+from homeward.physics.bounds import NOT_NEGATIVE, Bounds, checked
 from homeward.physics.jit import inline
 
 GRAVITY_MPS2 = 9.80665
 """Standard acceleration of gravity (ISO 80000-3)."""
+
+GRADES = Bounds(-math.pi / 2, math.pi / 2)
+"""Slope angles, rad."""
 
 
 @inline
@@ -59,6 +65,9 @@ def traction_force(robot: Any, speed_mps: Any, grade_rad: Any) -> Any:
         speed_mps: Speed, m/s, any shape.
         grade_rad: Slope angle, rad, positive uphill, any shape.
 
+    Raises:
+        ValueError: A value is outside its bounds.
+
     >>> import homeward
     >>> rusti = homeward.load_robot("rusti")
     >>> round(float(traction_force(rusti, 1.0, 0.0)), 3)
@@ -66,6 +75,8 @@ def traction_force(robot: Any, speed_mps: Any, grade_rad: Any) -> Any:
     >>> bool(abs(traction_force(rusti, 0.1, np.radians(-5.71))) < 0.001)  # rolls down its incline at almost no force
     True
     """
+    speed_mps = checked("speed_mps", speed_mps, NOT_NEGATIVE)
+    grade_rad = checked("grade_rad", grade_rad, GRADES)
     return (
         rolling_force(robot, np.cos(grade_rad)) + drag_force(robot, speed_mps) + grade_force(robot, np.sin(grade_rad))
     )
@@ -106,13 +117,15 @@ def computer_power(robot: Any, sensing_hz: Any) -> Any:
     return (sensing_hz > 0.0) * (robot.computer_w + robot.computer_j_per_sample * sensing_hz)
 
 
-@inline
 def ancillary_power(robot: Any, sensing_hz: Any) -> Any:
     """Ancillary power P_anc = s0 + s1 f_s + P_C, W (Eq. 5), drawn moving or not.
 
     Args:
         robot: The robot.
         sensing_hz: Sensing rate, Hz, any shape.
+
+    Raises:
+        ValueError: A value is outside its bounds.
 
     The formula gives 0.0350 W for the paper's sensor at 100 Hz, where 0.0348 W was measured:
 
@@ -123,6 +136,10 @@ def ancillary_power(robot: Any, sensing_hz: Any) -> Any:
     >>> ancillary_power(homeward.load_robot("rusti_computer"), np.array([0.0, 1e-9, 100.0])).round(2).tolist()
     [0.59, 8.59, 15.59]
     """
+    return _ancillary_power(robot, checked("sensing_hz", sensing_hz, NOT_NEGATIVE))
+
+
+def _ancillary_power(robot: Any, sensing_hz: Any) -> Any:
     return (
         sensing_power(robot, sensing_hz)
         + robot.communication_w
@@ -131,7 +148,10 @@ def ancillary_power(robot: Any, sensing_hz: Any) -> Any:
     )
 
 
-@inline
+# Compiled kernels take the formula without the check.
+overload(ancillary_power, strict=False)(lambda *_: _ancillary_power)
+
+
 def usable_energy(robot: Any, cycles: Any, age: Any) -> Any:
     """Battery energy left after charge cycles and age, E_O exp(-(k1 C + k2 t)), J (Eq. 6).
 
@@ -144,6 +164,9 @@ def usable_energy(robot: Any, cycles: Any, age: Any) -> Any:
         cycles: C, in the unit that the robot's `cycle_fade` is per, any shape.
         age: t, in the unit that the robot's `age_fade` is per, any shape.
 
+    Raises:
+        ValueError: A value is outside its bounds.
+
     >>> import homeward
     >>> rusti = homeward.load_robot("rusti")
     >>> float(usable_energy(rusti, 0.0, 0.0))
@@ -151,6 +174,7 @@ def usable_energy(robot: Any, cycles: Any, age: Any) -> Any:
     >>> round(float(1 - usable_energy(rusti, 10.0, 0.0) / 55440.0), 2)
     0.71
     """
+    cycles, age = checked("cycles", cycles, NOT_NEGATIVE), checked("age", age, NOT_NEGATIVE)
     return robot.rated_energy_j * np.exp(-(robot.cycle_fade * cycles + robot.age_fade * age))
 
 

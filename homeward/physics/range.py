@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from homeward.physics import model
+from homeward.physics.bounds import FINITE, NOT_NEGATIVE, Bounds, checked
 from homeward.physics.jit import announce_first_compilation, compiled
 from homeward.physics.kernel import Conditions, advance, demand, full_charge
-from homeward.physics.robot import Bounds, Robot
+from homeward.physics.robot import Robot
 
 _SPEED_GRID = 201
 _LONGEST_MEMORY_S = 1e6  # ten of the slowest time constants that an effect can have
-_ALLOWED = {
-    "distance_m": Bounds(0.0, math.inf, open_high=True),
-    "speed_mps": Bounds(0.0, math.inf, open_low=True, open_high=True),
-    "grade_rad": Bounds(-math.pi / 2, math.pi / 2),
-    "duty": Bounds(0.0, 1.0, open_low=True),
-    "sensing_hz": Bounds(0.0, math.inf, open_high=True),
-    "energy_j": Bounds(0.0, math.inf, open_high=True),
-}
+_SPEEDS = Bounds(0.0, np.inf, open_low=True, open_high=True)
+_DUTIES = Bounds(0.0, 1.0, open_low=True)
 
 
 def manoeuvring_energy(force_n: Any, distance_m: Any) -> Any:
-    """Work at the wheels F d, J (Eq. 4)."""
-    return force_n * distance_m
+    """Work at the wheels F d, J (Eq. 4).
+
+    Args:
+        force_n: Force at the wheels, N, any shape.
+        distance_m: Distance, m, any shape.
+
+    Raises:
+        ValueError: A value is outside its bounds.
+    """
+    return checked("force_n", force_n, FINITE) * checked("distance_m", distance_m, NOT_NEGATIVE)
 
 
 def mission_energy(
@@ -49,7 +51,9 @@ def mission_energy(
     Raises:
         ValueError: A value is outside its bounds.
     """
-    _check(distance_m=distance_m, speed_mps=speed_mps, grade_rad=grade_rad, duty=duty, sensing_hz=sensing_hz)
+    distance_m = checked("distance_m", distance_m, NOT_NEGATIVE)
+    speed_mps = checked("speed_mps", speed_mps, _SPEEDS)
+    grade_rad, duty, sensing_hz = _checked_way(grade_rad, duty, sensing_hz)
     return distance_m * _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
 
 
@@ -74,7 +78,7 @@ def optimal_speed(robot: Robot, grade_rad: Any = 0.0, duty: Any = 1.0, sensing_h
     >>> float(optimal_speed(husky)) == husky.max_speed_mps
     True
     """
-    _check(grade_rad=grade_rad, duty=duty, sensing_hz=sensing_hz)
+    grade_rad, duty, sensing_hz = _checked_way(grade_rad, duty, sensing_hz)
     if robot.active_effects:
         speeds = np.linspace(robot.min_speed_mps, robot.max_speed_mps, _SPEED_GRID)
         axes = (np.asarray(a, dtype=np.float64)[..., None] for a in np.broadcast_arrays(grade_rad, duty, sensing_hz))
@@ -121,11 +125,11 @@ def d_max(
     >>> (d_max(rusti, 1.0, duty=duty) / duty / 3600).round(2).tolist()
     [1.64, 4.02, 4.95]
     """
+    grade_rad, duty, sensing_hz = _checked_way(grade_rad, duty, sensing_hz)
     if speed_mps is None:
         speed_mps = optimal_speed(robot, grade_rad, duty, sensing_hz)
-    if energy_j is None:
-        energy_j = robot.usable_energy_j
-    _check(speed_mps=speed_mps, grade_rad=grade_rad, duty=duty, sensing_hz=sensing_hz, energy_j=energy_j)
+    speed_mps = checked("speed_mps", speed_mps, _SPEEDS)
+    energy_j = checked("energy_j", robot.usable_energy_j if energy_j is None else energy_j, NOT_NEGATIVE)
     if robot.active_effects:
         return _range_by_kernel(robot, speed_mps, grade_rad, duty, sensing_hz, energy_j)
     per_metre = _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
@@ -138,12 +142,12 @@ def _energy_per_metre(robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, s
     return model.ancillary_power(robot, sensing_hz) / (speed_mps * duty) + force_n / robot.traction_efficiency
 
 
-def _check(**values: Any) -> None:
-    for name, value in values.items():
-        array = np.asarray(value, dtype=np.float64)
-        good = _ALLOWED[name].hold(array)
-        if not good.all():
-            raise ValueError(f"{name} = {array[~good].flat[0]} is not allowed; allowed: a number in {_ALLOWED[name]}")
+def _checked_way(grade_rad: Any, duty: Any, sensing_hz: Any) -> Any:
+    return (
+        checked("grade_rad", grade_rad, model.GRADES),
+        checked("duty", duty, _DUTIES),
+        checked("sensing_hz", sensing_hz, NOT_NEGATIVE),
+    )
 
 
 def _range_by_kernel(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import numbers
 import os
 import tomllib
 from collections.abc import Mapping
@@ -17,30 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.physics import model
+from homeward.physics.bounds import Bounds
 from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
 
 
 class RobotError(ValueError):
     """A robot file or value that cannot be used: the message names the field, the value and what is allowed."""
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Allowed interval of a number; `open_low` and `open_high` exclude the ends."""
-
-    low: float
-    high: float
-    open_low: bool = False
-    open_high: bool = False
-
-    def hold(self, value: Any) -> Any:
-        """Whether a number, or each of an array, lies within; NaN does not."""
-        above = value > self.low if self.open_low else value >= self.low
-        below = value < self.high if self.open_high else value <= self.high
-        return above & below
-
-    def __str__(self) -> str:
-        return f"{'(' if self.open_low else '['}{self.low:g}, {self.high:g}{')' if self.open_high else ']'}"
 
 
 def _quantity(section: str, meaning: str, bounds: Bounds, default: float | None = None) -> Any:
@@ -280,7 +263,7 @@ def _did_you_mean(name: str, known: list[str]) -> str:
 
 
 def _checked(name: str, value: Any, bounds: Bounds) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise RobotError(f"{name} = {value!r} is not a number; allowed: a number in {bounds}")
     if not bounds.hold(value):
         raise RobotError(f"{name} = {value!r} is not allowed; allowed: a number in {bounds}")

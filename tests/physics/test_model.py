@@ -153,13 +153,13 @@ SPEED, GRADE = np.array([0.5, 1.0, 2.0]), np.array([[-0.3], [0.0], [0.2], [0.4]]
 DUTY, HZ = np.array([0.3, 0.6, 1.0]), np.array([[0.0], [10.0], [50.0], [100.0]])
 BROADCAST: list[Callable[..., Any]] = [
     lambda v, th, d, f: traction_force(PLAIN, v, th),
-    lambda v, th, d, f: ancillary_power(PLAIN, f * v),
+    lambda v, th, d, f: ancillary_power(PLAIN, f) + manoeuvring_energy(v, d),
     lambda v, th, d, f: usable_energy(PLAIN, v, f),
-    lambda v, th, d, f: drive_power(PLAIN, traction_force(PLAIN, v, th), v),
+    lambda v, th, d, f: drive_power(PLAIN, traction_force(PLAIN, v, th), np.asarray(v)),
     lambda v, th, d, f: mission_energy(PLAIN, 2.0, v, th, d, f),
     lambda v, th, d, f: optimal_speed(PLAIN, th, d, f),
     lambda v, th, d, f: d_max(PLAIN, v, th, d, f),
-    lambda v, th, d, f: d_max(PLAIN, None, th, d, f, energy_j=1e3 * v),
+    lambda v, th, d, f: d_max(PLAIN, None, th, d, f, energy_j=v),
     lambda v, th, d, f: d_max(with_effect(PLAIN, "standby", power_w=2.0), v, th, d, f),
     lambda v, th, d, f: optimal_speed(with_effect(PLAIN, "no_load", power_w=1.0), th, d, f),
 ]
@@ -202,6 +202,7 @@ def test_optimal_speed_with_effects_is_searched() -> None:
         ("duty", 0.0),
         ("duty", 1.1),
         ("sensing_hz", -1.0),
+        ("sensing_hz", math.inf),
         ("energy_j", -1.0),
         ("energy_j", math.nan),
     ],
@@ -215,3 +216,31 @@ def test_arguments_out_of_bounds_are_refused(name: str, value: float) -> None:
     if name != "energy_j":
         with pytest.raises(ValueError, match=name):
             mission_energy(PLAIN, **{"distance_m": 1.0, "speed_mps": 1.0, name: value})
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda: ancillary_power(PLAIN, -5), "sensing_hz = -5.0 is not allowed; allowed: a number in [0, inf)"),
+        (lambda: ancillary_power(PLAIN, [1.0, math.nan]), "sensing_hz = nan is not allowed"),
+        (lambda: usable_energy(PLAIN, -1, 0), "cycles = -1.0 is not allowed; allowed: a number in [0, inf)"),
+        (lambda: usable_energy(PLAIN, 0, -1), "age = -1.0 is not allowed; allowed: a number in [0, inf)"),
+        (lambda: traction_force(PLAIN, -1.0, 0.0), "speed_mps = -1.0 is not allowed; allowed: a number in [0, inf)"),
+        (lambda: traction_force(PLAIN, 1.0, 10.0), "grade_rad = 10.0 is not allowed; allowed: a number in [-1.5"),
+        (lambda: manoeuvring_energy(math.inf, 1.0), "force_n = inf is not allowed; allowed: a number in (-inf, inf)"),
+        (lambda: manoeuvring_energy(1.0, -1.0), "distance_m = -1.0 is not allowed; allowed: a number in [0, inf)"),
+        (lambda: d_max(PLAIN, "fast"), "speed_mps = 'fast' is not a number or an array of numbers; allowed: (0, inf)"),
+        (lambda: d_max(PLAIN, {}), "speed_mps = {} is not a number or an array of numbers; allowed: (0, inf)"),
+        (lambda: d_max(PLAIN, [[1.0], [1.0, 2.0]]), "speed_mps = [[1.0], [1.0, 2.0]] is not a number or an array"),
+    ],
+)
+def test_values_that_no_equation_knows_are_refused_in_one_line(function: Callable[[], Any], message: str) -> None:
+    with pytest.raises(ValueError) as caught:
+        function()
+    assert str(caught.value).startswith(message) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("function", BROADCAST)
+def test_lists_are_arrays(function: Callable[..., Any]) -> None:
+    nested = function(*(values.tolist() for values in (SPEED, GRADE, DUTY, HZ)))
+    np.testing.assert_array_equal(nested, function(SPEED, GRADE, DUTY, HZ))

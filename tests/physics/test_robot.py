@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 from homeward import Robot, RobotError, load_robot
 from homeward.physics import EFFECTS, preset_names
-from homeward.physics.robot import ROBOT_DTYPE, Bounds
+from homeward.physics.bounds import Bounds
+from homeward.physics.robot import ROBOT_DTYPE
 from tests.physics.drives import PLAIN, robots
 
 QUANTITIES = {one.name: one.metadata for one in dataclasses.fields(Robot) if "bounds" in one.metadata}
