@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.physics.effects import turning
 from homeward.physics.jit import announce_first_compilation, compiled
 from homeward.physics.kernel import CAUSES, Conditions, advance, full_charge
 from homeward.physics.robot import Robot
@@ -19,7 +20,8 @@ class Replay:
 
     power_w: NDArray[np.float64]  # battery power
     drive_w: NDArray[np.float64]  # electrical power into the drive
-    traction_n: NDArray[np.float64]  # force at the wheels
+    traction_n: NDArray[np.float64]  # force at the wheels along the way, negative where the robot brakes
+    wheel_force_n: NDArray[np.float64]  # what the motors push with: traction that is not negative, and scrub in turns
     energy_j: dict[str, float]  # battery energy by cause over the whole drive
 
 
@@ -30,12 +32,13 @@ def replay(
     *,
     grade_rad: Any = 0.0,
     yaw_rate_radps: Any = 0.0,
-    accel_mps2: Any = 0.0,
+    accel_mps2: Any = None,
     headwind_mps: Any = 0.0,
     roughness: Any = 0.0,
     temperature_c: Any = 20.0,
     sensing_hz: Any = 0.0,
     base_distance_m: Any = 0.0,
+    direction: Any = None,
 ) -> Replay:
     """Drive a robot through recorded conditions.
 
@@ -49,27 +52,34 @@ def replay(
         speed_mps: Speed, m/s, shape (n,) or a number, like all that follow.
         grade_rad: Slope angle along the direction of forward travel, rad.
         yaw_rate_radps: Turning rate, rad/s.
-        accel_mps2: Acceleration along the direction of forward travel, m/s^2.
+        accel_mps2: Acceleration along the direction of forward travel, m/s^2; central differences of the speed if left
+            out: their work sums to the change of kinetic energy, where one-sided ones would gain or lose some.
         headwind_mps: Wind against the direction of travel, m/s.
         roughness: Surface roughness, 0 where C_rr was measured.
         temperature_c: Air temperature, C.
         sensing_hz: Sensing rate, Hz.
         base_distance_m: Distance from base, m.
+        direction: 1 on the way out and -1 on the way home, for the effect `hidden_grade`; if left out, whether the
+            distance from base grows or falls and, where that does not change, whether the robot drives forwards.
 
     Raises:
         ValueError: Times do not increase or there are fewer than two; a channel has another length, or a value that is
-            not finite.
+            not finite; a direction is neither 1 nor -1.
     """
     time_s = np.ascontiguousarray(time_s, dtype=np.float64)
     if time_s.ndim != 1 or len(time_s) < 2 or not np.isfinite(time_s).all() or not (np.diff(time_s) > 0.0).all():
         raise ValueError("time_s must hold at least two increasing times in seconds")
     announce_first_compilation()
+    speed_mps = np.broadcast_to(_channel("speed_mps", speed_mps, time_s), time_s.shape)
+    base_distance_m = np.broadcast_to(_channel("base_distance_m", base_distance_m, time_s), time_s.shape)
     grade_rad = _channel("grade_rad", grade_rad, time_s)
+    if accel_mps2 is None:
+        accel_mps2 = np.gradient(speed_mps, time_s)
     samples = np.empty((len(Conditions._fields), len(time_s)))
     for row, values in zip(
         samples,
         Conditions(
-            speed_mps=_channel("speed_mps", speed_mps, time_s),
+            speed_mps=speed_mps,
             sensing_hz=_channel("sensing_hz", sensing_hz, time_s),
             accel_mps2=_channel("accel_mps2", accel_mps2, time_s),
             sin_grade=np.sin(grade_rad),
@@ -78,18 +88,19 @@ def replay(
             roughness=_channel("roughness", roughness, time_s),
             headwind_mps=_channel("headwind_mps", headwind_mps, time_s),
             temperature_c=_channel("temperature_c", temperature_c, time_s),
-            base_distance_m=_channel("base_distance_m", base_distance_m, time_s),
-            direction=1.0,
+            base_distance_m=base_distance_m,
+            direction=_direction(direction, base_distance_m, speed_mps, time_s),
         ),
         strict=True,
     ):
         row[:] = values
-    output = np.empty((3, len(time_s)))
+    output = np.empty((4, len(time_s)))
     state = full_charge(robot, np.inf)
     state["speed_mps"] = abs(samples[0, 0])  # what moves when the recording starts did not start then
     _replay(robot.record(), state, time_s, samples, output)
-    power_w, drive_w, traction_n = output
-    return Replay(power_w, drive_w, traction_n, dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True)))
+    power_w, drive_w, traction_n, wheel_force_n = output
+    energy_j = dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True))
+    return Replay(power_w, drive_w, traction_n, wheel_force_n, energy_j)
 
 
 def _channel(name: str, values: Any, time_s: NDArray[np.float64]) -> Any:
@@ -102,12 +113,28 @@ def _channel(name: str, values: Any, time_s: NDArray[np.float64]) -> Any:
     return channel
 
 
+def _direction(given: Any, base_distance_m: Any, speed_mps: Any, time_s: NDArray[np.float64]) -> Any:
+    if given is not None:
+        direction = _channel("direction", given, time_s)
+        wrong = direction[np.abs(direction) != 1.0]
+        if len(wrong):
+            raise ValueError(f"direction = {wrong[0]:g} is not allowed; give 1 on the way out and -1 on the way home")
+        return direction
+    growth = np.gradient(base_distance_m, time_s)
+    changing = growth != 0.0
+    if not changing.any():
+        return np.where(speed_mps < 0.0, -1.0, 1.0)
+    # Where the distance stands still the robot is on its way as before or, at the start, as after.
+    last = np.maximum.accumulate(np.where(changing, np.arange(len(time_s)), changing.argmax()))
+    return np.sign(growth[last])
+
+
 @compiled
 def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any) -> None:
     p, s = robots[0], states[0]
     speed, sensing, accel, sine, cosine, yaw_rate, roughness, headwind, temperature, distance, direction = samples
     for i in range(len(time_s)):
-        forward = direction[i] if speed[i] >= 0.0 else -direction[i]
+        forward = 1.0 if speed[i] >= 0.0 else -1.0
         x = Conditions(
             abs(speed[i]),
             sensing[i],
@@ -119,8 +146,11 @@ def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any) ->
             headwind[i],
             temperature[i],
             distance[i],
-            forward,
+            direction[i],
         )
         dt_s = time_s[i + 1] - time_s[i] if i + 1 < len(time_s) else time_s[i] - time_s[i - 1]
         advance(p, s, x, dt_s)
         output[0, i], output[1, i], output[2, i] = s.power_w, s.drive_w, s.traction_n
+        output[3, i] = np.maximum(s.traction_n, 0.0)
+        if p.turning_scrub != 0.0:
+            output[3, i] += turning.wheel_force(p, x)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from homeward import Robot
 from homeward.physics import CAUSES, EFFECTS
-from homeward.physics.effects import PARAMETER_FIELDS, Effect
-from homeward.physics.kernel import full_charge
+from homeward.physics.effects import PARAMETER_FIELDS, Effect, turning
+from homeward.physics.kernel import Conditions, full_charge
 from homeward.physics.model import GRAVITY_MPS2
 from tests.physics.drives import PLAIN, Array, conditions, drive, robots, with_effect
 from tests.physics.drives import STEADY as LEVEL
@@ -88,6 +88,41 @@ def test_regeneration_by_hand() -> None:
     off = drive(PLAIN, [downhill], STEP_S, np.inf)
     on = drive(with_effect(PLAIN, "regeneration", share=0.4), [downhill], STEP_S, np.inf)
     assert float(on["power_w"] - off["power_w"]) == pytest.approx(0.4 * force_n * 2.0, rel=1e-12)
+
+
+def test_regeneration_takes_what_slowing_down_leaves_over() -> None:
+    slowing = LEVEL._replace(accel_mps2=-3.0)
+    force_n = 0.1 * WEIGHT_N + 2.0 - 3.0 * 10.0
+    inertia, regeneration = {"inertia": {"mass_factor": 1.0}}, {"regeneration": {"share": 0.4}}
+    off = drive(dataclasses.replace(PLAIN, effects=inertia), [slowing], STEP_S, np.inf)
+    on = drive(dataclasses.replace(PLAIN, effects=inertia | regeneration), [slowing], STEP_S, np.inf)
+    assert force_n < 0.0
+    assert float(on["power_w"] - off["power_w"]) == pytest.approx(0.4 * force_n * 2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("effect_id", ["inertia", "turning", "slip", "hidden_grade"])
+@pytest.mark.parametrize("x", [X, X._replace(sin_grade=-0.05)])
+def test_what_is_carried_is_moved_as_the_robots_own_mass(effect_id: str, x: Conditions) -> None:
+    """A robot with a payload draws what a robot of the sum of both masses draws, and still tells the payload's part."""
+    effect = {effect_id: BY_HAND[effect_id][0]}
+    loaded = drive(
+        dataclasses.replace(PLAIN, effects=effect | {"payload": {"mass_kg": 3.0}}), [x], STEP_S, np.inf, **STATE
+    )
+    heavier = drive(dataclasses.replace(PLAIN, mass_kg=13.0, effects=effect), [x], STEP_S, np.inf, **STATE)
+    empty = drive(dataclasses.replace(PLAIN, effects=effect), [x], STEP_S, np.inf, **STATE)
+    assert float(loaded["power_w"]) == pytest.approx(float(heavier["power_w"]), rel=1e-12)
+    column = CAUSES.index(effect_id)
+    assert abs(float(loaded["parts_w"][column])) > 1.01 * abs(float(empty["parts_w"][column]))
+    by_hand_w = 3.0 * GRAVITY_MPS2 * (0.1 * x.cos_grade + x.sin_grade) * PER_N
+    assert float(loaded["parts_w"][CAUSES.index("payload")]) == pytest.approx(by_hand_w, rel=1e-12, abs=1e-12)
+
+
+def test_turning_on_the_spot_is_a_force_at_wheels_that_turn() -> None:
+    robot = with_effect(PLAIN, "turning", scrub=0.3)
+    spot = X._replace(speed_mps=0.0)
+    assert turning.wheel_force(record(robot), spot) == pytest.approx(0.3 * WEIGHT_N)
+    end = drive(robot, [spot], STEP_S, np.inf)
+    assert float(end["drive_w"]) == pytest.approx(0.3 * WEIGHT_N * 0.5 * 0.4 * 0.5 / 0.5)
 
 
 def test_every_effect_is_worked_out_by_hand() -> None:

@@ -21,14 +21,14 @@ TIME_S = np.arange(5.0)
 
 @given(data=st.data(), robot=robots())
 def test_replay_is_the_step_sample_by_sample(data: st.DataObject, robot: Robot) -> None:
-    steps = [x._replace(direction=1.0) for x in data.draw(st.lists(conditions(robot), min_size=2, max_size=6))]
+    steps = data.draw(st.lists(conditions(robot), min_size=2, max_size=6))
     dt_s = data.draw(st.lists(st.floats(0.01, 100.0), min_size=len(steps) - 1, max_size=len(steps) - 1))
     time_s = np.concatenate([[0.0], np.cumsum(dt_s)])
     held = [*np.diff(time_s), time_s[-1] - time_s[-2]]
     channels: dict[str, Any] = {
         name: np.array([getattr(x, name) for x in steps])
         for name in STEADY._fields
-        if name not in ("sin_grade", "cos_grade", "direction")
+        if name not in ("sin_grade", "cos_grade")
     }
     grade_rad = np.array([math.atan2(x.sin_grade, x.cos_grade) for x in steps])
     again = replay(robot, time_s, grade_rad=grade_rad, **channels)
@@ -60,6 +60,88 @@ def test_driving_backwards_is_driving_forwards_the_other_way() -> None:
     np.testing.assert_allclose(
         back.traction_n, there.traction_n + 10.0 * 0.5 - 10.0 * 9.80665 * 0.05 * math.cos(0.2), rtol=1e-12
     )
+
+
+def test_speed_alone_tells_the_acceleration() -> None:
+    """By central differences: from rest to rest, inertia takes no energy that it does not give back."""
+    time_s = np.linspace(0.0, 20.0, 41)
+    speed_mps = 2.0 * np.sin(np.pi * time_s / 20.0) ** 2
+    robot = dataclasses.replace(
+        PLAIN, rolling_resistance=0.5, effects={"inertia": {"mass_factor": 1.0}, "payload": {"mass_kg": 5.0}}
+    )
+    alone = replay(robot, time_s, speed_mps)
+    given = replay(robot, time_s, speed_mps, accel_mps2=np.gradient(speed_mps, time_s))
+    steady = replay(robot, time_s, speed_mps, accel_mps2=0.0)
+    np.testing.assert_array_equal(alone.power_w, given.power_w)
+    assert steady.energy_j["inertia"] == 0.0
+    assert (alone.traction_n - steady.traction_n)[10] == pytest.approx(15.0 * 0.1 * math.pi, rel=0.01)
+    assert alone.energy_j["inertia"] == pytest.approx(0.0, abs=1e-9)
+    backwards = replay(robot, time_s, -speed_mps)
+    np.testing.assert_allclose(backwards.power_w, alone.power_w, rtol=1e-12)
+
+
+def test_braking_to_slow_down_gives_energy_back() -> None:
+    """On the plane: a car that sprints and brakes, as regeneration sees the sum of all forces."""
+    time_s = np.arange(0.0, 6.0, 0.5)
+    speed_mps = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 4.0, 4.0, 3.0, 2.0, 1.0, 0.0, 0.0])
+    inertia, regeneration = {"inertia": {"mass_factor": 1.0}}, {"regeneration": {"share": 0.6}}
+    on = replay(dataclasses.replace(PLAIN, effects=inertia | regeneration), time_s, speed_mps)
+    off = replay(dataclasses.replace(PLAIN, effects=inertia), time_s, speed_mps)
+    rolling = replay(dataclasses.replace(PLAIN, effects=regeneration), time_s, speed_mps)
+    braking = on.traction_n < 0.0
+    assert list(np.flatnonzero(braking)) == [7, 8, 9]
+    np.testing.assert_allclose(
+        on.power_w - off.power_w, np.where(braking, 0.6 * on.traction_n * speed_mps, 0.0), atol=1e-9
+    )
+    assert on.energy_j["regeneration"] == pytest.approx(float((0.6 * on.traction_n * speed_mps)[braking].sum() * 0.5))
+    assert rolling.energy_j["regeneration"] == 0.0
+
+
+def test_turning_on_the_spot_shows_as_force_at_the_wheels() -> None:
+    robot = with_effect(PLAIN, "turning", scrub=0.3)
+    yaw_rate_radps = np.array([0.0, 0.8, -0.8, 0.8, 0.0])
+    spot = replay(robot, TIME_S, 0.0, yaw_rate_radps=yaw_rate_radps)
+    scrub_n = 0.3 * 10.0 * 9.80665 * (yaw_rate_radps != 0.0)
+    np.testing.assert_allclose(spot.wheel_force_n, scrub_n, rtol=1e-12)
+    np.testing.assert_allclose(spot.drive_w, scrub_n * 0.5 * 0.8 * 0.5 / 0.5, rtol=1e-12)
+    assert not spot.traction_n.any() and not replay(PLAIN, TIME_S, 0.0, yaw_rate_radps=0.8).wheel_force_n.any()
+
+
+def test_the_force_at_the_wheels_is_what_the_drive_pays_for() -> None:
+    """P = F v / Gamma, on curves that are wide enough for the robot to be as fast as its outer wheels."""
+    robot = with_effect(PLAIN, "turning", scrub=0.3)
+    grade_rad = np.array([0.0, 0.1, -0.5, -0.5, 0.0])
+    again = replay(robot, TIME_S, 2.0, grade_rad=grade_rad, yaw_rate_radps=np.array([0.0, 1.0, 0.0, 1.0, -2.0]))
+    np.testing.assert_allclose(again.drive_w, again.wheel_force_n * 2.0 / 0.5, rtol=1e-12)
+    assert again.traction_n[2] < 0.0 == again.wheel_force_n[2] and again.wheel_force_n[3] > 0.0
+
+
+HOME = [1.0, 1.0, 1.0, -1.0, -1.0]
+
+
+@pytest.mark.parametrize(
+    ("channels", "direction"),
+    [
+        ({}, [1.0] * 5),
+        ({"speed_mps": -2.0}, [-1.0] * 5),
+        ({"direction": np.array(HOME)}, HOME),
+        ({"direction": -1.0}, [-1.0] * 5),
+        ({"direction": np.array(HOME), "speed_mps": -2.0, "base_distance_m": TIME_S}, HOME),
+        ({"base_distance_m": np.array([0.0, 2.0, 4.0, 2.0, 0.0])}, [1.0, 1.0, 1.0, -1.0, -1.0]),
+        ({"base_distance_m": np.array([0.0, 2.0, 4.0, 3.9, 0.0]), "speed_mps": -2.0}, HOME),
+        ({"base_distance_m": np.array([9.0, 9.0, 9.0, 7.0, 7.0])}, [-1.0] * 5),
+        ({"base_distance_m": np.array([4.0, 6.0, 6.0, 6.0, 6.0])}, [1.0] * 5),
+        ({"base_distance_m": 50.0}, [1.0] * 5),
+    ],
+)
+def test_a_hidden_slope_rises_on_the_way_out_and_falls_on_the_way_home(
+    channels: dict[str, Any], direction: list[float]
+) -> None:
+    """Whichever way round the robot drives; a distance that stands still leaves it on its way."""
+    with_slope = replay(with_effect(PLAIN, "hidden_grade", slope=0.05), TIME_S, **{"speed_mps": 2.0} | channels)
+    without = replay(PLAIN, TIME_S, **{"speed_mps": 2.0} | channels)
+    slope_n = with_slope.traction_n - without.traction_n
+    np.testing.assert_allclose(slope_n, 10.0 * 9.80665 * 0.05 * np.array(direction), rtol=1e-9)
 
 
 def test_what_moves_at_the_first_sample_did_not_start_there() -> None:
@@ -97,6 +179,11 @@ def test_the_battery_of_a_replay_does_not_run_out() -> None:
             [0.0, 1.0],
             {"headwind_mps": math.inf},
             "headwind_mps = inf at sample 0 is not finite; fill or cut the gap first",
+        ),
+        (
+            [0.0, 1.0],
+            {"direction": np.array([1.0, 0.5])},
+            "direction = 0.5 is not allowed; give 1 on the way out and -1 on the way home",
         ),
     ],
 )

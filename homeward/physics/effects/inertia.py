@@ -3,12 +3,13 @@
 from typing import Any
 
 from homeward.physics.effects.base import Effect, Parameter
+from homeward.physics.effects.payload import moved_mass
 from homeward.physics.jit import inline
 
 
 @inline
 def inertia(p: Any, s: Any, x: Any, load: Any) -> Any:
-    return p.inertia_mass_factor * p.mass_kg * x.accel_mps2 * (x.speed_mps > 0.0)
+    return p.inertia_mass_factor * moved_mass(p) * x.accel_mps2 * (x.speed_mps > 0.0)
 
 
 EFFECT = Effect(
@@ -16,8 +17,8 @@ EFFECT = Effect(
     kind="force",
     function=inertia,
     parameters=(Parameter("mass_factor", "1", 0.0, 3.0, "accelerated over moving mass; above 1 for rotating parts"),),
-    sentence="Speeding up takes energy that braking does not give back.",
-    equation="F = mass_factor m dv/dt while moving",
+    sentence="Speeding up takes energy, and the robot rolls on it when it slows down.",
+    equation="F = mass_factor (m + dm) dv/dt while moving, dm the payload",
     source="Newton's second law; the paper calls it negligible",
     needs=("speed_mps",),
     confused_with=("breakaway",),

@@ -8,6 +8,12 @@ from homeward.physics.model import GRAVITY_MPS2
 
 
 @inline
+def moved_mass(p: Any) -> Any:
+    """Mass that the robot moves, kg: its own and what it carries. Every effect of mass acts on it."""
+    return p.mass_kg + p.payload_mass_kg
+
+
+@inline
 def payload(p: Any, s: Any, x: Any, load: Any) -> Any:
     return p.payload_mass_kg * GRAVITY_MPS2 * (p.rolling_resistance * x.cos_grade + x.sin_grade) * (x.speed_mps > 0.0)
 

@@ -1,4 +1,4 @@
-"""Energy that braking gives back."""
+"""Energy that braking gives back, downhill and, with the effect `inertia`, when the robot slows down."""
 
 from typing import Any
 
@@ -18,9 +18,9 @@ EFFECT = Effect(
     kind="drive",
     function=regeneration,
     parameters=(Parameter("share", "1", 0.0, 0.95, "share of the braking power that returns to the battery"),),
-    sentence="Braking downhill gives energy back to the battery.",
-    equation="P = -share |F| v for F < 0",
-    source="trap 5 of the model notes: at most the power that gravity gives",
-    needs=("speed_mps", "grade_rad"),
+    sentence="Braking gives energy back to the battery.",
+    equation="P = -share |F| v where the sum of all forces F < 0",
+    source="conservation of energy: at most the power that gravity or the loss of speed gives",
+    needs=("speed_mps",),
     confused_with=(),
 )
