@@ -17,10 +17,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
 from homeward.diagnosis import Analysis, RecordingError, analyse
+from homeward.diagnosis.chain import STAGES
 from homeward.diagnosis.report import check_writable, write_outputs
 from homeward.physics import RobotError
-
-STAGES = ("reading", "checking", "refitting", "testing what remains", "locating")
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""The chain from recordings to verdict: check, refit, compare held out, test what remains, locate, conclude."""
+"""The chain from recordings to verdict: check, refit, test what remains, locate, name, model, prove, conclude."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,14 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis import wording
-from homeward.diagnosis.arms import better, held_out, score
+from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_pct, score
 from homeward.diagnosis.blocks import FEWEST_BLOCKS, cut_folds
 from homeward.diagnosis.columns import Columns
 from homeward.diagnosis.correct import correct, range_change
+from homeward.diagnosis.describe import missing_physics
+from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location, locate
+from homeward.diagnosis.modelling import Corrected, fit_model
+from homeward.diagnosis.naming import Naming, name_missing, shifted_in_time
 from homeward.diagnosis.quality import Finding, usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
-from homeward.diagnosis.refit import Estimate, estimates, refit
+from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
 from homeward.diagnosis.replay import Runs, average
 from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, RecordingInfo, Verdict
 from homeward.diagnosis.signals import Array
@@ -26,22 +30,39 @@ from homeward.physics import Robot, load_robot
 
 Progress = Callable[[str], None]
 
+STAGES = (
+    "reading", "checking", "refitting", "testing what remains", "locating", "naming", "modelling", "proving",
+)  # fmt: skip
+"""Names that `progress` is called with, in order; "modelling" only where something is named."""
+
 
 @dataclass(frozen=True)
 class Evidence:
     """What the verdict rests on, for the report; arrays of shape (windows,).
 
-    `nominal` is None where the robot file cannot predict what was recorded (motor current without a known thrust per
-    ampere).
+    There is no arm `nominal` where the robot file cannot predict what was recorded (motor current without a known
+    thrust per ampere), and none `corrected` where nothing was named.
     """
 
     runs: Runs
     block: NDArray[np.intp]
-    nominal: Array | None
-    refit: Array  # held out
+    predictions: Mapping[str, Array]  # by arm, held out
     estimates: tuple[Estimate, ...]
     dependences: tuple[Dependence, ...]
     location: Location | None
+    naming: Naming
+    corrected: Corrected | None  # the fitted model, where effects were named
+    range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
+
+    @property
+    def nominal(self) -> Array | None:
+        """What the robot file predicts."""
+        return self.predictions.get("nominal")
+
+    @property
+    def refit(self) -> Array:
+        """What the refit predicts of what it has not seen."""
+        return self.predictions["refit"]
 
 
 @dataclass(frozen=True)
@@ -102,15 +123,26 @@ def analyse(
         return Analysis(untestable, robot, robot, tuple(findings), None)
     evidence, fit = _weigh(average(usable), robot, seed, progress)
     verdict, off = _conclude(evidence)
-    corrected = correct(robot, evidence.estimates, evidence.runs.unit, verdict)
+    effects = evidence.corrected.effects() if evidence.corrected is not None else {}
+    corrected = correct(robot, evidence.estimates, evidence.runs.unit, verdict, effects)
+    found = (
+        ()
+        if evidence.corrected is None
+        else missing_physics(
+            evidence.corrected, evidence.naming.named, evidence.runs, [""] * len(evidence.naming.named)
+        )
+    )
+    where = evidence.location.places if evidence.location is not None else ()
     diagnosis = Diagnosis(
         robot.name,
         infos,
         verdict,
-        wording.summary(verdict, evidence, off, fit, findings),
-        parameters_off=off if verdict == "parameters_off" else (),
-        where=evidence.location.places if evidence.location is not None else (),
+        wording.summary(verdict, evidence, off, fit, findings, found),
+        parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
+        missing_physics=found,
+        where=where or tuple(place for one in found for place in one.where),
         fit=fit,
+        what_this_log_can_show=what_can_be_shown(evidence.naming.absorbed),
         range_change_m=None
         if evidence.runs.unit == "A" or verdict == "unknown_physics"
         else range_change(robot, corrected),
@@ -127,16 +159,44 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     fold, held_out_by = cut_folds(runs, block)
     problem = fitted.parameters
     nominal = problem.predict(runs, problem.start) if problem.current_known else None
-    predicted = held_out(fitted, runs, fold)
+    enough = int(block.max()) + 1 >= FEWEST_BLOCKS
     progress("testing what remains")
-    found = dependences(fitted, runs, blocks, fold, seed) if block.max() + 1 >= FEWEST_BLOCKS else []
+    found = dependences(fitted, runs, blocks, fold, seed) if enough else []
     progress("locating")
     location = locate(found[0], runs) if found and found[0].found else None
-    arms = {} if nominal is None else {"nominal": score(nominal, runs, block, fold, held_out_by, seed)}
-    arms["refit"] = score(predicted, runs, block, fold, held_out_by, seed)
+    naming = name_missing(fitted, runs, block, blocks.noise, seed, progress) if enough else Naming()
+    corrected = None
+    if naming.named:
+        progress("modelling")
+        corrected = fit_model(fitted, [one.term for one in naming.named], runs, block)
+        if any(one.term.schedule is not None for one in naming.named):
+            # What happened at some moment of a run says nothing of other runs: hold out stretches.
+            fold, held_out_by = block % 5, "block"
+    progress("proving")
+    predicted = _predictions(fitted, corrected, nominal, runs, fold, seed)
+    arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
+    trip = runs.run if held_out_by == "run" else fold
+    accuracy = {name: range_accuracy_pct(one, runs, trip) for name, one in predicted.items()}
     fit = Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
-    known = tuple(estimates(fitted, runs, block))
-    return Evidence(runs, block, nominal, predicted, known, tuple(found), location), fit
+    groups = fitted if corrected is None else corrected.groups
+    known = tuple(estimates(groups, runs, block, None if corrected is None else corrected.beside))
+    evidence = Evidence(runs, block, predicted, known, tuple(found), location, naming, corrected, accuracy)
+    return evidence, fit
+
+
+def _predictions(
+    fitted: Refit, corrected: Corrected | None, nominal: Array | None, runs: Runs, fold: NDArray[np.intp], seed: int
+) -> dict[str, Array]:
+    """What each arm predicts of windows that it has not seen."""
+    arms: dict[str, Array] = {} if nominal is None else {"nominal": nominal}
+    arms["refit"] = held_out(lambda chosen: fitted.on(chosen, runs.observed), fold)
+    rng = np.random.default_rng(seed)
+    if corrected is not None:
+        arms["corrected"] = held_out(lambda chosen: corrected.on(chosen, runs.observed), fold)
+        placebo = shifted_in_time(np.column_stack(corrected.contribution), runs.run, rng)
+        arms["placebo"] = held_out(lambda chosen: fitted.with_columns(chosen, runs.observed, placebo), fold)
+    arms["black_box"] = held_out(lambda chosen: black_box(runs, fitted.predicted, chosen, rng), fold)
+    return arms
 
 
 def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[ParameterOff, ...]]:
@@ -148,6 +208,8 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[ParameterOff, ...]]:
     )
     if int(evidence.block.max()) + 1 < FEWEST_BLOCKS:
         return "not_testable", ()
+    if evidence.naming.named:
+        return "missing_physics", off
     if evidence.location is not None:
         return "unknown_physics", off
     if all(one.fitted is None for one in evidence.estimates):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,16 @@ from homeward.diagnosis.signals import Unit
 from homeward.physics import Robot, d_max
 
 
-def correct(robot: Robot, estimates: Sequence[Estimate], unit: Unit, verdict: Verdict) -> Robot:
-    """Robot with the fitted value of each identifiable group; losses, and what cannot be told apart, stay as assumed.
+def correct(
+    robot: Robot,
+    estimates: Sequence[Estimate],
+    unit: Unit,
+    verdict: Verdict,
+    effects: Mapping[str, Mapping[str, float]],
+) -> Robot:
+    """Robot with the fitted value of each identifiable group, and the effects that were named.
+
+    Losses, and what cannot be told apart, stay as assumed.
 
     A verdict that finds no fault changes nothing: a difference within the noise is no correction. Nor does unknown
     physics: the fitted values then make up for it and are no measurement.
@@ -29,6 +37,9 @@ def correct(robot: Robot, estimates: Sequence[Estimate], unit: Unit, verdict: Ve
         idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w
         sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
         robot = with_ancillary(robot, fitted.get("idle_power", idle), fitted.get("sample_energy", sample))
+    if effects:
+        found = {name: {key: float(f"{value:.6g}") for key, value in one.items()} for name, one in effects.items()}
+        robot = dataclasses.replace(robot, effects={**robot.effects, **found})
     if per == 0.0:
         return robot
     rolling_kg = robot.rolling_resistance * robot.mass_kg

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -72,7 +73,7 @@ class Term:
     hidden: int = 0
     shape: Mapping[str, float] = field(default_factory=dict)
     schedule: Schedule | None = None
-    direction_rad: float | None = None  # where the wind comes from
+    spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # interval of what the schedule shows
 
     @property
     def axis(self) -> str:
@@ -114,6 +115,11 @@ def terms(setting: Setting, leave_out: tuple[str, ...] = ()) -> list[Term]:
             continue
         found += [term for term in _terms_of(effect, setting) if np.isfinite(term.columns).all() and term.columns.any()]
     return found
+
+
+def what_can_be_shown(absorbed: Mapping[str, float]) -> dict[str, float | None]:
+    """For every effect the share that the refit would absorb, None where a channel lacks or nothing excites it."""
+    return {effect: absorbed.get(effect) for effect in CATALOGUE}
 
 
 def missing_channels(effect: str, runs: Runs) -> tuple[str, ...]:
@@ -261,7 +267,8 @@ def _scheduled(effect: str, setting: Setting) -> Iterator[Term]:
         if effect == "wind":
             low, high = np.full(sizes, -40.0), np.full(sizes, 40.0)
         columns = schedule.columns(shape)
-        yield Term(effect, columns, low, high, schedule.changes, _rhythm(effect, schedule, runs), schedule)
+        rhythm, spread = _rhythm(effect, schedule, runs)
+        yield Term(effect, columns, low, high, schedule.changes, rhythm, schedule, spread)
 
 
 def _shape_in_time(effect: str, setting: Setting, parameter: Parameter) -> Array | None:
@@ -310,15 +317,22 @@ def _possible(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     return not stood or not all(stood)
 
 
-def _rhythm(effect: str, schedule: Schedule, runs: Runs) -> dict[str, float]:
-    """Mean period and share of time of what switches on and off."""
+def _rhythm(effect: str, schedule: Schedule, runs: Runs) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Mean period and share of time of what switches on and off, and their intervals over the cycles."""
     if effect != "intermittent_load":
-        return {}
+        return {}, {}
     on = schedule.level > 0
-    starts = [np.flatnonzero(np.diff(on[runs.run == run].astype(int)) > 0) for run in np.unique(runs.run)]
-    periods = [
-        np.diff(runs.time_s[runs.run == run][start]) for run, start in zip(np.unique(runs.run), starts, strict=True)
-    ]
-    together = np.concatenate(periods)
-    period_s = float(np.mean(together)) if len(together) else float(runs.duration_s.sum()) / max(schedule.changes, 1)
-    return {"period_s": max(period_s, 1.0), "duty": float(np.clip(np.average(on, weights=runs.duration_s), 0.01, 0.99))}
+    periods, duties = [], []
+    for run in np.unique(runs.run):
+        here = runs.run == run
+        starts = np.flatnonzero(np.diff(on[here].astype(int)) > 0) + 1
+        periods += np.diff(runs.time_s[here][starts]).tolist()
+        duties += [float(on[here][a:b].mean()) for a, b in pairwise(starts)]
+    if not periods:
+        periods, duties = [2.0 * float(runs.duration_s.sum()) / max(schedule.changes, 1)], [float(on.mean())]
+    found, spread = {}, {}
+    for name, values, low, high in (("period_s", periods, 1.0, 1e5), ("duty", duties, 0.01, 0.99)):
+        mean, wide = float(np.mean(values)), 2.0 * float(np.std(values)) / np.sqrt(len(values))
+        found[name] = float(np.clip(mean, low, high))
+        spread[name] = (max(mean - wide, low), min(mean + wide, high))
+    return found, spread

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +10,14 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
-from homeward.diagnosis.structure import Dependence
+from homeward.diagnosis.structure import Channel, Dependence
 
 WHOLE_RUN = "all of the run"
+AT_WORK = 0.1
+"""Share of its usual peak above which an effect counts as at work."""
+
+_PAUSE_S = 2.0
+_TELLING = 0.6  # overlap (F1) of a condition with when an effect is at work
 _CLEAR_MINORITY = 0.35  # a side with less than this share of the windows is the exception, the other the rule
 
 
@@ -117,19 +123,33 @@ def _stretches(inside: NDArray[np.bool_], excess: Array, runs: Runs) -> tuple[Pl
         changes = np.flatnonzero(np.diff(inside[here].astype(int), prepend=0, append=0))
         for first, after in zip(changes[::2], changes[1::2], strict=True):
             part = here[first:after]
-            start_s, end_s = float(runs.time_s[part[0]]), float(runs.time_s[part[-1]])
-            origin_s = float(runs.time_s[here[0]])
             share = float(np.abs(excess * runs.duration_s)[part].sum()) / whole
-            if first == 0 and after == len(here):
-                condition = WHOLE_RUN
-            elif after == len(here):
-                condition = f"after {_plain(start_s - origin_s)} s"
-            elif first == 0:
-                condition = f"before {_plain(end_s - origin_s)} s"
-            else:
-                condition = f"from {_plain(start_s - origin_s)} to {_plain(end_s - origin_s)} s"
-            places.append(Place(name, start_s, end_s, condition, share))
-    return tuple(places)
+            places.append(Place(name, float(runs.time_s[part[0]]), float(runs.time_s[part[-1]]), "", share))
+    return stretch_words(tuple(places), runs)
+
+
+def stretch_words(places: tuple[Place, ...], runs: Runs) -> tuple[Place, ...]:
+    """The places with when they lie in their run as their condition."""
+    first_s, last_s, step_s = {}, {}, {}
+    for run, name in enumerate(runs.names):
+        here = np.flatnonzero(runs.run == run)
+        first_s[name], last_s[name] = float(runs.time_s[here[0]]), float(runs.time_s[here[-1]])
+        step_s[name] = float(runs.duration_s[here[0]])
+    told = []
+    for place in places:
+        origin_s, edge_s = first_s[place.recording], 1.01 * step_s[place.recording]
+        from_start, to_end = place.start_s - origin_s <= edge_s, last_s[place.recording] - place.end_s <= edge_s
+        start, end = _plain(place.start_s - origin_s), _plain(place.end_s - origin_s)
+        if from_start and to_end:
+            words = WHOLE_RUN
+        elif to_end:
+            words = f"after {start} s"
+        elif from_start:
+            words = f"before {end} s"
+        else:
+            words = f"from {start} to {end} s"
+        told.append(dataclasses.replace(place, condition=words))
+    return tuple(told)
 
 
 def _places(condition: str, inside: NDArray[np.bool_], excess: Array, runs: Runs) -> tuple[Place, ...]:
@@ -143,3 +163,56 @@ def _places(condition: str, inside: NDArray[np.bool_], excess: Array, runs: Runs
             start_s, end_s = float(runs.time_s[here[0]]), float(runs.time_s[here[-1]])
             places.append(Place(name, start_s, end_s, condition, float(energy[here].sum()) / whole))
     return tuple(places)
+
+
+def places_of(contribution: Array, runs: Runs, condition: str) -> tuple[Place, ...]:
+    """Stretches in which an effect was at work, with its condition in words and each one's share of its energy."""
+    size = np.abs(contribution)
+    inside = size > AT_WORK * float(np.quantile(size, 0.99))
+    energy = size * runs.duration_s
+    whole = float(energy.sum()) or 1.0
+    places = []
+    for run, name in enumerate(runs.names):
+        here = np.flatnonzero(runs.run == run)
+        starts_s = runs.time_s[here] - runs.duration_s[here] / 2.0
+        for first, after in _joined(inside[here], runs.time_s[here]):
+            part = here[first:after]
+            end_s = float(runs.time_s[part[-1]] + runs.duration_s[part[-1]] / 2.0)
+            places.append(Place(name, float(starts_s[first]), end_s, condition, float(energy[part].sum()) / whole))
+    return tuple(places)
+
+
+def _joined(inside: NDArray[np.bool_], time_s: Array) -> list[tuple[int, int]]:
+    """First window and the one after the last of each stretch; pauses of no consequence do not end one."""
+    changes = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
+    joined: list[tuple[int, int]] = []
+    for first, after in zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True):
+        if joined and time_s[first] - time_s[joined[-1][1] - 1] < _PAUSE_S:
+            joined[-1] = (joined[-1][0], after)
+        else:
+            joined.append((first, after))
+    return joined
+
+
+def condition_of(channel: Channel, contribution: Array, runs: Runs) -> str | None:
+    """The values of a channel at which an effect is at work, in words; None if the channel does not tell."""
+    values = runs.context.get(channel.name)
+    if values is None:
+        return None
+    values = np.abs(values) if channel.magnitude else values
+    size = np.abs(contribution)
+    inside = size > AT_WORK * float(np.quantile(size, 0.99))
+    known = np.isfinite(values)
+    if inside[known].all() or not inside[known].any():
+        return None
+    best, words = 0.0, None
+    limits = np.unique(np.quantile(values[known], np.linspace(0.01, 0.99, 99)))
+    for limit in (limits[1:] + limits[:-1]) / 2.0:
+        for above in (True, False):
+            meant = values > limit if above else values < limit
+            both = float((meant & inside & known).sum())
+            score = 2.0 * both / max(float((meant & known).sum() + (inside & known).sum()), 1.0)
+            if score > best:
+                best = score
+                words = f"{channel.above if above else channel.below} {_plain(float(limit))} {channel.unit}".strip()
+    return words if best > _TELLING else None

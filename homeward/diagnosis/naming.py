@@ -7,8 +7,8 @@ which have the same freedom and the same spectrum but no cause.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -59,9 +59,9 @@ class Ranked:
 class Naming:
     """What was found, and how every single hypothesis did; `absorbed` is the share of it that the refit takes up."""
 
-    named: tuple[Named, ...]
-    ranking: tuple[Ranked, ...]
-    absorbed: dict[str, float]
+    named: tuple[Named, ...] = ()
+    ranking: tuple[Ranked, ...] = ()
+    absorbed: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def name_missing(
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
     while len(named) < _MOST_EFFECTS:
-        progress(f"trying every effect{'' if not named else ' beside ' + named[-1].term.effect}")
+        progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named)))
         bench = _bench(columns, low, high, candidates, target, runs.run, block % _FOLDS, noise)
         if not named:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
+from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs, predict, thrust_n_per_a
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
@@ -191,6 +192,12 @@ class Refit:
         scale = problem.scale[active]
         return (problem.low - self.theta)[active] / scale - 1e-12, (problem.high - self.theta)[active] / scale + 1e-12
 
+    def excited(self, runs: Runs) -> NDArray[np.bool_]:
+        """Whether each group has any influence on what was recorded, shape (groups,)."""
+        norms = np.linalg.norm(self.jacobian, axis=0)
+        excited: NDArray[np.bool_] = norms > 1e-6 * max(float(np.linalg.norm(runs.observed)), 1e-12)
+        return excited
+
     def moved(self, step: Array) -> Array:
         """Theta after a step in units of `scale`, within its bounds."""
         problem = self.parameters
@@ -198,6 +205,21 @@ class Refit:
         active = problem.active()
         theta[active] += step * problem.scale[active]
         return np.clip(theta, problem.low, problem.high)
+
+    def with_columns(self, chosen: NDArray[np.bool_], observed: Array, beside: Array) -> Array:
+        """As `on`, with further columns of any size and sign beside the groups, shape (windows, columns)."""
+        columns = np.column_stack([self.jacobian, beside])
+        low, high = self.freedom()
+        free = np.full(beside.shape[1], np.inf)
+        part = columns[chosen]
+        weights = bounded(
+            part.T @ part,
+            part.T @ (observed - self.predicted)[chosen],
+            np.concatenate([low, -free]),
+            np.concatenate([high, free]),
+        )
+        predicted: Array = self.predicted + columns @ weights
+        return predicted
 
     def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
         """Prediction for all windows by parameters fitted on the chosen ones only, shape (windows,)."""
@@ -257,20 +279,21 @@ def _solve(problem: Parameters, theta: Array, jacobian: Array, residual: Array) 
     return solution.x, solution.active_mask != 0
 
 
-def estimates(fit: Refit, runs: Runs, block: NDArray[np.intp]) -> list[Estimate]:
+def estimates(fit: Refit, runs: Runs, block: NDArray[np.intp], beside: Array | None = None) -> list[Estimate]:
     """Value and interval of each group, or why there is none.
 
     Args:
         fit: The fit to all windows.
         runs: The windows it was fitted to.
         block: Block of each window, shape (windows,): residuals of different blocks count as independent.
+        beside: Columns of effects that were fitted together with the groups, shape (windows, columns).
     """
     problem, jacobian = fit.parameters, fit.jacobian
     active = problem.active()
-    norms = np.linalg.norm(jacobian, axis=0)
-    excited = norms > 1e-6 * max(float(np.linalg.norm(runs.observed)), 1e-12)
+    excited = fit.excited(runs)
     errors = np.full(len(active), np.inf)
-    errors[excited] = _standard_errors(jacobian[:, excited], runs.observed - fit.predicted, block)
+    columns = jacobian[:, excited] if beside is None else np.column_stack([jacobian[:, excited], beside])
+    errors[excited] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(excited.sum())]
     errors *= problem.scale[active]
     freedom = max(int(block.max()) + 1 - int(excited.sum()), 1)
     widths = float(student.ppf(0.975, freedom)) * errors
@@ -320,7 +343,7 @@ def _share_named(fit: Refit, j: int, others: NDArray[np.intp], weights: Array) -
     return tuple(fit.parameters.groups[o].symbol for o, s in zip(others, size, strict=True) if s > largest)
 
 
-def _standard_errors(jacobian: Array, residual: Array, block: NDArray[np.intp]) -> Array:
+def standard_errors(jacobian: Array, residual: Array, block: NDArray[np.intp]) -> Array:
     """Standard errors of the parameters by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
     count, blocks = jacobian.shape[1], int(block.max()) + 1
     if count == 0:

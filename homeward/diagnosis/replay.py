@@ -89,8 +89,8 @@ def predict(
 ) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
-    Motor current is the force at the wheels over the thrust per ampere, plus what the motors draw at rest; a descent
-    that the robot rolls down draws none, as in the power of the drive.
+    Motor current is what the motors push with over the thrust per ampere, plus what they draw at rest; a descent that
+    the robot rolls down draws none, as in the power of the drive.
 
     Args:
         runs: The runs.
@@ -108,8 +108,9 @@ def predict(
         )  # fmt: skip
         predicted = model.power_w
         if runs.unit == "A":
-            rolling = np.minimum(np.abs(run.speed_mps) / _SLOW_MPS, 1.0)
-            predicted = rest_current_a + rolling * np.maximum(model.traction_n, 0.0) / thrust_n_per_a(robot)
+            wheels_mps = np.maximum(np.abs(run.speed_mps), 0.5 * np.abs(run.yaw_rate_radps) * robot.track_m)
+            turning = np.minimum(wheels_mps / _SLOW_MPS, 1.0)
+            predicted = rest_current_a + turning * model.wheel_force_n / thrust_n_per_a(robot)
         if lag_s != 0.0:
             predicted = np.interp(run.time_s - lag_s, run.time_s, predicted)
         means.append(cut.means(predicted))

@@ -7,10 +7,11 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from homeward.diagnosis.blocks import FEWEST_BLOCKS
+from homeward.diagnosis.describe import condition, total_share
 from homeward.diagnosis.location import WHOLE_RUN, Location
 from homeward.diagnosis.quality import Finding
 from homeward.diagnosis.refit import Estimate
-from homeward.diagnosis.result import Fit, ParameterOff, Verdict
+from homeward.diagnosis.result import Fit, MissingPhysics, ParameterOff, Verdict
 from homeward.diagnosis.structure import FALSE_ALARM_RATE
 
 if TYPE_CHECKING:
@@ -28,15 +29,24 @@ def nothing_usable(findings: Sequence[Finding]) -> str:
 
 
 def summary(
-    verdict: Verdict, evidence: Evidence, off: Sequence[ParameterOff], fit: Fit, findings: Sequence[Finding]
+    verdict: Verdict,
+    evidence: Evidence,
+    off: Sequence[ParameterOff],
+    fit: Fit,
+    findings: Sequence[Finding],
+    found: Sequence[MissingPhysics] = (),
 ) -> str:
     """The verdict in one or two sentences, and how many runs were set aside."""
-    first = {
-        "not_testable": _not_testable,
-        "unknown_physics": _unknown_physics,
-        "parameters_off": _parameters_off,
-        "no_mismatch": _no_mismatch,
-    }[verdict](evidence, off, fit)
+    first = (
+        _missing_physics(evidence, fit, found)
+        if verdict == "missing_physics"
+        else {
+            "not_testable": _not_testable,
+            "unknown_physics": _unknown_physics,
+            "parameters_off": _parameters_off,
+            "no_mismatch": _no_mismatch,
+        }[verdict](evidence, off, fit)
+    )
     refused = [one for one in findings if one.refused]
     if refused:
         names = PurePath(refused[0].recording).name
@@ -55,6 +65,22 @@ def _not_testable(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> 
         )
     reasons = "; ".join(f"{one.group.symbol}: {why_open(one)}" for one in evidence.estimates)
     return f"These recordings determine none of the model's parameters ({reasons}); vary speed, grade and sensing rate."
+
+
+def _missing_physics(evidence: Evidence, fit: Fit, found: Sequence[MissingPhysics]) -> str:
+    assert evidence.corrected is not None
+    told = []
+    for one, added in zip(found, evidence.corrected.contribution, strict=True):
+        share = total_share(added, evidence.runs)
+        rivals = f" (or {', '.join(one.confused_with)}: these recordings cannot tell)" if one.confused_with else ""
+        what = "energy" if fit.unit == "W" else "charge"
+        told.append(f"{one.name}{rivals}, {condition(one.where)}, {share:.0%} of the recorded {what}")
+    before, after = fit.arms["refit"].rmse, fit.arms["corrected"].rmse
+    plain = " ".join(one.sentence for one in found)
+    return (
+        f"{'What the simulator lacks' if len(told) == 1 else 'The simulator lacks'}: {'; '.join(told)}. {plain} "
+        f"Held out, the error falls from {before:.3g} (refit) to {after:.3g} {fit.unit}."
+    )
 
 
 def _unknown_physics(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:

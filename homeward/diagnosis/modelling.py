@@ -1,0 +1,264 @@
+"""The corrected model: refit groups and named effects fitted together through the kernel, with intervals."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Term
+from homeward.diagnosis.refit import Parameters, Refit, WithEffects, standard_errors
+from homeward.diagnosis.regression import bounded
+from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.result import Value
+from homeward.diagnosis.signals import Array
+
+_ITERATIONS = 6
+_SMALL_STEP = 1e-3  # of a parameter, for derivatives
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One fitted number of an effect: a level of a schedule, a component of the wind, or a parameter of the kernel."""
+
+    effect: str
+    parameter: str  # name in the robot file or in the report
+    unit: str
+    low: float
+    high: float
+    term: int  # which of the terms it belongs to
+    column: int | None  # of the term, or None for a parameter of the kernel
+
+
+@dataclass(frozen=True)
+class Model:
+    """The physics that recordings ask for: the groups of the refit and the named effects."""
+
+    parameters: Parameters
+    terms: tuple[Term, ...]
+    unknowns: tuple[Unknown, ...]
+
+    def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
+        """What the model predicts, shape (windows,), without one of its terms if told so.
+
+        Args:
+            runs: The runs.
+            theta: Parameters of the refit.
+            values: One value per unknown.
+            leave_out: Index of a term.
+        """
+        effects: dict[str, dict[str, float]] = {}
+        wind, lag_s, added = None, 0.0, np.zeros(len(runs.observed))
+        for index, term in enumerate(self.terms):
+            if index == leave_out:
+                continue
+            mine = [(one, value) for one, value in zip(self.unknowns, values, strict=True) if one.term == index]
+            if term.schedule is not None or term.effect not in PHYSICS | {"clock_lag"}:
+                sizes = np.array([value for one, value in mine if one.column is not None])
+                added += term.columns @ sizes
+            elif term.effect == "clock_lag":
+                lag_s = float(mine[0][1])
+            elif term.effect == "wind":
+                along, across = mine[0][1], mine[1][1]
+                headings = [run.context["heading_rad"] for run in runs.signals]
+                wind = [along * np.cos(heading) + across * np.sin(heading) for heading in headings]
+                effects["wind"] = {"exposure": 1.0}
+            else:
+                effects[term.effect] = {**term.shape, **{one.parameter: float(value) for one, value in mine}}
+        return self.parameters.predict(runs, theta, WithEffects(effects, wind, lag_s)) + added
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """The fitted model with what it takes to refit it on a part of the windows."""
+
+    model: Model
+    values: Array  # (unknowns,)
+    ci95: tuple[tuple[float, float], ...]
+    groups: Refit  # of the groups of the refit, fitted together with the effects
+    beside: Array  # (windows, unknowns): derivative of the prediction, per unit of each unknown
+    contribution: tuple[Array, ...]  # what each term adds, shape (windows,)
+
+    @property
+    def predicted(self) -> Array:
+        """What the model predicts for the windows it was fitted to, shape (windows,)."""
+        return self.groups.predicted
+
+    def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
+        """Prediction for all windows by a fit to the chosen ones, linearised at the fit to all, shape (windows,)."""
+        columns = np.column_stack([self.groups.jacobian, self.beside])
+        low, high = _bounds(self.groups, self.model, self.values)
+        part = columns[chosen]
+        step = bounded(part.T @ part, part.T @ (observed - self.predicted)[chosen], low, high)
+        predicted: Array = self.predicted + columns @ step
+        return predicted
+
+    def parameters_of(self, index: int) -> dict[str, Value]:
+        """Fitted parameters of one named effect."""
+        term = self.model.terms[index]
+        found: dict[str, Value] = {}
+        for one, value, interval in zip(self.model.unknowns, self.values.tolist(), self.ci95, strict=True):
+            if one.term == index:
+                found[one.parameter] = Value(value, interval, one.unit)
+        if term.effect == "intermittent_load":
+            for name, unit in (("period_s", "s"), ("duty", "1")):
+                found[name] = Value(term.shape[name], term.spread[name], unit)
+        return found
+
+    def effects(self) -> dict[str, dict[str, float]]:
+        """The physical effects as a robot file has them; faults of instruments are none of the robot's."""
+        result: dict[str, dict[str, float]] = {}
+        for index, term in enumerate(self.model.terms):
+            if term.effect not in PHYSICS:
+                continue
+            known = {parameter.name for parameter in CATALOGUE[term.effect].parameters}
+            switch = CATALOGUE[term.effect].parameters[0]
+            numbers = {name: value.value for name, value in self.parameters_of(index).items() if name in known}
+            mine = [
+                (one, value) for one, value in zip(self.model.unknowns, self.values, strict=True) if one.term == index
+            ]
+            if term.effect == "wind":
+                numbers = {"exposure": 1.0}
+            elif term.schedule is not None:
+                # The level that lasts longest says most about the next mission.
+                lasting = [float((term.schedule.level == (one.column or 0) + 1).sum()) for one, _ in mine]
+                numbers[switch.name] = float(mine[int(np.argmax(lasting))][1])
+            result[term.effect] = {**term.shape, **numbers}
+        return result
+
+
+def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.intp]) -> Corrected:
+    """Fit the groups and the effects together, by Gauss-Newton through the kernel.
+
+    A group without influence of its own stays as assumed: the mass on level ground is in the force of turning too, and
+    would trade against it.
+
+    Args:
+        fit: The refit without effects.
+        terms: The named effects.
+        runs: The runs.
+        block: Stretches that count as independent, shape (windows,).
+    """
+    model = Model(fit.parameters, tuple(terms), _unknowns(terms))
+    theta, values = _start(fit, model, runs)
+    best: tuple[float, Array, Array, Array, Array] | None = None
+    for _ in range(_ITERATIONS):
+        predicted, jacobian = _linearised(model, runs, theta, values, fit.excited(runs))
+        residual = runs.observed - predicted
+        error = float(residual @ residual)
+        if best is not None and error >= best[0] * (1.0 - 1e-7):
+            break
+        best = error, theta, values, predicted, jacobian
+        theta, values = _stepped(fit, model, theta, values, jacobian, residual)
+    assert best is not None
+    _, theta, values, predicted, jacobian = best
+    groups = fit.jacobian.shape[1]
+    at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
+    errors = standard_errors(jacobian, runs.observed - predicted, block)[groups:]
+    width = float(student.ppf(0.975, max(int(block.max()) + 1 - jacobian.shape[1], 1))) * errors
+    intervals = tuple(
+        (float(max(value - w, one.low)), float(min(value + w, one.high)))
+        for one, value, w in zip(model.unknowns, values, width, strict=True)
+    )
+    contribution = tuple(
+        predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
+    )
+    return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
+
+
+def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
+    found: list[Unknown] = []
+    for index, term in enumerate(terms):
+        entry = CATALOGUE[term.effect]
+        switch = entry.parameters[0]
+        sizes = term.columns.shape[1]
+        for column in range(sizes):
+            low, high = float(term.low[column]), float(term.high[column])
+            if term.effect == "wind":
+                steady = ("from_ahead_mps", "from_left_mps")
+                unit = "m/s"
+                parameter = steady[column] if term.schedule is None else _level("headwind_mps", column, sizes)
+            else:
+                parameter, unit = _level(switch.name, column, sizes), switch.unit
+            found.append(Unknown(term.effect, parameter, unit, low, high, index, column))
+        if term.schedule is None and term.effect in _SEARCHED:
+            for other in entry.parameters[1:]:
+                if other.name in term.shape and other.name in _SEARCHED[term.effect]:
+                    found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None))
+    return tuple(found)
+
+
+_SEARCHED: Mapping[str, tuple[str, ...]] = {
+    "heater": ("on_below_c",),
+    "cold_battery": ("warm_c",),
+    "motor_heating": ("time_constant_s",),
+}
+"""Parameters beside the size that recordings may determine."""
+
+
+def _level(name: str, column: int, sizes: int) -> str:
+    return name if sizes == 1 else f"{name}_level_{column + 1}"
+
+
+def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
+    columns = np.column_stack([fit.jacobian, *(term.columns for term in model.terms)])
+    low, high = fit.freedom()
+    low = np.concatenate([low, *(term.low for term in model.terms)])
+    high = np.concatenate([high, *(term.high for term in model.terms)])
+    weights = bounded(columns.T @ columns, columns.T @ (runs.observed - fit.predicted), low, high)
+    groups = fit.jacobian.shape[1]
+    sizes = iter(weights[groups:].tolist())
+    values = [
+        next(sizes) if one.column is not None else model.terms[one.term].shape[one.parameter] for one in model.unknowns
+    ]
+    return fit.moved(weights[:groups]), np.array(values)
+
+
+def _linearised(
+    model: Model, runs: Runs, theta: Array, values: Array, excited: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    predicted = model.predict(runs, theta, values)
+    problem = model.parameters
+    columns = []
+    for index in problem.active():
+        step = 1e-4 * problem.scale[index]
+        if theta[index] + step > problem.high[index]:
+            step = -step
+        moved = theta.copy()
+        moved[index] += step
+        columns.append((model.predict(runs, moved, values) - predicted) / (step / problem.scale[index]))
+    columns = [column * bool(open_) for column, open_ in zip(columns, excited, strict=True)]
+    for index, one in enumerate(model.unknowns):
+        term = model.terms[one.term]
+        if one.column is not None and (term.schedule is not None or term.effect not in PHYSICS | {"clock_lag"}):
+            columns.append(term.columns[:, one.column])
+            continue
+        step = _SMALL_STEP * (abs(values[index]) or 1e-3 * (one.high - one.low))
+        if values[index] + step > one.high:
+            step = -step
+        moved = values.copy()
+        moved[index] += step
+        columns.append((model.predict(runs, theta, moved) - predicted) / step)
+    return predicted, np.column_stack(columns)
+
+
+def _stepped(
+    fit: Refit, model: Model, theta: Array, values: Array, jacobian: Array, residual: Array
+) -> tuple[Array, Array]:
+    at = dataclasses.replace(fit, theta=theta)
+    low, high = _bounds(at, model, values)
+    step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, low, high)
+    groups = len(model.parameters.active())
+    bounds = np.array([(one.low, one.high) for one in model.unknowns])
+    return at.moved(step[:groups]), np.clip(values + step[groups:], bounds[:, 0], bounds[:, 1])
+
+
+def _bounds(at: Refit, model: Model, values: Array) -> tuple[Array, Array]:
+    """Least and largest physical step of the groups (in units of `scale`) and of the unknowns."""
+    low, high = at.freedom()
+    least, most = np.array([(one.low, one.high) for one in model.unknowns]).reshape(-1, 2).T
+    return np.concatenate([low, least - values - 1e-12]), np.concatenate([high, most - values + 1e-12])
