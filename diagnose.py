@@ -15,6 +15,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from homeward import cli
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
 from homeward.diagnosis import Analysis, RecordingError, analyse
 from homeward.diagnosis.chain import STAGES
@@ -94,20 +95,8 @@ def _print(analysis: Analysis, written: list[Path]) -> None:
 
 
 def run() -> int:
-    """Run from the command line: 0 for any verdict, 2 with one line for input or output that cannot be used."""
-    try:
-        main(tyro.cli(Args, description=__doc__))
-    except (RecordingError, RobotError, DatasetError) as error:
-        message = str(error)
-    except OSError as error:
-        message = f"{error.filename or 'the output'} cannot be written: {error.strerror or error}; choose another --out"
-    except KeyboardInterrupt:
-        print("diagnose.py: interrupted; nothing half-written is left", file=sys.stderr)
-        return 130
-    else:
-        return 0
-    print(f"diagnose.py: {' '.join(message.split())}", file=sys.stderr)
-    return 2
+    """Run from the command line: 0 for any verdict, 3 if a download fails, else see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (RecordingError, RobotError, DatasetError))
 
 
 if __name__ == "__main__":

@@ -13,15 +13,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from homeward.agents import AGENTS, AgentError, make_policy
+from homeward import cli
+from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.evaluation import Evaluation, episode_seeds, run_episodes
 from homeward.agents.evaluation_plots import episode_png, scores_png
+from homeward.agents.policy_file import NetworkPolicy
+from homeward.agents.provenance import differences
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError
@@ -52,6 +54,8 @@ class Args:
     """generated, hidden_wind, or the name or path of a CSV profile."""
     action_type: str = "discrete"
     """discrete or continuous."""
+    decision_s: float | None = None
+    """Time between decisions, s; by default a 200th of the time that the battery lasts."""
 
 
 def main(args: Args) -> Evaluation:
@@ -64,11 +68,13 @@ def main(args: Args) -> Evaluation:
     options = _options(args)
     env = HomewardVectorEnv(**vars(options))
     agents = {label: make_policy(name, env, file, args.seed) for label, (name, file) in _named(args.agents).items()}
+    _warn_of_transfer(agents, args.env, env)
     seeds = episode_seeds(args.seed, args.episodes)
     args.out.mkdir(parents=True, exist_ok=True)
     runs = {}
     columns = (TextColumn("{task.description:<16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         for label, policy in agents.items():
             task = bar.add_task(label, total=args.episodes)
             runs[label] = run_episodes(policy, options, seeds, functools.partial(bar.advance, task))
@@ -100,6 +106,7 @@ def _options(args: Args) -> Options:
         route=args.route,
         difficulty=args.difficulty,
         action_type=args.action_type,
+        decision_s=args.decision_s,
     )
 
 
@@ -120,12 +127,24 @@ def _named(given: tuple[str, ...]) -> dict[str, tuple[str, str | None]]:
     return agents
 
 
+def _warn_of_transfer(agents: Mapping[str, Policy], env_id: str, env: HomewardVectorEnv) -> None:
+    for label, policy in agents.items():
+        if isinstance(policy, NetworkPolicy):
+            found = differences(policy.description, env_id, env.batch.options, env.batch.setting)
+            if found:
+                print(
+                    f"evaluate.py: warning: {label} meets {', '.join(found)}; its figures are those of a transfer",
+                    file=sys.stderr,
+                )
+
+
 def _print(summary: Mapping[str, Any], out: Path) -> None:
     first = next(iter(summary["agents"]))
     chosen = summary["options"]
     table = Table(
         title=f"{summary['env']}, {summary['episodes']} episodes, seed {summary['seed']}\n"
-        f"{chosen['difficulty']}, {chosen['robot']}, route {chosen['route']}, {chosen['action_type']} actions",
+        f"{chosen['difficulty']}, {chosen['robot']}, route {chosen['route']}, {chosen['action_type']} actions"
+        + (f" every {chosen['decision_s']:g} s" if chosen["decision_s"] else ""),
         caption="below: 95 % intervals; late: out of time; us: microseconds a decision\n"
         + ", ".join(f"{one} {which}" for one, which in summary["versions"].items()),
         box=box.SIMPLE_HEAD,
@@ -161,19 +180,8 @@ def _with_interval(value: float, ends: list[float] | None, write: Callable[[floa
 
 
 def run() -> int:
-    """Run from the command line: 0, or 2 with one line for input or output that cannot be used."""
-    try:
-        main(tyro.cli(Args, description=__doc__))
-    except (AgentError, OptionError, RobotError, RouteError) as error:
-        message = str(error)
-    except OSError as error:
-        message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
-    except KeyboardInterrupt:
-        message = "interrupted; nothing half-written is left"
-    else:
-        return 0
-    print(f"evaluate.py: {' '.join(message.split())}", file=sys.stderr)
-    return 2
+    """Run from the command line, see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (AgentError, OptionError, RobotError, RouteError))
 
 
 if __name__ == "__main__":

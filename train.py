@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import shlex
 import sys
 from dataclasses import dataclass, field
@@ -16,8 +17,10 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from homeward.agents.ppo_folder import RunState, open_run
+from homeward import cli
+from homeward.agents.ppo_folder import RunState, extended_from, open_run
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.agents.provenance import made_with
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, settle
 from homeward.envs.routes import RouteError
@@ -37,7 +40,9 @@ class Args:
     seed: int = 0
     """Seed of all that is drawn."""
     resume: bool = False
-    """Continue the run of this folder from its last checkpoint, if it has one."""
+    """Continue the run of this folder from its last checkpoint, if it has one; with more steps also a finished one."""
+    replace: bool = False
+    """Where the folder holds a run with other settings or made with other code, remove it and train anew."""
     checkpoint_s: float = 15.0
     """Least time between checkpoints, s: what a kill may cost."""
     difficulty: str = "uncertain"
@@ -63,6 +68,7 @@ def main(args: Args) -> Path:
         OSError: The output folder cannot be written to.
     """
     options = _options(args)
+    setting = settle(options)  # unusable robots and routes are found before anything is written
     settings = {
         "env": args.env,
         **{name: value for name, value in vars(options).items() if name != "mission"},
@@ -70,11 +76,18 @@ def main(args: Args) -> Path:
         "seed": args.seed,
         **dataclasses.asdict(args.ppo),
     }
-    state = open_run(args.out, settings, args.resume)
+    code = made_with(setting)
+    state = open_run(args.out, settings, code, resume=args.resume, replace=args.replace)
     console = Console(stderr=True)
     if state is RunState.FINISHED:
         console.print(f"{args.out} holds this run, finished: nothing to do", markup=False, soft_wrap=True)
         return args.out
+    if state is RunState.REPLACED:
+        console.print(
+            f"{args.out} held a run with other settings or made with other code: removed, training anew",
+            markup=False,
+            soft_wrap=True,
+        )
     try:
         from homeward.agents.ppo import train
     except ModuleNotFoundError as error:
@@ -85,14 +98,22 @@ def main(args: Args) -> Path:
         args.steps,
         args.seed,
         args.out,
-        details={"env": args.env, "training": settings, "command": shlex.join(sys.argv)},
+        details={
+            "env": args.env,
+            "decision_s": float(setting.shared["decision_s"][0]),
+            "training": settings,
+            "extended_from": extended_from(args.out),
+            "made_with": code,
+            "command": shlex.join(sys.argv),
+        },
         checkpoint_s=args.checkpoint_s,
         restore=state is RunState.CONTINUED,
         console=console,
     )
+    exploring = f"; the last missions, still exploring: {trained.home_rate:.1%} home, score {trained.score:.4g}"
     console.print(
-        f"{trained.steps:,} steps; the last missions, still exploring: {trained.home_rate:.1%} home, "
-        f"score {trained.score:.4g}. Written to {args.out}: policy.safetensors, policy.json",
+        f"{trained.steps:,} steps{'' if math.isnan(trained.score) else exploring}. "
+        f"Written to {args.out}: policy.safetensors, policy.json",
         markup=False,
         highlight=False,
         soft_wrap=True,
@@ -111,7 +132,7 @@ def _options(args: Args) -> Options:
     ):
         if not value >= least:
             raise TrainingError(f"{name} = {value} is not allowed; give at least {least}")
-    options = Options(
+    return Options(
         missions[args.env],
         robot=args.robot,
         route=args.route,
@@ -121,24 +142,12 @@ def _options(args: Args) -> Options:
         discount=args.ppo.discount,
         decision_s=args.decision_s,
     )
-    settle(options)  # unusable robots and routes are found before anything is written
-    return options
 
 
 def run() -> int:
-    """Run from the command line: 0, or 2 with one line for input or output that cannot be used."""
-    try:
-        main(tyro.cli(Args, description=__doc__))
-    except (TrainingError, OptionError, RobotError, RouteError) as error:
-        message = str(error)
-    except OSError as error:
-        message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
-    except KeyboardInterrupt:
-        message = "interrupted: go on with --resume"
-    else:
-        return 0
-    print(f"train.py: {' '.join(message.split())}", file=sys.stderr)
-    return 2
+    """Run from the command line, see `homeward.cli.run`."""
+    refused = (TrainingError, OptionError, RobotError, RouteError)
+    return cli.run(main, Args, __doc__, refused, interrupted="go on with --resume")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import tensorboard  # noqa: F401 - stable-baselines3 would miss it only once the run has begun
 import torch
 from gymnasium import spaces
 from rich.console import Console
@@ -23,14 +24,14 @@ from torch import nn
 import homeward
 from homeward.agents.policy_file import Layer, save_policy
 from homeward.agents.ppo_callback import TrainingCallback
-from homeward.agents.ppo_checkpoint import restore_checkpoint
+from homeward.agents.ppo_checkpoint import restore_checkpoint, save_checkpoint
 from homeward.agents.ppo_folder import TENSORBOARD
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.sb3_adapter import SB3Adapter
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
-_MODE_LOGITS = (-1.5, 2.0, -2.2)  # stop 3 %, go 96 %, return 1.5 %: back after about 70 decisions
+_MODE_LOGITS = (-1.5, 2.0, -2.2)  # stop 3 %, go 96 %, return 1.4 %: back after about 70 decisions
 _LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so as rarely beside it
 _LAST_LEARNING_RATE = 0.01
 
@@ -82,6 +83,7 @@ def train(
         callback = TrainingCallback(folder, total, checkpoint_s, console)
         try:
             model.learn(total - model.num_timesteps, callback, reset_num_timesteps=False)
+            save_checkpoint(model, folder)  # for more steps some day
         finally:
             callback.close()
             model.logger.close()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Mapping
 from enum import Enum, auto
 from pathlib import Path
 from typing import Any
 
-from homeward.agents.policy_file import DESCRIPTION
+from homeward.agents.policy_file import DESCRIPTION, WEIGHTS
 from homeward.agents.ppo_settings import TrainingError
 from homeward.files import write_whole
 
@@ -19,52 +20,116 @@ class RunState(Enum):
     """What is to be done in a run's folder."""
 
     NEW = auto()
+    REPLACED = auto()
     CONTINUED = auto()
     FINISHED = auto()
 
 
-def open_run(folder: Path, settings: Mapping[str, Any], resume: bool) -> RunState:
+def open_run(
+    folder: Path, settings: Mapping[str, Any], made_with: Mapping[str, str], *, resume: bool, replace: bool
+) -> RunState:
     """Make the folder of a run, or find what it already holds of this very run.
 
     Args:
         folder: Of the run; made where it is missing.
-        settings: All that the result depends on, JSON.
+        settings: All that is chosen, JSON; more `steps` than the folder's run was to take continue it.
+        made_with: Version and hashes of the rest that the result depends on.
         resume: Whether an unfinished run is to be continued.
+        replace: Whether a run with other settings or made with other code is to be removed.
 
     Raises:
-        TrainingError: The folder holds something else, or an unfinished run that is not to be continued.
+        TrainingError: The folder holds something else, or a run that is not to be continued or replaced.
         OSError: The folder cannot be written to.
     """
-    settings = json.loads(json.dumps(settings))
+    run: dict[str, Any] = json.loads(json.dumps({"settings": settings, "made_with": made_with, "extended_from": []}))
     if not (folder / RUN).is_file():
         if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()):
             raise TrainingError(f"{folder} is not empty and holds no training run: choose another --out")
-        return _begin(folder, settings)
+        return _write(folder, run, RunState.NEW)
     for leftover in folder.glob(".*.zip.*"):  # of a write that was killed
         leftover.unlink()
     if not any((folder / name).is_file() for name in (DESCRIPTION, CHECKPOINT, PREVIOUS)):
-        return _begin(folder, settings)
-    _check_settings(folder, settings)
-    if (folder / DESCRIPTION).is_file():
+        return _write(folder, run, RunState.NEW)
+    known = _read(folder)
+    difference = _difference(known, run)
+    if difference and replace:
+        _remove(folder)
+        return _write(folder, run, RunState.REPLACED)
+    if difference:
+        raise TrainingError(
+            f"{folder} holds a run {difference}: choose another --out, or remove it and train anew with --replace"
+        )
+    return _go_on(folder, known, run["settings"]["steps"], resume)
+
+
+def extended_from(folder: Path) -> list[int]:
+    """Steps that the folder's run was to take before it was given more; the learning rate had fallen at each."""
+    return list(_read(folder)["extended_from"])
+
+
+def _go_on(folder: Path, known: dict[str, Any], steps: int, resume: bool) -> RunState:
+    taken = _steps_of_policy(folder)
+    if taken == steps:
         return RunState.FINISHED
     if not resume:
-        raise TrainingError(f"{folder} holds this run unfinished: continue it with --resume, or choose another --out")
-    return RunState.CONTINUED
+        held = "this run unfinished" if taken is None else f"this run, of {taken} steps"
+        raise TrainingError(f"{folder} holds {held}: continue it with --resume, or choose another --out")
+    goal = known["settings"]["steps"]
+    if steps == goal:
+        return RunState.CONTINUED
+    if not any((folder / name).is_file() for name in (CHECKPOINT, PREVIOUS)):
+        raise TrainingError(f"{folder} holds no checkpoint to continue from: choose another --out")
+    extended = {"settings": known["settings"] | {"steps": steps}, "extended_from": [*known["extended_from"], goal]}
+    return _write(folder, known | extended, RunState.CONTINUED)
 
 
-def _begin(folder: Path, settings: Mapping[str, Any]) -> RunState:
-    write_whole(folder / RUN, json.dumps({"settings": settings}, indent=2) + "\n")
-    return RunState.NEW
+def _write(folder: Path, run: Mapping[str, Any], state: RunState) -> RunState:
+    write_whole(folder / RUN, json.dumps(run, indent=2) + "\n")
+    return state
 
 
-def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
+def _read(folder: Path) -> dict[str, Any]:
     try:
-        known = json.loads((folder / RUN).read_text("utf-8"))["settings"]
-        differing = [f"{name} {known.get(name)!r}" for name in settings if known.get(name) != settings[name]]
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise TrainingError(f"{folder / RUN} does not describe a training run: choose another --out") from None
-    if differing:
-        raise TrainingError(f"{folder} holds a run with other settings ({', '.join(differing)}): choose another --out")
+        known = json.loads((folder / RUN).read_text("utf-8"))
+        # A run of an early version holds its settings only: made with other code, as far as anyone can tell.
+        run: dict[str, Any] = {"made_with": {}, "extended_from": []} | known
+        whole = all(isinstance(run[name], dict) for name in ("settings", "made_with"))
+        if whole and isinstance(run["settings"].get("steps"), int) and isinstance(run["extended_from"], list):
+            return run
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise TrainingError(f"{folder / RUN} does not describe a training run: choose another --out")
+
+
+def _difference(known: Mapping[str, Any], run: Mapping[str, Any]) -> str:
+    """What the folder's run was made with, where it is not what this one is; more steps are not another run."""
+    settings, wanted = known["settings"], run["settings"]
+    others = [
+        f"{name} {settings.get(name)!r}"
+        for name in wanted
+        if settings.get(name) != wanted[name] and not (name == "steps" and settings["steps"] < wanted["steps"])
+    ]
+    if others:
+        return f"with other settings ({', '.join(others)})"
+    changed = [name for name, value in run["made_with"].items() if known["made_with"].get(name) != value]
+    return f"made before a change of {', '.join(changed)}" if changed else ""
+
+
+def _steps_of_policy(folder: Path) -> int | None:
+    """Steps that the policy in the folder was trained on, before they were made up to whole updates."""
+    try:
+        return int(json.loads((folder / DESCRIPTION).read_text("utf-8"))["training"]["steps"])
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError):
+        raise TrainingError(f"{folder / DESCRIPTION} is damaged: choose another --out") from None
+
+
+def _remove(folder: Path) -> None:
+    """Remove what a run wrote, and what says so last: a kill between leaves a run that is still another one."""
+    shutil.rmtree(folder / TENSORBOARD, ignore_errors=True)
+    for name in (DESCRIPTION, WEIGHTS, CHECKPOINT, PREVIOUS, RUN):
+        (folder / name).unlink(missing_ok=True)
 
 
 def write_checkpoint(folder: Path, content: bytes) -> None:

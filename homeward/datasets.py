@@ -20,6 +20,12 @@ class DatasetError(OSError):
     """A data set that is unknown or cannot be had: the message says what to do."""
 
 
+class DownloadError(DatasetError):
+    """A data set that the network did not give, with an exit code of its own: a script can go on without it."""
+
+    exit_code = 3
+
+
 @dataclass(frozen=True)
 class Dataset:
     """Where a data set comes from, and the mapping and robot that fit it."""
@@ -62,7 +68,8 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
         progress: Show a progress bar per file.
 
     Raises:
-        DatasetError: Unknown name or group, no network, or a file that differs from its checksum.
+        DownloadError: No network.
+        DatasetError: Unknown name or group, a file that differs from its checksum, or a cache that cannot be written.
     """
     if name not in DATASETS:
         raise DatasetError(f"unknown data set {name!r}; known: {', '.join(DATASETS)}")
@@ -79,16 +86,23 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
     )
     downloader = pooch.HTTPDownloader(progressbar=_Bar() if progress else False, timeout=30)
     pooch.get_logger().setLevel("WARNING")
+    import requests  # only now, as pooch does: it is slow to load
+
     paths = []
     for file in wanted:
         try:
             paths.append(Path(source.fetch(file, downloader=downloader)))
         except ValueError as error:
             raise DatasetError(f"{name}: {file} differs from its checksum; delete {source.path} and retry") from error
-        except OSError as error:  # requests' errors are OSErrors
-            raise DatasetError(
+        except requests.exceptions.RequestException as error:
+            raise DownloadError(
                 f"{name}: {file} cannot be downloaded ({type(error).__name__}); without network set {LOCAL_FOLDER} "
                 f"to a folder that holds {name}/, or run on the recording that ships with the package"
+            ) from error
+        except OSError as error:
+            raise DatasetError(
+                f"{name}: {source.path} cannot be written ({error.strerror or error}); set XDG_CACHE_HOME to a folder "
+                f"with room, or {LOCAL_FOLDER} to one that holds {name}/"
             ) from error
     return paths
 

@@ -1,5 +1,6 @@
 """Data sets come from a local folder or the network, and only as their checksums say."""
 
+import errno
 import shutil
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 import requests
 
 from homeward import datasets
-from homeward.datasets import DATASETS, DatasetError, fetch
+from homeward.datasets import DATASETS, DatasetError, DownloadError, fetch
 from homeward.diagnosis import load_columns
 from homeward.physics import load_robot
 
@@ -50,8 +51,23 @@ def test_offline_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         raise requests.exceptions.ConnectionError("no route to host")
 
     monkeypatch.setattr(requests, "get", offline)
-    with pytest.raises(DatasetError, match=r"set HOMEWARD_DATA to a folder that holds husky_borealtc/"):
+    with pytest.raises(DownloadError, match=r"set HOMEWARD_DATA to a folder that holds husky_borealtc/"):
         fetch("husky_borealtc", "FLOORING", progress=False)
+
+
+def test_a_full_disk_is_no_failed_download(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(datasets.LOCAL_FOLDER, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(pooch.HTTPDownloader, "__call__", full)
+    with pytest.raises(
+        DatasetError, match=r"cannot be written \(No space left on device\); set XDG_CACHE_HOME"
+    ) as found:
+        fetch("husky_borealtc", "FLOORING", progress=False)
+    assert not isinstance(found.value, DownloadError)
 
 
 def test_download_is_cached_and_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, local: Path) -> None:

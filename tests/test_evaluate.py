@@ -1,15 +1,22 @@
 """`evaluate.py` from its arguments to its files; input that cannot be used takes one line."""
 
 import csv
+import dataclasses
 import errno
 import json
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 import evaluate
+import train
 from evaluate import Args, main, run
+from homeward import load_robot
+from homeward.agents.policy_file import DESCRIPTION
+from homeward.agents.ppo_settings import PPOSettings
 
 SMALL = ["--episodes", "3", "--agents", "dmax"]
 
@@ -49,12 +56,122 @@ def test_twice_the_same_but_for_the_clock(tmp_path: Path) -> None:
 
 
 def test_options_reach_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    chosen = {"difficulty": "harsh", "robot": "husky", "route": "hidden_wind", "action_type": "continuous"}
-    arguments = [text for name, value in chosen.items() for text in (f"--{name.replace('_', '-')}", value)]
+    chosen: dict[str, str | float] = {
+        "difficulty": "harsh", "robot": "husky", "route": "hidden_wind", "action_type": "continuous",
+        "decision_s": 120.0,
+    }  # fmt: skip
+    arguments = [text for name, value in chosen.items() for text in (f"--{name.replace('_', '-')}", str(value))]
     assert run_with(monkeypatch, *SMALL, "--env", "homeward/OutAndBack-v0", "--out", str(tmp_path), *arguments) == 0
     content = json.loads((tmp_path / "evaluation.json").read_text())
     assert content["env"] == "homeward/OutAndBack-v0"
     assert content["options"].items() >= chosen.items()
+
+
+def test_decisions_come_as_often_as_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    decisions = []
+    for decision_s in (60.0, 120.0):
+        args = Args(("dmax",), "homeward/OutAndBack-v0", episodes=20, out=tmp_path, decision_s=decision_s)
+        decisions.append(main(args).runs["dmax"].episodes.decisions.sum())
+        assert f"discrete actions every {decision_s:g} s" in capsys.readouterr().out
+    assert decisions[0] == pytest.approx(2 * decisions[1], rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A policy of hardly any training: every 120 s, without shaping."""
+    tiny = PPOSettings(n_envs=16, n_steps=16, batch_size=128, epochs=1, hidden=8)
+    out = tmp_path_factory.mktemp("trained") / "run"
+    return train.main(train.Args(out=out, steps=tiny.rollout, ppo=tiny, decision_s=120.0, shaping="none"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "met"),
+    [
+        (["--decision-s", "120"], []),
+        ([], ["decision_s 30 (trained with 120)"]),
+        (["--decision-s", "60"], ["decision_s 60 (trained with 120)"]),
+        (
+            ["--decision-s", "120", "--env", "homeward/OutAndBack-v0"],
+            ["env homeward/OutAndBack-v0 (trained with homeward/Survey-v0)"],
+        ),
+        (
+            ["--decision-s", "120", "--robot", "husky", "--difficulty", "harsh", "--route", "hidden_wind"],
+            [
+                "route hidden_wind (trained with generated)",
+                "difficulty harsh (trained with uncertain)",
+                "robot husky (trained with rusti_computer)",
+            ],
+        ),
+    ],
+)
+def test_a_policy_that_meets_another_environment_is_said_to(
+    arguments: list[str],
+    met: list[str],
+    trained: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    agents = ["--agents", "soc50", f"ppo={trained}"]
+    assert run_with(monkeypatch, *agents, "--episodes", "2", "--out", str(tmp_path), *arguments) == 0
+    transfer = f"evaluate.py: warning: ppo meets {', '.join(met)}; its figures are those of a transfer\n"
+    assert capsys.readouterr().err == (transfer if met else "")
+    assert (tmp_path / "evaluation.json").is_file()
+
+
+def test_a_robot_is_known_by_its_numbers(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "rusti_computer.toml"
+    arguments = ["--agents", f"ppo={trained}", "--episodes", "2", "--decision-s", "120", "--out", str(tmp_path)]
+    file.write_text(load_robot("rusti_computer").to_toml())
+    assert run_with(monkeypatch, *arguments, "--robot", str(file)) == 0
+    assert capsys.readouterr().err == ""
+    file.write_text(dataclasses.replace(load_robot("rusti_computer"), mass_kg=1.0).to_toml())
+    assert run_with(monkeypatch, *arguments, "--robot", str(file)) == 0
+    assert f"robot {file} (trained with rusti_computer)" in capsys.readouterr().err
+
+
+def test_decision_times_that_follow_from_the_robots_are_not_remarked_on(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "policy"
+    shutil.copytree(trained, folder)
+    description = json.loads((folder / DESCRIPTION).read_text())
+    description["training"]["decision_s"], description["decision_s"] = None, 30.0
+    (folder / DESCRIPTION).write_text(json.dumps(description))
+    arguments = ["--agents", f"ppo={folder}", "--episodes", "2", "--out", str(tmp_path / "out")]
+    assert run_with(monkeypatch, *arguments) == 0
+    assert capsys.readouterr().err == ""
+    assert run_with(monkeypatch, *arguments, "--robot", "husky") == 0
+    error = capsys.readouterr().err
+    assert "robot husky" in error and "decision_s" not in error
+
+
+def test_spaces_that_do_not_fit_are_refused(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["--agents", f"ppo={trained}", "--action-type", "continuous", "--out", str(tmp_path / "out")]
+    assert run_with(monkeypatch, *arguments) == 2
+    assert "choose the action_type that it was trained with" in capsys.readouterr().err
+
+
+def test_a_policy_is_evaluated_without_the_libraries_it_was_trained_with(trained: Path, tmp_path: Path) -> None:
+    code = """
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("torch", "stable_baselines3", "tensorboard"):
+            raise ModuleNotFoundError(name=name)
+
+sys.meta_path.insert(0, Missing())
+import evaluate
+sys.exit(evaluate.run())
+"""
+    arguments = ["--agents", f"ppo={trained}", "--episodes", "2", "--decision-s", "120", "--out", str(tmp_path)]
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(
@@ -72,6 +189,8 @@ def test_options_reach_the_environment(tmp_path: Path, monkeypatch: pytest.Monke
         (["--robot", "no_such_robot"], "presets: husky"),
         (["--route", "no_such_route"], "known: generated, hidden_wind"),
         (["--action-type", "both"], "choose from discrete, continuous"),
+        (["--decision-s", "0"], "decision_s = 0.0 is not allowed"),
+        (["--decision-s", "nan"], "decision_s = nan is not allowed"),
         (["--episodes", "0"], "at least 1 episode"),
         (["--seed", "-1"], "a seed of 0 or more"),
     ],

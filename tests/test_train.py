@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,9 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+import homeward
+from homeward import load_robot
+from homeward.agents import provenance
 from homeward.agents.policy_file import DESCRIPTION, WEIGHTS, load_policy
-from homeward.agents.ppo_folder import CHECKPOINT, PREVIOUS, RUN, TENSORBOARD
+from homeward.agents.ppo_folder import CHECKPOINT, PREVIOUS, RUN, TENSORBOARD, RunState, open_run
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.envs.features import NAMES
 from train import Args, main, run
 
 TINY = PPOSettings(n_envs=32, n_steps=16, batch_size=128, epochs=2, hidden=16)
@@ -40,6 +45,8 @@ def test_a_run_leaves_a_policy_checkpoints_and_logs(finished: Path) -> None:
     assert description["env"] == "homeward/Survey-v0"
     assert description["steps"] == STEPS
     assert description["training"]["discount"] == TINY.discount
+    assert description["decision_s"] == 120.0
+    assert description["made_with"] == json.loads((finished / RUN).read_text())["made_with"]
     assert {"homeward", "torch", "stable-baselines3"} <= set(description["versions"])
 
 
@@ -107,6 +114,146 @@ def test_resuming_an_empty_folder_begins(tmp_path: Path, finished: Path) -> None
 def test_other_settings_need_another_folder(finished: Path) -> None:
     with pytest.raises(TrainingError, match=r"other settings \(difficulty 'uncertain', seed 0\): choose another --out"):
         main(tiny(finished, seed=1, difficulty="known"))
+    with pytest.raises(TrainingError, match=rf"other settings \(steps {STEPS}\)"):
+        main(tiny(finished, steps=STEPS - 1, resume=True))
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def copied(finished: Path, out: Path, *names: str) -> Path:
+    """Some files of a finished run, by default all, in another folder."""
+    shutil.copytree(finished, out)
+    for entry in list(out.iterdir()) if names else []:
+        if entry.name not in names:
+            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+    return out
+
+
+@pytest.fixture
+def changed_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+    code = provenance._code()
+    monkeypatch.setattr(provenance, "_code", lambda: code | {"physics": "changed"})
+
+
+@pytest.mark.usefixtures("changed_physics")
+@pytest.mark.parametrize("names", [(), (RUN, CHECKPOINT)], ids=["finished", "unfinished"])
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_run_of_other_code_is_neither_reused_nor_continued(
+    finished: Path, tmp_path: Path, names: tuple[str, ...], resume: bool
+) -> None:
+    out = copied(finished, tmp_path / "run", *names)
+    before = contents(out)
+    with pytest.raises(TrainingError, match=r"made before a change of physics: choose another --out, or .* --replace"):
+        main(tiny(out, resume=resume))
+    assert contents(out) == before
+
+
+@pytest.mark.usefixtures("changed_physics")
+def test_replacing_trains_anew_once_and_says_so(
+    finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = copied(finished, tmp_path / "run")
+    (out / "notes.txt").write_text("mine")
+    for expected in ("held a run with other settings or made with other code: removed, training anew", "nothing to do"):
+        main(tiny(out, resume=True, replace=True))
+        assert expected in capsys.readouterr().err
+    assert (out / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
+    assert len(list((out / TENSORBOARD).iterdir())) == 1
+    assert (out / "notes.txt").read_text() == "mine"
+    assert load_policy(out).description["made_with"]["physics"] == "changed"
+
+
+def test_replacing_leaves_what_is_no_run(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(TrainingError, match="holds no training run"):
+        main(tiny(tmp_path, replace=True))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_a_robot_file_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, out = tmp_path / "robot.toml", tmp_path / "run"
+    robot.write_text(load_robot("rusti_computer").to_toml())
+    main(tiny(out, robot=str(robot), steps=1))
+    robot.write_text(robot.read_text().replace('description = "', 'description = "Renamed. '))
+    main(tiny(out, robot=str(robot), steps=1))
+    heavier = dataclasses.replace(load_robot("rusti_computer"), mass_kg=1.0)
+    robot.write_text(heavier.to_toml())
+    with pytest.raises(TrainingError, match="made before a change of robot: choose"):
+        main(tiny(out, robot=str(robot), steps=1))
+
+
+@pytest.mark.parametrize(
+    ("file", "part"), [("physics/model.py", "physics"), ("envs/missions.py", "envs"), ("agents/ppo.py", "learner")]
+)
+def test_an_edit_of_the_code_changes_its_hash(
+    tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch, file: str, part: str
+) -> None:
+    package = tmp_path / "homeward"
+    shutil.copytree(root / "homeward", package, ignore=shutil.ignore_patterns("__pycache__", "recordings"))
+    monkeypatch.setattr(homeward, "__file__", str(package / "__init__.py"))
+    before = provenance._code.__wrapped__()
+    with (package / file).open("a") as source:
+        source.write("# edited\n")
+    after = provenance._code.__wrapped__()
+    assert [name for name in before if before[name] != after[name]] == [part]
+
+
+def test_more_steps_continue_a_finished_run(tmp_path: Path) -> None:
+    half = STEPS // 2
+    main(tiny(tmp_path, steps=half))
+    short = (tmp_path / WEIGHTS).read_bytes()
+    with pytest.raises(TrainingError, match=f"holds this run, of {half} steps: continue it with --resume"):
+        main(tiny(tmp_path))
+    main(tiny(tmp_path, resume=True))
+    assert (tmp_path / WEIGHTS).read_bytes() != short
+    description = load_policy(tmp_path).description
+    assert (description["steps"], description["extended_from"]) == (STEPS, [half])
+    assert logged_steps(tmp_path) == [TINY.rollout * update for update in range(1, 9)]  # none twice, none left out
+    main(tiny(tmp_path))  # finished
+
+
+def test_an_extension_that_was_interrupted_is_not_taken_for_finished(finished: Path, tmp_path: Path) -> None:
+    out = copied(finished, tmp_path / "run")
+    run = json.loads((out / RUN).read_text())
+    longer = run["settings"] | {"steps": 2 * STEPS}
+    for _ in range(2):
+        assert open_run(out, longer, run["made_with"], resume=True, replace=False) is RunState.CONTINUED
+    with pytest.raises(TrainingError, match=f"of {STEPS} steps: continue it with --resume"):
+        open_run(out, longer, run["made_with"], resume=False, replace=False)
+    assert json.loads((out / RUN).read_text())["extended_from"] == [STEPS]
+
+
+def test_a_run_killed_before_its_policy_was_written_writes_it(
+    finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = copied(finished, tmp_path / "run", RUN, CHECKPOINT)
+    main(tiny(out, resume=True))
+    assert (out / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
+    assert "nan" not in capsys.readouterr().err
+
+
+def test_ctrl_c_takes_one_line_and_the_run_goes_on(tmp_path: Path, root: Path) -> None:
+    process = subprocess.Popen(
+        [*command(tmp_path / "run"), "--steps", "10_000_000"], cwd=root, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 120.0
+    while not (tmp_path / "run" / CHECKPOINT).is_file() and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60.0)
+    assert (process.returncode, error) == (130, "train.py: interrupted: go on with --resume\n")
+
+
+def test_the_first_policy_mostly_goes_on() -> None:
+    from homeward.agents.ppo import make_model
+    from homeward.envs.options import Options
+
+    model = make_model(Options("Survey"), TINY, seed=0)
+    observations, _ = model.policy.obs_to_tensor(np.random.default_rng(0).uniform(-1.0, 1.0, (500, len(NAMES))))
+    distributions: Any = model.policy.get_distribution(observations).distribution
+    assert distributions[2].probs.mean(0).tolist() == pytest.approx([0.03, 0.96, 0.014], abs=0.005)
 
 
 @pytest.mark.parametrize(
@@ -164,15 +311,16 @@ def test_an_unwritable_folder_is_one_line(
     assert error.startswith("train.py: cannot write ") and error.endswith("choose another --out\n")
 
 
-def test_missing_torch_says_what_to_install(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("missing", ["torch", "stable_baselines3", "tensorboard"])
+def test_a_missing_library_says_what_to_install(
+    missing: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("homeward.agents.ppo")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.setitem(sys.modules, missing, None)
     monkeypatch.setattr(sys, "argv", ["train.py", "--out", str(tmp_path / "run")])
     assert run() == 2
-    assert capsys.readouterr().err == "train.py: training needs torch: pip install 'homeward[train]'\n"
+    assert capsys.readouterr().err == f"train.py: training needs {missing}: pip install 'homeward[train]'\n"
 
 
 def test_it_learns_to_come_home(tmp_path: Path) -> None:
@@ -185,12 +333,21 @@ def test_it_learns_to_come_home(tmp_path: Path) -> None:
     assert last > 0.9 > 0.7 > first
 
 
-def home_rates(folder: Path) -> list[float]:
+def logged(folder: Path, name: str) -> list[Any]:
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     events = EventAccumulator(str(folder / TENSORBOARD))
     events.Reload()
-    return [event.value for event in events.Scalars("missions/home_rate")]
+    scalars: list[Any] = events.Scalars(name)
+    return scalars
+
+
+def home_rates(folder: Path) -> list[float]:
+    return [event.value for event in logged(folder, "missions/home_rate")]
+
+
+def logged_steps(folder: Path) -> list[int]:
+    return [event.step for event in logged(folder, "time/fps")]
 
 
 def test_settings_are_written_with_the_run(finished: Path) -> None:
