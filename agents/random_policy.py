@@ -5,28 +5,30 @@ from __future__ import annotations
 from typing import Any, final
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, Policy
-from homeward.envs.actions import encode_actions
-from homeward.envs.options import Setting
 
 
 @final
 class RandomPolicy(Policy):
-    """Draws speed, sensing rate and mode evenly, every decision anew.
+    """Draws from the whole action space evenly, every decision anew.
+
+    A third of the draws are returns, which latch: it turns back at the third decision on average, and hardly gets away.
 
     Args:
-        setting: Constants of the environment.
+        action_space: Space of one action: `MultiDiscrete` or `Box`.
         rng: Source of the draws.
     """
 
-    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
-        self._setting, self._rng = setting, rng
+    def __init__(self, action_space: spaces.Space[Any], rng: np.random.Generator) -> None:
+        self._space, self._rng = action_space, rng
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
-        s, n = self._setting.shared[0], len(observations)
-        speed_mps = self._rng.uniform(s["min_speed_mps"], s["max_speed_mps"], n)
-        sensing_hz = self._rng.uniform(0.0, s["max_sensing_hz"], n)
-        return encode_actions(self._setting, speed_mps, sensing_hz, self._rng.integers(0, 3, n))
+        shape = (len(observations), *(self._space.shape or ()))
+        if isinstance(self._space, spaces.MultiDiscrete):
+            return self._rng.integers(0, self._space.nvec, shape)
+        assert isinstance(self._space, spaces.Box)
+        return self._rng.uniform(self._space.low, self._space.high, shape).astype(np.float32)

@@ -35,7 +35,7 @@ class Request:
 
 
 def _random(request: Request) -> Policy:
-    return RandomPolicy(request.setting, np.random.default_rng(request.seed))
+    return RandomPolicy(action_space(request.options), np.random.default_rng(request.seed))
 
 
 def _soc50(request: Request) -> Policy:
