@@ -17,12 +17,14 @@ help:
 	@echo "make clean   remove .venv, runs and what tools left behind"
 
 demo: .venv/installed
-	$(BIN)/python train.py --env homeward/Survey-v0 --out $(DEMO)/ppo --resume
+	@# Finished, it is left alone; interrupted, it goes on; of other code or settings, it is trained anew.
+	$(BIN)/python train.py --env homeward/Survey-v0 --out $(DEMO)/ppo --resume --replace
 	$(BIN)/python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax dmax_mapped dmax_adaptive ppo=$(DEMO)/ppo \
 	    --episodes 500 --seed 7 --out $(DEMO)/evaluation
-	@# Real drives of a Husky: downloaded, or read from HOMEWARD_DATA; without either, the recording that ships.
+	@# Real drives of a Husky: read from HOMEWARD_DATA or downloaded; if that fails (exit code 3), the recording that ships.
 	$(BIN)/python diagnose.py --dataset husky_borealtc/FLOORING --robot husky --out $(DEMO)/diagnosis \
-	    || { echo "no real recordings to be had: here is the synthetic one that ships" >&2; \
+	    || { code=$$?; [ $$code -eq 3 ] || exit $$code; \
+	         echo "no real recordings to be had: here is the synthetic one that ships" >&2; \
 	         $(BIN)/python diagnose.py --robot husky --out $(DEMO)/diagnosis; }
 
 test: .venv/installed
