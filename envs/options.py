@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import numbers
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.difficulty import DIFFICULTIES
-from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route, load_route
+from homeward.envs.route_files import load_route
+from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route, RouteError
 from homeward.envs.state import INVERSES, MAX_PLACES, OUT_AND_BACK, PATROL, ROUTE_DTYPE, SHARED_DTYPE, SURVEY
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
+from homeward.physics.bounds import Bounds
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")
@@ -22,11 +25,36 @@ SHAPINGS = ("dmax", "none")
 
 _PLACES, _PATROL_PLACES = 32, 4
 _DECISIONS = 200
-"""Decisions in which a robot that senses nothing drives its battery empty."""
+"""Decisions in which a robot that senses nothing drives its battery empty, unless `decision_s` says otherwise."""
+_FEWEST_DECISIONS, _MOST_DECISIONS = 5, 20_000
+"""Bounds of the same. With fewer, one decision is so much of the way that the moment to turn home is a matter of luck;
+with more, an episode takes tens of thousands of steps. One second is allowed for every preset."""
 _REACH = 0.625
-"""Distance scale and length of generated routes over d_max: a quarter more than half of it."""
+"""Distance scale and length of generated routes, over d_max. Chosen as a quarter more than the half from which a robot
+comes home, so that the battery and not the end of the route turns it round: of 1,000 missions out and back each, driven
+by `dmax_adaptive` (uncertain) and by `dmax_mapped` (known, also with hidden wind), none came to the end."""
+_MOST_CROSSINGS = 10_000
+"""Places that may be crossed in one decision: each is a turn of the kernel's loop, and so many take about 2 ms."""
+_LONGEST = {OUT_AND_BACK: 4.0, SURVEY: 4.0, PATROL: 1.0}
+"""Longest route, over d_max. From half a d_max a robot comes home: of a way of four d_max, cut into `MAX_PLACES`, that
+is eight places, and on a longer one it would hardly leave the first. A patrol must at least see its far post."""
 _TYPICAL_INTEREST = 1.23
 """Mean interest of generated routes, measured over 2,000 of them."""
+_HALF_INFORMATION = 0.25
+"""Samples per metre that yield half of the information there, over those of the fastest rate at cruise. Chosen so that
+the five sensing levels yield 0, 1/2, 2/3, 3/4 and 4/5 at cruise: the first is worth much, the last little."""
+_MEMORY = 0.1
+"""Samples that fit on board, over those of the fastest rate while the battery lasts at cruise. Chosen so that the
+highest level fills it in a tenth of that time, and careful sensing does not: of 1,000 missions (uncertain), driven
+until the battery is empty at the pace of `dmax_adaptive`, level 4 throughout overflows it in 48 % and level 2 in 15 %;
+with its own levels `dmax_adaptive` loses nothing."""
+_RADIO = 0.25
+"""Samples that the radio sends from base, over those of the fastest rate. Chosen so that a robot that stands there
+keeps up with level 1, and one that drives with none."""
+_LINK = 0.25
+"""Distance at which the radio is half as fast, over the distance scale. Chosen so that a stop to send is worth
+something near base and little from where a robot turns home: at half of d_max 9 % of the rate are left. `dmax_adaptive`
+sends 47 % of its information (1,000 missions, uncertain) and carries the rest home."""
 
 
 class OptionError(ValueError):
@@ -52,7 +80,11 @@ class Options:
         action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).
         shaping: `dmax` (potential-based, from d_max) or `none` (the score on coming home, and nothing else).
         discount: Discount factor that the shaping is consistent with, in (0, 1].
-        decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts at cruise.
+        decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts at cruise, and
+            between a 20,000th and a fifth of it.
+
+    Raises:
+        OptionError: A value is not allowed.
     """
 
     mission: str
@@ -73,9 +105,9 @@ class Options:
         ):
             if not isinstance(value, str) or value not in allowed:
                 raise OptionError(f"{name} = {value!r} is not allowed; choose from {', '.join(allowed)}")
-        _check_number("discount", self.discount, 0.0, 1.0)
+        object.__setattr__(self, "discount", _number("discount", self.discount, 1.0))
         if self.decision_s is not None:
-            _check_number("decision_s", self.decision_s, 0.0, 1e6)
+            object.__setattr__(self, "decision_s", _number("decision_s", self.decision_s, 1e9))
 
 
 def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Options:
@@ -97,9 +129,11 @@ def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Opt
     return Options(**keywords)
 
 
-def _check_number(name: str, value: Any, low: float, high: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low < value <= high:
-        raise OptionError(f"{name} = {value!r} is not allowed; give a number in ({low:g}, {high:g}]")
+def _number(name: str, value: Any, most: float) -> float:
+    bounds = Bounds(0.0, most, open_low=True)
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not bounds.hold(value):
+        raise OptionError(f"{name} = {value!r} is not allowed; give a number in {bounds}")
+    return float(value)
 
 
 @dataclass(frozen=True)
@@ -128,7 +162,7 @@ def settle(options: Options) -> Setting:
     if not np.isfinite(range_m):
         raise OptionError(f"robot {robot.name!r} never runs empty on the flat; check what its effects give back")
     lasts_s = range_m / cruise
-    decision_s = options.decision_s or float(f"{lasts_s / _DECISIONS:.1g}")
+    decision_s = _decision_s(options, robot, lasts_s)
     generated = isinstance(options.route, str) and options.route in (GENERATED, HIDDEN_WIND)
     reach_m = _REACH * range_m
 
@@ -137,6 +171,7 @@ def settle(options: Options) -> Setting:
     fixed, day, interest = np.zeros(1, ROUTE_DTYPE), np.array([20.0, 0.0, 0.0]), _TYPICAL_INTEREST
     if not generated:
         route = options.route if isinstance(options.route, Route) else load_route(options.route, length_m / places)
+        _check_route(route, robot, mission, range_m, decision_s)
         _write(route, fixed)
         places, length_m, interest = len(route.grade_rad), route.length_m, float(route.interest.mean())
         day = np.array([route.temperature_c, route.wind_mps, route.wind_from_rad])
@@ -153,9 +188,9 @@ def settle(options: Options) -> Setting:
     s["max_sensing_hz"] = robot.max_sensing_hz
     s["places"], s["length_m"], s["place_m"], s["reach_m"] = places, length_m, length_m / places, reach_m
     s["usable_j"], s["cruise_mps"] = robot.usable_energy_j, cruise
-    s["saturation_per_m"] = 0.25 * robot.max_sensing_hz / cruise
-    s["backlog_limit"] = 0.1 * robot.max_sensing_hz * lasts_s
-    s["radio_hz"], s["link_m"] = 0.25 * robot.max_sensing_hz, 0.25 * reach_m
+    s["saturation_per_m"] = _HALF_INFORMATION * robot.max_sensing_hz / cruise
+    s["backlog_limit"] = _MEMORY * robot.max_sensing_hz * lasts_s
+    s["radio_hz"], s["link_m"] = _RADIO * robot.max_sensing_hz, _LINK * reach_m
     s["pit_stop_s"] = pit_stop_s
     s["drag_j_per_m"] = robot.drag_ns2_per_m2 / robot.traction_efficiency
     # At half of the fastest sensing rate a metre yields two thirds of its information.
@@ -173,6 +208,33 @@ def settle(options: Options) -> Setting:
     for inverse, name in INVERSES.items():
         s[inverse] = 1.0 / s[name]
     return Setting(robot, shared, fixed, day)
+
+
+def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:
+    if options.decision_s is None:
+        return float(f"{lasts_s / _DECISIONS:.1g}")
+    least_s, most_s = (float(f"{lasts_s / count:.2g}") for count in (_MOST_DECISIONS, _FEWEST_DECISIONS))
+    if not least_s <= options.decision_s <= most_s:
+        raise OptionError(
+            f"decision_s = {options.decision_s:g} is not allowed; give {least_s:g} to {most_s:g} s, as the battery of "
+            f"{robot.name!r} lasts {lasts_s:.0f} s: {_FEWEST_DECISIONS} to {_MOST_DECISIONS} decisions"
+        )
+    return options.decision_s
+
+
+def _check_route(route: Route, robot: Robot, mission: int, range_m: float, decision_s: float) -> None:
+    shortest_m = float(f"{robot.max_speed_mps * decision_s / _MOST_CROSSINGS:.1g}")
+    if route.place_m < shortest_m:
+        raise RouteError(
+            f"route has {len(route.grade_rad)} places of {route.place_m:g} m; give places of at least {shortest_m:g} "
+            f"m, so that {robot.name!r} crosses no more than {_MOST_CROSSINGS} in a decision of {decision_s:g} s"
+        )
+    longest_m = float(f"{_LONGEST[mission] * range_m:.2g}")
+    if route.length_m > longest_m:
+        raise RouteError(
+            f"route is {route.length_m:g} m long; give at most {longest_m:g} m, {_LONGEST[mission]:g} times what "
+            f"{robot.name!r} drives on one charge ({range_m:.0f} m)"
+        )
 
 
 def _write(route: Route, target: NDArray[np.void]) -> None:

@@ -1,36 +1,23 @@
-"""Routes: a seeded generator, and profiles read from CSV files.
+"""Routes: what they hold, and a seeded generator.
 
 Along a route: grade, surface roughness, interest, heading and curvature; for the day: air temperature and wind.
 """
 
 from __future__ import annotations
 
+import numbers
 from dataclasses import dataclass
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.state import MAX_PLACES
 from homeward.physics.jit import inline
 
 GENERATED = "generated"
 HIDDEN_WIND = "hidden_wind"
-COLUMNS = (
-    "distance_m",
-    "grade_rad",
-    "elevation_m",
-    "roughness",
-    "interest",
-    "heading_rad",
-    "temperature_c",
-    "wind_mps",
-    "wind_from_rad",
-)
 
-_LIMITS = {
+LIMITS: dict[str, tuple[float, float, str]] = {
     "grade_rad": (-0.8, 0.8, "rad; degrees or per cent?"),
     "roughness": (0.0, 10.0, "0 where C_rr was measured"),
     "interest": (0.0, 1e6, "a weight, not negative"),
@@ -39,9 +26,9 @@ _LIMITS = {
     "wind_mps": (0.0, 60.0, "m/s; km/h?"),
     "wind_from_rad": (-10.0, 10.0, "rad; degrees?"),
 }
+"""Least and most of each value that a route holds, and what the reader may have taken it for."""
 
-_OF_THE_DAY = ("temperature_c", "wind_mps", "wind_from_rad")
-_STEEPEST = 0.7
+OF_THE_DAY = ("temperature_c", "wind_mps", "wind_from_rad")
 
 
 class RouteError(ValueError):
@@ -76,17 +63,21 @@ class Route:
     wind_from_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.place_m < np.inf:
+        if not isinstance(self.place_m, numbers.Real) or not 0.0 < self.place_m < np.inf:
             raise RouteError(f"place_m = {self.place_m!r} is not allowed; give the length of a place, in metres")
         places = max(np.size(self.grade_rad), 1)
-        for name, (low, high, hint) in _LIMITS.items():
-            values = np.asarray(getattr(self, name), dtype=np.float64)
-            shape = () if name in _OF_THE_DAY else (places,)
+        for name, (low, high, hint) in LIMITS.items():
+            try:
+                values = np.asarray(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError):
+                raise RouteError(f"{name} = {getattr(self, name)!r} is not made of numbers") from None
+            shape = () if name in OF_THE_DAY else (places,)
             if values.shape != shape:
                 raise RouteError(f"{name} has shape {values.shape}; give {shape}")
             wrong = ~((values >= low) & (values <= high))
             if wrong.any():
                 raise RouteError(f"{name} = {values[wrong].flat[0]:g} is not in [{low:g}, {high:g}] ({hint})")
+            object.__setattr__(self, name, float(values) if name in OF_THE_DAY else values)
 
     @property
     def length_m(self) -> float:
@@ -98,100 +89,6 @@ class Route:
         """Turning per metre from each place to the next, rad/m."""
         turn = np.diff(self.heading_rad, append=self.heading_rad[-1:])
         return (np.mod(turn + np.pi, 2.0 * np.pi) - np.pi) / self.place_m
-
-
-def route_names() -> list[str]:
-    """Names of the routes that ship: generated ones and profiles."""
-    profiles = (entry.name.removesuffix(".csv") for entry in _folder().iterdir() if entry.name.endswith(".csv"))
-    return [GENERATED, HIDDEN_WIND, *sorted(profiles)]
-
-
-def load_route(route: str | Path, place_m: float) -> Route:
-    """Read a route profile from a CSV file or by the name of one that ships, and cut it into equal places.
-
-    Columns: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`, `roughness`,
-    `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row, `temperature_c`,
-    `wind_mps`, `wind_from_rad`. Lines that start with # are comments. Between rows values are linear; a place takes
-    their mean, and from an elevation the slope from its start to its end.
-
-    Args:
-        route: Path or name.
-        place_m: Length of a place, m; made shorter so that places fill the route, and longer where more than
-            `MAX_PLACES` would be needed.
-
-    Raises:
-        RouteError: The file is unreadable, has wrong columns or values.
-    """
-    shipped = _folder() / f"{route}.csv"
-    named = isinstance(route, str) and "/" not in route and shipped.is_file()
-    path = shipped if named else Path(route) if isinstance(route, str | Path) else None
-    if path is None or not path.is_file():
-        raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        lines = [line for line in lines if line.strip(" \t,") and not line.startswith("#")]
-        if len(lines) < 3:
-            raise ValueError("give a header and at least two rows")
-        table = np.genfromtxt(lines, delimiter=",", names=True, ndmin=1)
-    except (ValueError, IndexError, UnicodeDecodeError, OSError) as error:
-        raise RouteError(f"{path}: not a readable CSV table with a header: {str(error).splitlines()[0]}") from None
-    names = table.dtype.names or ()
-    unknown = [name for name in names if name not in COLUMNS]
-    if unknown or "distance_m" not in names:
-        problem = f"unknown column {unknown[0]!r}" if unknown else "no column distance_m"
-        raise RouteError(f"{path}: {problem}; columns are {', '.join(COLUMNS)}")
-    columns = {name: np.atleast_1d(table[name]) for name in names}
-    _check_profile(path, columns)
-    return _cut(path, columns, place_m)
-
-
-def _folder() -> Any:
-    return files("homeward") / "routes"
-
-
-def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]]) -> None:
-    distance = columns["distance_m"]
-    for name, values in columns.items():
-        if not np.isfinite(values).all():
-            row = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise RouteError(f"{path}: row {row + 2}: {name} is not a finite number")
-        if name in _LIMITS:
-            low, high, hint = _LIMITS[name]
-            if ((values < low) | (values > high)).any():
-                row = int(np.flatnonzero((values < low) | (values > high))[0])
-                raise RouteError(
-                    f"{path}: row {row + 2}: {name} = {values[row]:g} is not in [{low:g}, {high:g}] ({hint})"
-                )
-    if len(distance) < 2 or distance[0] != 0.0 or not (np.diff(distance) > 0.0).all():
-        raise RouteError(f"{path}: distance_m must hold at least two values, from 0 and increasing, in metres")
-
-
-def _cut(path: Any, columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
-    distance = columns["distance_m"]
-    count = min(max(1, int(np.ceil(distance[-1] / place_m - 1e-9))), MAX_PLACES)
-    edges = np.linspace(0.0, distance[-1], count + 1)
-    length = edges[1]
-
-    def mean(name: str, default: float) -> NDArray[np.float64]:
-        values = columns.get(name)
-        if values is None:
-            return np.full(count, default)
-        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(distance)
-        integral = np.concatenate(([0.0], np.cumsum(steps)))
-        means: NDArray[np.float64] = np.diff(np.interp(edges, distance, integral)) / length
-        return means
-
-    grade = mean("grade_rad", 0.0)
-    if "elevation_m" in columns:
-        rise = np.diff(np.interp(edges, distance, columns["elevation_m"]))
-        steepest = int(np.abs(rise).argmax())
-        if abs(rise[steepest]) > _STEEPEST * length:
-            raise RouteError(
-                f"{path}: elevation_m changes by {rise[steepest]:g} m in {length:g} m of way, which is too steep; feet?"
-            )
-        grade = np.arcsin(rise / length)
-    day = {name: float(columns[name][0]) for name in _OF_THE_DAY if name in columns}
-    return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **day)
 
 
 KNOTS = 8

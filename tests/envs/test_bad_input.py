@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from homeward.envs.options import OptionError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
+from homeward.physics import preset_names
 from tests.envs.rollouts import drive, make
 
 OPTIONS: list[tuple[dict[str, Any], str]] = [
@@ -36,10 +38,19 @@ OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"discount": math.nan}, "(0, 1]"),
     ({"discount": "0.99"}, "(0, 1]"),
     ({"discount": True}, "(0, 1]"),
-    ({"decision_s": 0.0}, "decision_s = 0.0 is not allowed; give a number in (0, 1e+06]"),
-    ({"decision_s": -1.0}, "(0, 1e+06]"),
-    ({"decision_s": math.inf}, "(0, 1e+06]"),
-    ({"decision_s": "30"}, "(0, 1e+06]"),
+    ({"discount": np.bool_(True)}, "(0, 1]"),
+    ({"discount": 10**400}, "(0, 1]"),
+    ({"decision_s": 0.0}, "decision_s = 0.0 is not allowed; give a number in (0, 1e+09]"),
+    ({"decision_s": -1.0}, "(0, 1e+09]"),
+    ({"decision_s": math.inf}, "(0, 1e+09]"),
+    ({"decision_s": np.float32(np.nan)}, "(0, 1e+09]"),
+    ({"decision_s": "30"}, "(0, 1e+09]"),
+    ({"decision_s": 1j}, "(0, 1e+09]"),
+    ({"decision_s": True}, "decision_s = True is not allowed; give a number in (0, 1e+09]"),
+    ({"decision_s": 1e-6}, "decision_s = 1e-06 is not allowed; give 0.29 to 1200 s, as the battery of"),
+    ({"decision_s": 0.28}, "'rusti_computer' lasts 5804 s: 5 to 20000 decisions"),
+    ({"decision_s": 1201.0}, "decision_s = 1201 is not allowed; give 0.29 to 1200 s"),
+    ({"decision_s": 1e9, "robot": "husky"}, "give 0.54 to 2200 s, as the battery of 'husky' lasts 10868 s"),
     ({"dificulty": "known"}, "unknown keyword 'dificulty' (did you mean 'difficulty'?)"),
     ({"colour": "red"}, "unknown keyword 'colour'; allowed: robot, route, difficulty, action_type, shaping, discount"),
     ({"robot": "rusty"}, "presets: husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean 'rusti'?)"),
@@ -62,6 +73,27 @@ def test_options_that_cannot_be_used_say_what_can(maker: str, options: dict[str,
     with pytest.raises(ValueError) as caught:
         makers()[maker](**options)
     assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("number", [30, 30.0, np.float32(30.0), np.float64(30.0), np.int64(30), Fraction(30)])
+def test_any_real_number_is_a_number(number: Any) -> None:
+    env = HomewardEnv(decision_s=number, discount=type(number)(1))
+    shared = env.batch.setting.shared[0]
+    assert (shared["decision_s"], shared["discount"]) == (30.0, 1.0)
+    assert type(env.options.decision_s) is type(env.options.discount) is float
+
+
+@pytest.mark.parametrize("decision_s", [0.29, 1200.0])
+def test_the_bounds_of_a_decision_are_allowed_as_they_are_told(decision_s: float) -> None:
+    env = HomewardEnv(mission="OutAndBack", decision_s=decision_s)
+    env.reset(seed=0)
+    *_, info = env.step([4, 0, GO])
+    assert info["position_m"] == pytest.approx(decision_s)
+
+
+@pytest.mark.parametrize("robot", preset_names())
+def test_a_decision_a_second_is_allowed_for_every_preset(robot: str) -> None:
+    assert HomewardEnv(robot=robot, decision_s=1).options.decision_s == 1.0
 
 
 def test_a_wrong_keyword_lists_the_right_ones() -> None:

@@ -11,7 +11,8 @@ import pytest
 
 from homeward import load_robot
 from homeward.envs.options import OptionError
-from homeward.envs.routes import Route, RouteError, load_route, route_names
+from homeward.envs.route_files import load_route, route_names
+from homeward.envs.routes import Route, RouteError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, MAX_PLACES, RETURN
 from homeward.envs.vector import HomewardVectorEnv
@@ -197,24 +198,30 @@ BROKEN = {
     "distance_m,grade_rad\n0,0\n,\n": "at least two",
     "grade_rad\n0\n1\n": "no column distance_m",
     "distance_m,slope\n0,0\n1,0\n": "unknown column 'slope'",
-    "distance_m;grade_rad\n0;0\n1;0\n": "not a readable CSV",
+    "distance_m;grade_rad\n0;0\n1;0\n": "line 1: fields are separated by ';'; separate them with commas",
+    "distance_m;grade_rad\n0,0;0,1\n1,5;0\n": "line 1: fields are separated by ';'",
+    "# tabs\ndistance_m\tgrade_rad\n0\t0\n1\t0\n": "line 2: fields are separated by '\\t'; separate them with commas",
     "# nothing\n# but\n# comments\n": "at least two",
-    "distance_m,grade_rad\n1,0\n2,0\n": "from 0 and increasing",
-    "distance_m,grade_rad\n0,0\n2,0\n1,0\n": "from 0 and increasing",
+    "distance_m,grade_rad\n1,0\n2,0\n": "line 2: distance_m = 1; give metres, from 0 and increasing",
+    "distance_m,grade_rad\n0,0\n2,0\n1,0\n": "line 4: distance_m = 1; give metres, from 0 and increasing",
     "distance_m,grade_rad\n0,0\n0,0\n": "from 0 and increasing",
-    "distance_m,grade_rad\n0,0\n1\n": "not a readable CSV",
-    "distance_m,grade_rad\n0,0\n1,\n": "row 3: grade_rad is not a finite number",
-    "distance_m,grade_rad\n0,steep\n1,0\n": "row 2: grade_rad is not a finite number",
-    "distance_m,grade_rad\n0,0\n1,inf\n": "row 3: grade_rad is not a finite number",
-    "distance_m,grade_rad\n0,0\nnan,0\n": "row 3: distance_m is not a finite number",
-    "distance_m,grade_rad\n0,0\n1,5.71\n": "row 3: grade_rad = 5.71 is not in",
+    "distance_m,grade_rad\n0,0\n1\n": "line 3: number of fields is 1, that of the header 2; give a number for",
+    "# a\n\ndistance_m,grade_rad\n0,0\n1,0,0.5\n2,0\n": "line 5: number of fields is 3, that of the header 2",
+    "distance_m,grade_rad\n0,0,\n1,0,\n": "line 2: number of fields is 3, that of the header 2",
+    "distance_m,grade_rad\n0,0\n1,\n": "line 3: grade_rad = '' is not a finite number",
+    "distance_m,grade_rad\n0,steep\n1,0\n": "line 2: grade_rad = 'steep' is not a finite number",
+    "distance_m,grade_rad\n0,0\n1,inf\n": "line 3: grade_rad = 'inf' is not a finite number",
+    "distance_m,grade_rad\n0,0\nnan,0\n": "line 3: distance_m = 'nan' is not a finite number",
+    "# a\n\ndistance_m,grade_rad\n0,0\n# b\n1,5.71\n": "line 6: grade_rad = 5.71 is not in",
+    "distance_m,grade_rad,elevation_m\n0,0,5\n1,0,5\n": "columns grade_rad and elevation_m both give the slope",
+    "distance_m,grade_rad\n0,0\n1,5.71\n": "line 3: grade_rad = 5.71 is not in",
     "distance_m,elevation_m\n0,0\n10,2000\n": "elevation_m",
-    "distance_m,interest\n0,0\n1,-1\n": "row 3: interest = -1 is not in",
+    "distance_m,interest\n0,0\n1,-1\n": "line 3: interest = -1 is not in",
     "distance_m,roughness\n0,0\n1,-0.1\n": "roughness = -0.1",
     "distance_m,temperature_c\n0,293\n1,293\n": "temperature_c = 293",
     "distance_m,wind_mps\n0,-1\n1,0\n": "wind_mps = -1",
     "distance_m,wind_from_rad\n0,270\n1,270\n": "wind_from_rad = 270",
-    "distance_m,distance_m\n0,0\n1,1\n": "unknown column",
+    "distance_m,distance_m\n0,0\n1,1\n": "column distance_m is there twice; keep one of them",
 }
 
 
@@ -246,10 +253,55 @@ def test_a_route_that_is_none_names_those_that_are(route: Any) -> None:
         HomewardEnv(route=route)
 
 
+@pytest.mark.parametrize(
+    "text", ['"distance_m","grade_rad"\n"0","0.1"\n"9","0.1"\n', "distance_m , grade_rad #\n 0, 0.1 # x\n9 ,0.1\n"]
+)
+def test_quotes_spaces_and_comments_are_no_part_of_a_value(tmp_path: Path, text: str) -> None:
+    route = load_route(route_file(tmp_path, text), 3.0)
+    assert route.length_m == 9.0 and route.grade_rad == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("mission_id", ["OutAndBack", "Survey", "Patrol"])
+@pytest.mark.parametrize(
+    ("length_m", "says"),
+    [
+        (
+            1e-7,
+            "route has 1 places of 1e-07 m; give places of at least 0.003 m, so that 'rusti' crosses",
+        ),
+        (1e9, "route is 1e+09 m long; give at most"),
+    ],
+)
+def test_routes_too_short_or_too_long_for_the_robot(
+    tmp_path: Path, mission_id: str, length_m: float, says: str
+) -> None:
+    path = route_file(tmp_path, f"distance_m\n0\n{length_m}\n")
+    with pytest.raises(RouteError) as caught:
+        HomewardEnv(mission=mission_id, robot="rusti", route=path)
+    assert str(caught.value).startswith(says) and "\n" not in str(caught.value)
+    if length_m > 1.0:
+        longest_m = 5800 if mission_id == "Patrol" else 23000
+        assert f"at most {longest_m} m" in str(caught.value)
+        HomewardEnv(mission=mission_id, robot="rusti", route=route_file(tmp_path, f"distance_m\n0\n{longest_m}\n"))
+
+
+def test_the_shortest_patrol_ends_its_decisions_and_counts_its_laps() -> None:
+    env = HomewardEnv(mission="Patrol", robot="rusti", route=flat(1, place_m=0.003), difficulty="known")
+    env.reset(seed=0)
+    *_, info = env.step([4, 0, GO])
+    legs = 30.0 / (0.003 + 0.5 * 0.003)  # at 1 m/s, with pit stops of half of a leg
+    assert mission(env)["legs"] == pytest.approx(legs, abs=1.0) and not info["stranded"]
+
+
 def flat(count: int, **changes: Any) -> Route:
     zeros = np.zeros(count)
     values: dict[str, Any] = {"place_m": 10.0, "grade_rad": zeros, "roughness": zeros, "interest": zeros + 1.0}
     return Route(**values | {"heading_rad": zeros} | changes)
+
+
+def test_a_route_may_be_made_of_lists() -> None:
+    route = Route(5.0, [0.0, 0.1], [0.0, 0.0], [1, 2], [0.0, 0.5])  # type: ignore[arg-type]
+    assert HomewardEnv(route=route).batch.setting.shared["information_per_m"][0] == pytest.approx(1.0)
 
 
 def test_a_route_made_in_python_is_taken_as_it_is() -> None:
@@ -266,6 +318,8 @@ def test_a_route_made_in_python_is_taken_as_it_is() -> None:
     [
         {"place_m": 0.0},
         {"place_m": math.nan},
+        {"place_m": "10"},
+        {"roughness": ["rough"] * 7},
         {"grade_rad": np.full(7, math.nan)},
         {"grade_rad": np.full(7, 1.6)},
         {"interest": np.ones(6)},

@@ -1,0 +1,155 @@
+"""Routes from CSV files: read, checked, and cut into places of equal length."""
+
+from __future__ import annotations
+
+import csv
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.envs.routes import GENERATED, HIDDEN_WIND, LIMITS, OF_THE_DAY, Route, RouteError
+from homeward.envs.state import MAX_PLACES
+
+COLUMNS = (
+    "distance_m",
+    "grade_rad",
+    "elevation_m",
+    "roughness",
+    "interest",
+    "heading_rad",
+    "temperature_c",
+    "wind_mps",
+    "wind_from_rad",
+)
+
+_STEEPEST = 0.7  # sine of a slope that a ground robot may climb
+
+
+def route_names() -> list[str]:
+    """Names of the routes that ship: generated ones and profiles."""
+    profiles = (entry.name.removesuffix(".csv") for entry in _folder().iterdir() if entry.name.endswith(".csv"))
+    return [GENERATED, HIDDEN_WIND, *sorted(profiles)]
+
+
+def load_route(route: str | Path, place_m: float) -> Route:
+    """Read a route profile from a CSV file or by the name of one that ships, and cut it into equal places.
+
+    Columns: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`, `roughness`,
+    `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row, `temperature_c`,
+    `wind_mps`, `wind_from_rad`. What follows a # is a comment. Between rows values are linear; a place takes
+    their mean, and from an elevation the slope from its start to its end.
+
+    Args:
+        route: Path or name.
+        place_m: Length of a place, m; made shorter so that places fill the route, and longer where more than
+            `MAX_PLACES` would be needed.
+
+    Raises:
+        RouteError: The file is unreadable, has wrong columns or values.
+    """
+    shipped = _folder() / f"{route}.csv"
+    named = isinstance(route, str) and "/" not in route and shipped.is_file()
+    path = shipped if named else Path(route) if isinstance(route, str | Path) else None
+    if path is None or not path.is_file():
+        raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
+    columns, lines = _read_table(path)
+    _check_profile(path, columns, lines)
+    return _cut(path, columns, place_m)
+
+
+def _folder() -> Any:
+    return files("homeward") / "routes"
+
+
+def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
+    """Read the columns of a CSV file by name, and the number of the line that each row stands on."""
+    try:
+        text = path.read_text(encoding="utf-8-sig").splitlines()
+        rows = [
+            (number, [field.strip() for field in next(csv.reader([line.split("#")[0]]))])
+            for number, line in enumerate(text, start=1)
+            if line.split("#")[0].strip(" \t,")
+        ]
+    except (UnicodeDecodeError, OSError, csv.Error) as error:
+        raise RouteError(f"{path}: not a readable CSV table: {error}") from None
+    if len(rows) < 3:
+        raise RouteError(f"{path}: not a readable CSV table: give a header and at least two rows")
+    header, names = rows[0]
+    for separator in ";\t":
+        if separator in ",".join(names):
+            raise RouteError(f"{path}: line {header}: fields are separated by {separator!r}; separate them with commas")
+    _check_names(path, names)
+    table = np.empty((len(names), len(rows) - 1))
+    for row, (line, fields) in enumerate(rows[1:]):
+        if len(fields) != len(names):
+            raise RouteError(
+                f"{path}: line {line}: number of fields is {len(fields)}, that of the header {len(names)}; "
+                f"give a number for each of {', '.join(names)}"
+            )
+        for column, field in enumerate(fields):
+            try:
+                table[column, row] = float(field)
+            except ValueError:
+                table[column, row] = np.nan
+            if not np.isfinite(table[column, row]):
+                raise RouteError(f"{path}: line {line}: {names[column]} = {field!r} is not a finite number")
+    return dict(zip(names, table, strict=True)), [line for line, _ in rows[1:]]
+
+
+def _check_names(path: Any, names: list[str]) -> None:
+    for name in names:
+        if name not in COLUMNS:
+            raise RouteError(f"{path}: unknown column {name!r}; columns are {', '.join(COLUMNS)}")
+        if names.count(name) > 1:
+            raise RouteError(f"{path}: column {name} is there twice; keep one of them")
+    if "distance_m" not in names:
+        raise RouteError(f"{path}: no column distance_m; columns are {', '.join(COLUMNS)}")
+    if "grade_rad" in names and "elevation_m" in names:
+        raise RouteError(f"{path}: columns grade_rad and elevation_m both give the slope; keep one of them")
+
+
+def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]], lines: list[int]) -> None:
+    for name, (low, high, hint) in LIMITS.items():
+        values = columns.get(name, np.empty(0))
+        wrong = np.flatnonzero((values < low) | (values > high))
+        if len(wrong):
+            value, line = values[wrong[0]], lines[wrong[0]]
+            raise RouteError(f"{path}: line {line}: {name} = {value:g} is not in [{low:g}, {high:g}] ({hint})")
+    distance = columns["distance_m"]
+    good = np.append(distance[0] == 0.0, np.diff(distance) > 0.0)
+    if not good.all():
+        row = int(np.flatnonzero(~good)[0])
+        raise RouteError(
+            f"{path}: line {lines[row]}: distance_m = {distance[row]:g}; give metres, from 0 and increasing"
+        )
+
+
+def _cut(path: Any, columns: dict[str, NDArray[np.float64]], place_m: float) -> Route:
+    distance = columns["distance_m"]
+    count = min(max(1, int(np.ceil(distance[-1] / place_m - 1e-9))), MAX_PLACES)
+    edges = np.linspace(0.0, distance[-1], count + 1)
+    length = edges[1]
+
+    def mean(name: str, default: float) -> NDArray[np.float64]:
+        values = columns.get(name)
+        if values is None:
+            return np.full(count, default)
+        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(distance)
+        integral = np.concatenate(([0.0], np.cumsum(steps)))
+        means: NDArray[np.float64] = np.diff(np.interp(edges, distance, integral)) / length
+        return means
+
+    grade = mean("grade_rad", 0.0)
+    if "elevation_m" in columns:
+        rise = np.diff(np.interp(edges, distance, columns["elevation_m"]))
+        steepest = int(np.abs(rise).argmax())
+        if abs(rise[steepest]) > _STEEPEST * length:
+            raise RouteError(
+                f"{path}: elevation_m changes by {rise[steepest]:g} m in {length:g} m of way, which is too steep; feet?"
+            )
+        grade = np.arcsin(rise / length)
+    day = {name: float(columns[name][0]) for name in OF_THE_DAY if name in columns}
+    return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **day)
