@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 from sklearn.ensemble import HistGradientBoostingRegressor  # type: ignore[import-untyped]
+from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
@@ -65,8 +66,9 @@ def black_box(runs: Runs, nominal: Array, chosen: NDArray[np.bool_], rng: np.ran
         early_stopping=False,
         random_state=int(rng.integers(2**31)),
     )
-    trees.fit(features[rows], (runs.observed - nominal)[rows])
-    predicted: Array = nominal + trees.predict(features)
+    with threadpool_limits(1):  # its threads wait for each other busily, which a loaded machine makes very slow
+        trees.fit(features[rows], (runs.observed - nominal)[rows])
+        predicted: Array = nominal + trees.predict(features)
     return predicted
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -51,11 +52,11 @@ class Noise:
     long_run: float  # sqrt of the variance of a sum of n windows over n
 
 
-def noise_of(residual: Array, run: NDArray[np.intp]) -> Noise:
-    """Noise of residuals from their increments, so that changes of level, however many, do not count as noise.
+def noise_of(residual: Array, run: NDArray[np.intp], lags: Sequence[int] = (1, 2, 4, 8, 16)) -> Noise:
+    """Noise of residuals from their increments, so that changes of level do not count as noise where they are few.
 
     The increments over k and 2 k windows of an autoregressive process have a ratio of variances of 1 + phi^k. Medians
-    keep out the few increments across a change.
+    keep out the few increments across a change; the shorter the lags, the fewer they are.
 
     >>> rng = np.random.default_rng(0)
     >>> series = rng.normal(size=4000) + 50.0 * (np.arange(4000) // 200 % 2)
@@ -64,7 +65,7 @@ def noise_of(residual: Array, run: NDArray[np.intp]) -> Noise:
     (1.0, 1.0)
     """
     best = Noise(1.0, _spread(residual, run, 1) / np.sqrt(2.0))
-    for lag in (1, 2, 4, 8, 16):
+    for lag in lags:
         short, long = _spread(residual, run, lag) ** 2, _spread(residual, run, 2 * lag) ** 2
         if short <= 0.0 or long <= 0.0:
             continue

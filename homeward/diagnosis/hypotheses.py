@@ -113,6 +113,8 @@ def terms(setting: Setting, leave_out: tuple[str, ...] = ()) -> list[Term]:
     for effect in CATALOGUE:
         if effect in leave_out or (setting.runs.unit == "A" and effect not in _OF_CURRENT):
             continue
+        if effect == "turning" and setting.parameters.nominal.track_m == 0.0:
+            continue
         found += [term for term in _terms_of(effect, setting) if np.isfinite(term.columns).all() and term.columns.any()]
     return found
 

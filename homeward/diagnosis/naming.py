@@ -19,6 +19,7 @@ from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Setting, Term, ter
 from homeward.diagnosis.refit import Refit, WithEffects
 from homeward.diagnosis.regression import Products, products
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.schedules import noise_beside_changes
 from homeward.diagnosis.signals import Array
 
 SMALLEST_GAIN = 0.05
@@ -107,7 +108,7 @@ class _Bench:
 
 
 def name_missing(
-    fit: Refit, runs: Runs, block: NDArray[np.intp], noise: Noise, seed: int, progress: Callable[[str], None]
+    fit: Refit, runs: Runs, block: NDArray[np.intp], unexplained: Array, seed: int, progress: Callable[[str], None]
 ) -> Naming:
     """Name the effects that the recordings ask for beyond the refit.
 
@@ -115,13 +116,14 @@ def name_missing(
         fit: The refit.
         runs: The runs.
         block: Stretches that count as independent, shape (windows,).
-        noise: Noise of what the channels leave.
+        unexplained: What is left when every channel explains what it can, shape (windows,).
         seed: Seed of placebos and intervals.
         progress: Called with what is being done.
     """
     target = runs.observed - fit.predicted
     columns = fit.jacobian
     low, high = fit.freedom()
+    noise = noise_beside_changes(unexplained, runs)
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, target, noise)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
@@ -129,7 +131,7 @@ def name_missing(
     while len(named) < _MOST_EFFECTS:
         progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named)))
-        bench = _bench(columns, low, high, candidates, target, runs.run, block % _FOLDS, noise)
+        bench = _bench(columns, low, high, candidates, target, runs.run, block % _FOLDS, setting.noise)
         if not named:
             ranking, absorbed = _rank(bench), _absorbed(bench)
         found = _best(bench, block, seed)
@@ -159,7 +161,10 @@ def _with(
             effects[one.term.effect] = {**one.term.shape, CATALOGUE[one.term.effect].parameters[0].name: size}
     present = WithEffects(effects)
     predicted = fit.parameters.predict(start.runs, theta, present)
-    return replace(start, theta=theta, present=present, predicted=predicted, residual=target - columns @ weights)
+    residual = target - columns @ weights
+    noise = noise_beside_changes(residual, start.runs)
+    quieter = noise if noise.long_run < start.noise.long_run else start.noise
+    return replace(start, theta=theta, present=present, predicted=predicted, residual=residual, noise=quieter)
 
 
 def _bench(

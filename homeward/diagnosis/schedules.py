@@ -14,7 +14,7 @@ import numpy as np
 import ruptures  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from homeward.diagnosis.blocks import Noise
+from homeward.diagnosis.blocks import Noise, noise_of
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 
@@ -24,6 +24,8 @@ _SHORTEST = 4  # windows in a block
 _MOST_BLOCKS = 2500
 _PENALTY = 3.0  # per change, in units of the log of the number of blocks: a moment and a size
 _MOST_LEVELS = 4
+_SHORT_LAGS = (1, 2, 4)  # windows
+_CLEAR = 2.0  # times the noise: changes that are clear even if the noise has more memory than seen
 _PLACES = 150
 _PASSES = 1.8  # places are told from times only where the robot comes by again
 
@@ -43,6 +45,18 @@ class Schedule:
         return columns
 
 
+def noise_beside_changes(residual: Array, runs: Runs) -> Noise:
+    """Noise of a residual once its clear changes of level are taken out, which would pass for memory."""
+    level = np.zeros(len(residual))
+    quick = noise_of(residual, runs.run, _SHORT_LAGS)
+    clear = Noise(quick.memory, _CLEAR * quick.long_run)
+    found = in_time(np.ones(len(residual)), residual, runs, clear, signed=True)
+    if found is not None:
+        counts = np.bincount(found.level, minlength=found.levels)
+        level = (np.bincount(found.level, residual, minlength=found.levels) / np.maximum(counts, 1))[found.level]
+    return noise_of(residual - level, runs.run)
+
+
 def in_time(shape: Array, residual: Array, runs: Runs, noise: Noise, *, signed: bool) -> Schedule | None:
     """Find when the size of a shape changes within or between runs; None where it does not.
 
@@ -50,7 +64,7 @@ def in_time(shape: Array, residual: Array, runs: Runs, noise: Noise, *, signed: 
         shape: What the size multiplies, shape (windows,).
         residual: What the refit leaves, shape (windows,).
         runs: The runs.
-        noise: Noise of what the channels leave.
+        noise: Noise of the residual.
         signed: Whether sizes below the usual one are possible; otherwise the lowest counts as none.
     """
     length = max(_SHORTEST, int(np.ceil(noise.memory / 2)), -(-len(residual) // _MOST_BLOCKS))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from homeward.diagnosis.blocks import Noise, cut_blocks, noise_of
+from homeward.diagnosis.blocks import cut_blocks
 from homeward.diagnosis.refit import Refit
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
@@ -110,7 +110,7 @@ class Blocks:
 
     channels: NDArray[np.intp]  # for dependence on channels: outlasts whatever no channel explains
     time: NDArray[np.intp]  # for changes in time: outlasts what neither a channel nor one change per run explains
-    noise: Noise  # what is left when every channel explains what it can, from increments
+    unexplained: Array  # (windows,), what is left when every channel explains what it can
 
 
 def independent_blocks(fit: Refit, runs: Runs) -> Blocks:
@@ -130,7 +130,7 @@ def independent_blocks(fit: Refit, runs: Runs) -> Blocks:
     ]
     design = np.column_stack([design, *changes])
     steady = residual - design @ _least_squares(design, residual)
-    return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady), noise_of(unexplained, runs.run))
+    return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady), unexplained)
 
 
 def dependences(fit: Refit, runs: Runs, block: Blocks, fold: NDArray[np.intp], seed: int = 0) -> list[Dependence]:

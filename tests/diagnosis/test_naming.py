@@ -1,0 +1,136 @@
+"""Missing physics is named, fitted, handed back as a robot, and not seen where there is none."""
+
+import dataclasses
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import homeward  # noqa: F401
+from homeward import Robot, load_robot
+from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
+from homeward.diagnosis.report import write_outputs
+
+Drive = Callable[..., list[Recording]]
+
+EFFECTS: Mapping[str, Mapping[str, float]] = {
+    "turning": {"scrub": 0.3},
+    "inertia": {"mass_factor": 1.0},
+    "slip": {"per_load": 1.5},
+    "copper_loss": {"w_per_n2": 0.002},
+    "no_load": {"power_w": 20.0},
+    "compute": {"power_w": 15.0, "base_share": 1.0},
+    "breakaway": {"start_j": 60.0},
+    "motor_heating": {"per_k": 0.004},
+    "internal_resistance": {"ohm": 0.4},
+}
+
+
+def with_power(runs: list[Recording], change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> list[Recording]:
+    """The runs with another power, a function of time and power."""
+    return [
+        dataclasses.replace(
+            run,
+            channels={**run.channels, "power_w": change(run.channels["time_s"], run.channels["power_w"])},
+        )
+        for run in runs
+    ]
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_a_concealed_effect_is_named_with_its_size(effect: str, drive: Drive, husky: Robot) -> None:
+    hidden = EFFECTS[effect]
+    diagnosis = diagnose(drive(husky, runs=4, effects={effect: hidden}), husky)
+    assert diagnosis.verdict == "missing_physics"
+    first = diagnosis.missing_physics[0]
+    assert first.effect == effect
+    assert len(diagnosis.missing_physics) == 1
+    size, true = next(iter(hidden.items()))
+    low, high = first.parameters[size].ci95
+    if effect != "motor_heating":  # its size and its temperatures enter as a product
+        assert low <= true <= high or first.parameters[size].value == pytest.approx(true, rel=0.15)
+    assert diagnosis.fit is not None
+    arms = diagnosis.fit.arms
+    assert arms["corrected"].rmse < min(arms["refit"].rmse, arms["placebo"].rmse)
+
+
+def test_both_effects_of_a_pair_are_named(drive: Drive, husky: Robot) -> None:
+    hidden = {"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}}
+    diagnosis = diagnose(drive(husky, runs=4, effects=hidden), husky)
+    assert {one.effect for one in diagnosis.missing_physics} == set(hidden)
+
+
+def test_a_load_switched_on_part_way_is_found_with_its_time(drive: Drive, husky: Robot) -> None:
+    runs = with_power(drive(husky, runs=3), lambda time_s, power_w: power_w + 25.0 * (time_s > 300.0))
+    diagnosis = diagnose(runs, husky)
+    first = diagnosis.missing_physics[0]
+    assert first.effect == "standby"
+    assert first.parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
+    assert len(first.where) == 3
+    assert all(place.start_s == pytest.approx(300.0, abs=6.0) for place in first.where)
+    assert all(place.condition.startswith("after ") for place in first.where)
+
+
+def test_a_load_that_switches_is_found_with_its_rhythm(drive: Drive, husky: Robot) -> None:
+    runs = with_power(drive(husky, runs=3), lambda time_s, power_w: power_w + 25.0 * (time_s % 100.0 < 30.0))
+    first = diagnose(runs, husky).missing_physics[0]
+    assert first.effect == "intermittent_load"
+    assert first.parameters["period_s"].value == pytest.approx(100.0, rel=0.05)
+    assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(drive: Drive, husky: Robot) -> None:
+    runs = with_power(drive(husky, runs=3), lambda time_s, power_w: np.interp(time_s - 1.0, time_s, power_w))
+    analysis = analyse(runs, husky)
+    first = analysis.diagnosis.missing_physics[0]
+    assert first.effect == "clock_lag"
+    assert first.parameters["lag_s"].value == pytest.approx(1.0, abs=0.15)
+    assert analysis.corrected.effects == husky.effects
+
+
+def test_the_corrected_robot_drives_in_the_environments(drive: Drive, husky: Robot, tmp_path: Path) -> None:
+    analysis = analyse(drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+    write_outputs(analysis, tmp_path)
+    written = tomllib.loads((tmp_path / "corrected.toml").read_text())
+    assert written["effects"]["turning"]["scrub"] == pytest.approx(0.3, rel=0.1)
+    env = gym.make("homeward/OutAndBack-v0", robot=str(tmp_path / "corrected.toml"))
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(env.action_space.sample())
+    assert "turning" in info["energy_j"]
+    assert Diagnosis.from_json((tmp_path / "diagnosis.json").read_text()) == analysis.diagnosis
+
+
+@pytest.fixture
+def husky_runs(data_folder: Path) -> Callable[[str], list[Path]]:
+    """Recordings of the real Husky on a terrain."""
+    if not (data_folder / "husky_borealtc").is_dir():
+        pytest.skip("set HOMEWARD_DATA to a folder with husky_borealtc")
+    return lambda terrain: sorted((data_folder / "husky_borealtc" / terrain).glob("pro_*.csv"))
+
+
+@pytest.mark.parametrize("terrain", ["FLOORING", "ASPHALT", "ICE", "SNOW"])
+def test_the_real_husky_lacks_turning(terrain: str, husky_runs: Callable[[str], list[Path]]) -> None:
+    diagnosis = diagnose(husky_runs(terrain), "husky", "husky_borealtc")
+    assert diagnosis.missing_physics[0].effect == "turning"
+    assert diagnosis.missing_physics[0].where[0].condition.startswith("turning faster than")
+    assert diagnosis.fit is not None and diagnosis.fit.held_out_by == "run"
+    assert diagnosis.fit.arms["corrected"].rmse < diagnosis.fit.arms["refit"].rmse
+    assert diagnosis.fit.arms["refit"].energy_error_pct is None and diagnosis.range_change_m is None
+
+
+def test_ice_is_set_apart_from_hard_dry_ground_by_its_turning(husky_runs: Callable[[str], list[Path]]) -> None:
+    scrub = {
+        terrain: diagnose(husky_runs(terrain), "husky", "husky_borealtc").missing_physics[0].parameters["scrub"].ci95
+        for terrain in ("FLOORING", "ASPHALT", "ICE")
+    }
+    assert scrub["ICE"][1] < 0.5 * min(scrub["FLOORING"][0], scrub["ASPHALT"][0])
+
+
+def test_turning_of_a_robot_without_a_known_track_is_not_named(drive: Drive, husky: Robot) -> None:
+    unknown = load_robot("rusti")
+    assert unknown.track_m == 0.0
+    diagnosis = diagnose(drive(unknown, runs=3), unknown)
+    assert "turning" not in {one.effect for one in diagnosis.missing_physics}
