@@ -32,7 +32,7 @@ def test_shipped_recording_without_data_or_network(
 ) -> None:
     assert run(monkeypatch, "--out", tmp_path / "out") == 0
     diagnosis = Diagnosis.from_json((tmp_path / "out" / "diagnosis.json").read_text())
-    assert diagnosis.verdict == "unknown_physics" and "turning" in diagnosis.where[0].condition
+    assert diagnosis.verdict == "missing_physics" and "turning" in diagnosis.where[0].condition
     printed = " ".join(capsys.readouterr().out.split())
     assert diagnosis.verdict in printed and diagnosis.summary in printed
     load_robot(tmp_path / "out" / "corrected.toml")
