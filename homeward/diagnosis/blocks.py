@@ -19,6 +19,7 @@ _SHORTEST = 10  # windows
 _MOST_BLOCKS = 2000
 _MEMORY_TIMES = 3.0  # blocks are this many correlation times long
 _MOST_FOLDS = 10
+_LONGEST_LAG = 400  # windows
 _MOST_CORRELATED = 0.9  # over any lag: beyond it is drift, not noise
 _BLOCK_FOLDS = 5
 _FEWEST_RUNS = 3
@@ -34,7 +35,7 @@ def correlation_windows(residual: Array, run: NDArray[np.intp]) -> float:
     centred = residual - residual.mean()
     power = float(centred @ centred)
     total, lag = 1.0, 1
-    while lag < len(centred) // 4 and power > 0.0:
+    while lag < min(len(centred) // 4, _LONGEST_LAG) and power > 0.0:
         together = run[lag:] == run[:-lag]
         correlation = float(centred[lag:][together] @ centred[:-lag][together]) / power
         if correlation < 0.05:

@@ -164,7 +164,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     found = dependences(fitted, runs, blocks, fold, seed) if enough else []
     progress("locating")
     location = locate(found[0], runs) if found and found[0].found else None
-    naming = name_missing(fitted, runs, block, blocks.unexplained, seed, progress) if enough else Naming()
+    naming = name_missing(fitted, runs, block, seed, progress) if enough else Naming()
     corrected = None
     if naming.named:
         progress("modelling")

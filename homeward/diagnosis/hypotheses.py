@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 
-from homeward.diagnosis.blocks import Noise
 from homeward.diagnosis.instruments import INSTRUMENTS, Instrument
 from homeward.diagnosis.refit import Parameters, WithEffects
 from homeward.diagnosis.replay import Runs
@@ -91,7 +90,6 @@ class Setting:
     present: WithEffects  # effects that are already in the model
     predicted: Array  # (windows,)
     residual: Array  # (windows,)
-    noise: Noise
 
     def response(self, effect: str, size: float, shape: Mapping[str, float], base: WithEffects | None = None) -> Array:
         """What an effect of this size adds, per unit of its size, shape (windows,)."""
@@ -260,7 +258,7 @@ def _scheduled(effect: str, setting: Setting) -> Iterator[Term]:
         return
     for axis in ("time", "place") if effect in _BY_PLACE else ("time",):
         find = in_time if axis == "time" else by_place
-        schedule = find(shape, setting.residual, runs, setting.noise, signed=signed)
+        schedule = find(shape, setting.residual, runs, signed=signed)
         if schedule is None or (axis == "time" and not _possible(how, schedule, runs)):
             continue
         sizes = schedule.levels - 1

@@ -14,12 +14,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis.blocks import Noise
+from homeward.diagnosis.blocks import correlation_windows
 from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Setting, Term, terms
 from homeward.diagnosis.refit import Refit, WithEffects
 from homeward.diagnosis.regression import Products, products
 from homeward.diagnosis.replay import Runs
-from homeward.diagnosis.schedules import noise_beside_changes
 from homeward.diagnosis.signals import Array
 
 SMALLEST_GAIN = 0.05
@@ -27,6 +26,7 @@ SMALLEST_GAIN = 0.05
 
 _FOLDS = 5
 _MOST_EFFECTS = 3
+_WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
 _MUST_PAY = 10.0  # difference of BIC: "very strong" (Kass & Raftery, 1995)
 _ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
 _PLACEBOS = 19  # so that being better than all of them has p = 0.05
@@ -79,7 +79,6 @@ class _Bench:
     run: NDArray[np.intp]
     fold: NDArray[np.intp]
     products: Products
-    effective: float  # number of independent windows
 
     def with_base(self, *chosen: int) -> NDArray[np.intp]:
         """Columns of the base and of these hypotheses."""
@@ -94,7 +93,18 @@ class _Bench:
         """Evidence for these hypotheses beside the base, from held-out errors."""
         ratio = np.log(max(self.error(), 1e-300) / max(self.error(*chosen), 1e-300))
         freedom = sum(len(self.own[one]) + self.candidates[one].hidden for one in chosen)
-        return float(self.effective * ratio - freedom * np.log(max(self.effective, 2.0)))
+        independent = self.independent(*chosen) if ratio > _WORTH_A_LOOK else 2.0
+        return float(independent * ratio - freedom * np.log(independent))
+
+    def independent(self, *chosen: int) -> float:
+        """Number of independent windows, from the memory of what these hypotheses leave.
+
+        What a wrong model leaves has the memory of what it lacks, and counts for less.
+        """
+        columns = self.with_base(*chosen)
+        weights = self.products.fit(columns, self.low[columns], self.high[columns])
+        left = self.target - self.columns[:, columns] @ weights
+        return max(len(left) / correlation_windows(left, self.run), 2.0)
 
     def predictions(self, columns: NDArray[np.intp]) -> Array:
         """What each fold is predicted to be by the others, shape (windows,)."""
@@ -107,31 +117,27 @@ class _Bench:
         return result
 
 
-def name_missing(
-    fit: Refit, runs: Runs, block: NDArray[np.intp], unexplained: Array, seed: int, progress: Callable[[str], None]
-) -> Naming:
+def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, progress: Callable[[str], None]) -> Naming:
     """Name the effects that the recordings ask for beyond the refit.
 
     Args:
         fit: The refit.
         runs: The runs.
         block: Stretches that count as independent, shape (windows,).
-        unexplained: What is left when every channel explains what it can, shape (windows,).
         seed: Seed of placebos and intervals.
         progress: Called with what is being done.
     """
     target = runs.observed - fit.predicted
     columns = fit.jacobian
     low, high = fit.freedom()
-    noise = noise_beside_changes(unexplained, runs)
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, target, noise)
+    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, target)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
     while len(named) < _MOST_EFFECTS:
         progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named)))
-        bench = _bench(columns, low, high, candidates, target, runs.run, block % _FOLDS, setting.noise)
+        bench = _bench(columns, low, high, candidates, target, runs.run, block % _FOLDS)
         if not named:
             ranking, absorbed = _rank(bench), _absorbed(bench)
         found = _best(bench, block, seed)
@@ -162,14 +168,12 @@ def _with(
     present = WithEffects(effects)
     predicted = fit.parameters.predict(start.runs, theta, present)
     residual = target - columns @ weights
-    noise = noise_beside_changes(residual, start.runs)
-    quieter = noise if noise.long_run < start.noise.long_run else start.noise
-    return replace(start, theta=theta, present=present, predicted=predicted, residual=residual, noise=quieter)
+    return replace(start, theta=theta, present=present, predicted=predicted, residual=residual)
 
 
 def _bench(
     base: Array, low: Array, high: Array, candidates: tuple[Term, ...], target: Array, run: NDArray[np.intp],
-    fold: NDArray[np.intp], noise: Noise,
+    fold: NDArray[np.intp],
 ) -> _Bench:  # fmt: skip
     columns = np.column_stack([base, *(term.columns for term in candidates)])
     ends = np.cumsum([base.shape[1], *(term.columns.shape[1] for term in candidates)])
@@ -184,7 +188,6 @@ def _bench(
         run=run,
         fold=fold,
         products=products(columns, target, fold),
-        effective=len(target) / noise.memory,
     )
 
 

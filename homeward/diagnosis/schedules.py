@@ -7,6 +7,7 @@ about the same size become one level.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -45,42 +46,46 @@ class Schedule:
         return columns
 
 
-def noise_beside_changes(residual: Array, runs: Runs) -> Noise:
-    """Noise of a residual once its clear changes of level are taken out, which would pass for memory."""
-    level = np.zeros(len(residual))
-    quick = noise_of(residual, runs.run, _SHORT_LAGS)
-    clear = Noise(quick.memory, _CLEAR * quick.long_run)
-    found = in_time(np.ones(len(residual)), residual, runs, clear, signed=True)
-    if found is not None:
-        counts = np.bincount(found.level, minlength=found.levels)
-        level = (np.bincount(found.level, residual, minlength=found.levels) / np.maximum(counts, 1))[found.level]
-    return noise_of(residual - level, runs.run)
-
-
-def in_time(shape: Array, residual: Array, runs: Runs, noise: Noise, *, signed: bool) -> Schedule | None:
+def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> Schedule | None:
     """Find when the size of a shape changes within or between runs; None where it does not.
 
     Args:
         shape: What the size multiplies, shape (windows,).
         residual: What the refit leaves, shape (windows,).
         runs: The runs.
-        noise: Noise of the residual.
         signed: Whether sizes below the usual one are possible; otherwise the lowest counts as none.
     """
-    length = max(_SHORTEST, int(np.ceil(noise.memory / 2)), -(-len(residual) // _MOST_BLOCKS))
-    block = np.empty(len(residual), dtype=np.intp)
-    groups: list[NDArray[np.intp]] = []
-    following = 0
-    for run in np.unique(runs.run):
-        inside = np.flatnonzero(runs.run == run)
-        count = max(1, len(inside) // length)
-        block[inside] = following + np.arange(len(inside)) * count // len(inside)
-        groups.append(following + np.arange(count))
-        following += count
-    return _levels("time", shape, residual, block, groups, noise, signed)
+
+    def find(noise: Noise) -> Schedule | None:
+        length = max(_SHORTEST, int(np.ceil(noise.memory / 2)), -(-len(residual) // _MOST_BLOCKS))
+        block = np.empty(len(residual), dtype=np.intp)
+        groups: list[NDArray[np.intp]] = []
+        following = 0
+        for run in np.unique(runs.run):
+            inside = np.flatnonzero(runs.run == run)
+            count = max(1, len(inside) // length)
+            block[inside] = following + np.arange(len(inside)) * count // len(inside)
+            groups.append(following + np.arange(count))
+            following += count
+        return _levels("time", shape, residual, block, groups, noise, signed)
+
+    return _beside_clear_changes(find, shape, residual, runs)
 
 
-def by_place(shape: Array, residual: Array, runs: Runs, noise: Noise, *, signed: bool) -> Schedule | None:
+def _beside_clear_changes(
+    find: Callable[[Noise], Schedule | None], shape: Array, residual: Array, runs: Runs
+) -> Schedule | None:
+    """Search twice: clear changes would pass for memory of the noise, so they are taken out to see the noise."""
+    quick = noise_of(residual, runs.run, _SHORT_LAGS)
+    clear = find(Noise(quick.memory, _CLEAR * quick.long_run))
+    left = residual
+    if clear is not None:
+        columns = np.column_stack([shape, clear.columns(shape)])
+        left = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    return find(noise_of(left, runs.run))
+
+
+def by_place(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> Schedule | None:
     """Find where along the way from base the size of a shape changes; None where no place is met twice."""
     place_m = runs.context.get("base_distance_m")
     if place_m is None or not np.isfinite(place_m).all():
@@ -89,9 +94,13 @@ def by_place(shape: Array, residual: Array, runs: Runs, noise: Noise, *, signed:
     extent_m = float(np.ptp(place_m))
     if extent_m <= 0.0 or driven_m < _PASSES * extent_m:
         return None
-    bins = max(2, min(_PLACES, len(residual) // (_SHORTEST * max(1, int(np.ceil(noise.memory / 2))))))
-    block = np.minimum((place_m - place_m.min()) / extent_m * bins, bins - 1).astype(np.intp)
-    return _levels("place", shape, residual, block, [np.arange(bins)], noise, signed)
+
+    def find(noise: Noise) -> Schedule | None:
+        bins = max(2, min(_PLACES, len(residual) // (_SHORTEST * max(1, int(np.ceil(noise.memory / 2))))))
+        block = np.minimum((place_m - place_m.min()) / extent_m * bins, bins - 1).astype(np.intp)
+        return _levels("place", shape, residual, block, [np.arange(bins)], noise, signed)
+
+    return _beside_clear_changes(find, shape, residual, runs)
 
 
 class _Cost(ruptures.base.BaseCost):  # type: ignore[misc]

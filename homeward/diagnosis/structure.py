@@ -110,7 +110,6 @@ class Blocks:
 
     channels: NDArray[np.intp]  # for dependence on channels: outlasts whatever no channel explains
     time: NDArray[np.intp]  # for changes in time: outlasts what neither a channel nor one change per run explains
-    unexplained: Array  # (windows,), what is left when every channel explains what it can
 
 
 def independent_blocks(fit: Refit, runs: Runs) -> Blocks:
@@ -130,7 +129,7 @@ def independent_blocks(fit: Refit, runs: Runs) -> Blocks:
     ]
     design = np.column_stack([design, *changes])
     steady = residual - design @ _least_squares(design, residual)
-    return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady), unexplained)
+    return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady))
 
 
 def dependences(fit: Refit, runs: Runs, block: Blocks, fold: NDArray[np.intp], seed: int = 0) -> list[Dependence]:
