@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -13,27 +14,39 @@ from numpy.typing import NDArray
 from homeward.envs import kernel
 from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
 from homeward.envs.options import OptionError, Options, settle
-from homeward.envs.state import MISSION_DTYPE, ROUTE_DTYPE
+from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
 from homeward.physics.jit import announce_first_compilation
-from homeward.physics.kernel import CAUSES, ROBOT_STATE_DTYPE
+from homeward.physics.kernel import CAUSES
 from homeward.physics.robot import ROBOT_DTYPE
 
 _PARALLEL_FROM = 256
 """Missions from which two threads are faster than one."""
 
+_CACHE_LINE = 64  # bytes
 _NO_CHOICES, _NO_LEVELS = np.empty((0, 3), np.int64), np.empty((0, 3), np.float32)
 
 
-class EnergyLedger(Mapping[str, Any]):
-    """Energy that left the battery, J, by cause: a mapping over an array of shape (..., len(CAUSES))."""
+def _by_cache_lines(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Zeros that begin where a line of the processor's cache does."""
+    room = np.zeros(count * dtype.itemsize + _CACHE_LINE, np.uint8)
+    start = -room.ctypes.data % _CACHE_LINE
+    return room[start : start + count * dtype.itemsize].view(dtype)
+
+
+class EnergyLedger(Mapping[str, float]):
+    """Energy that left the battery, J, by cause: a mapping over an array, as to fill a dictionary takes long.
+
+    Args:
+        joules: One number a cause, shape (len(CAUSES),).
+    """
 
     __slots__ = ("joules",)
 
     def __init__(self, joules: NDArray[np.float64]) -> None:
         self.joules = joules
 
-    def __getitem__(self, cause: str) -> Any:
-        return self.joules[..., _COLUMN[cause]]
+    def __getitem__(self, cause: str) -> float:
+        return float(self.joules[_COLUMN[cause]])
 
     def __iter__(self) -> Iterator[str]:
         return iter(CAUSES)
@@ -41,9 +54,12 @@ class EnergyLedger(Mapping[str, Any]):
     def __len__(self) -> int:
         return len(CAUSES)
 
-    def total(self) -> Any:
+    def __repr__(self) -> str:
+        return repr(dict(zip(CAUSES, self.joules.tolist(), strict=True)))
+
+    def total(self) -> float:
         """Sum over all causes, J: what the battery has lost."""
-        return self.joules.sum(axis=-1)
+        return float(self.joules.sum())
 
 
 _COLUMN = {cause: column for column, cause in enumerate(CAUSES)}
@@ -53,15 +69,26 @@ INFO_KEYS = ("energy_j", "score", "cost", "position_m", "home", "stranded")
 """Keys of `info`, of the scalar and the vector environments."""
 
 
-def info_of(records: NDArray[np.void]) -> dict[str, Any]:
-    """Views of what missions tell in `info`: arrays of shape (n,), and the energy ledger."""
+def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
+    """What missions tell in `info`: read-only arrays of shape (n,), those of `energy_j` by cause.
+
+    Args:
+        records: `MISSION_DTYPE`, shape (n,).
+        live: Whether the arrays are to follow the missions, or to keep what they came to.
+    """
+
+    def told(field: str) -> NDArray[Any]:
+        values = records[field].T if live else records[field].T.copy()
+        values.flags.writeable = False
+        return values
+
     return {
-        "energy_j": EnergyLedger(records["ledger_j"]),
-        "score": records["score"],
-        "cost": records["cost"],
-        "position_m": records["position_m"],
-        "home": records["home"],
-        "stranded": records["depleted"],
+        "energy_j": dict(zip(CAUSES, told("ledger_j"), strict=True)),
+        "score": told("score"),
+        "cost": told("cost"),
+        "position_m": told("position_m"),
+        "home": told("home"),
+        "stranded": told("depleted"),
     }
 
 
@@ -85,24 +112,33 @@ class Batch:
         self.options = options
         self.setting = settle(options)
         self.count = count
-        self.records = np.zeros(count, MISSION_DTYPE)
+        self.records = _by_cache_lines(count, MISSION_DTYPE)
         self._robots = np.full(count, self.setting.robot.record()[0], ROBOT_DTYPE)
-        self._routes = np.zeros(count, ROUTE_DTYPE)
-        self._nominals = self.setting.robot.record()
-        self._beliefs = np.zeros(count, ROBOT_STATE_DTYPE)
+        self._routes = _by_cache_lines(count, ROUTE_DTYPE)
+        self._constants = np.zeros(1, CONSTANTS_DTYPE)
+        self._settle()
         self._generators: list[np.random.Generator] = []
         self._typed_generators: Any = None
-        self._step = kernel.step_in_parallel if count >= _PARALLEL_FROM else kernel.step_in_turn
+        self._parallel = count >= _PARALLEL_FROM
+        self._none = np.zeros(count, np.bool_)
         self._discrete = options.action_type == "discrete"
         self._action_shape = (count, 3)
 
     def __getstate__(self) -> dict[str, Any]:
-        # numba's lists and functions do not travel; both are rebuilt.
-        return self.__dict__ | {"_typed_generators": None, "_step": None}
+        # numba's lists do not travel; this one is rebuilt.
+        return self.__dict__ | {"_typed_generators": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._step = kernel.step_in_parallel if self.count >= _PARALLEL_FROM else kernel.step_in_turn
+        self._settle()
+
+    def _settle(self) -> None:
+        """Lay the setting out as one record for the kernels, and let the setting show it."""
+        setting, constants = self.setting, self._constants[0]
+        constants["shared"], constants["nominal"] = setting.shared[0], setting.robot.record()[0]
+        constants["fixed"], constants["day"] = setting.fixed[0], setting.day
+        views = self._constants
+        self.setting = dataclasses.replace(setting, shared=views["shared"], fixed=views["fixed"], day=views["day"][0])
 
     @property
     def generators(self) -> Sequence[np.random.Generator]:
@@ -124,14 +160,11 @@ class Batch:
         """Routes, `ROUTE_DTYPE`, shape (count,); a setting says how many of their places are used."""
         return self._routes
 
-    def reset(self, indices: NDArray[np.int64], observations: NDArray[np.float32]) -> None:
-        """Begin new missions at some indices and write their observations."""
-        if self._typed_generators is None:
-            self._typed_generators = numba.typed.List(self._generators)
-        rows = np.ndarray(self.count, OBSERVATION_DTYPE, observations)
+    def reset(self, begin: NDArray[np.bool_], observations: NDArray[np.float32]) -> None:
+        """Begin new missions where a mask of shape (count,) says so, and write their observations."""
         kernel.reset_missions(
-            indices, self._typed_generators, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, rows, self.setting.fixed, self.setting.day,
+            begin.nonzero()[0], self._numbas_generators(), self._constants, self.records, self._robots, self._routes,
+            self._rows(observations),
         )  # fmt: skip
 
     def step(
@@ -141,8 +174,11 @@ class Batch:
         rewards: NDArray[np.float64],
         terminated: NDArray[np.bool_],
         truncated: NDArray[np.bool_],
+        begin: NDArray[np.bool_] | None = None,
     ) -> int:
         """Step every mission that is not over; write the results and return how many ended.
+
+        Where the mask `begin` of shape (count,) says so, a new mission begins instead; its action is not used.
 
         Raises:
             OptionError: An action is not in the action space; no mission was stepped.
@@ -152,14 +188,30 @@ class Batch:
             choices = self._as_actions(actions, np.int64)
         else:
             levels = self._as_actions(actions, np.float32)
-        rows = np.ndarray(self.count, OBSERVATION_DTYPE, observations)
-        ended: int = self._step(
-            choices, levels, self.records, self._robots, self._routes, self._nominals, self._beliefs,
-            self.setting.shared, rows, rewards, terminated, truncated,
-        )  # fmt: skip
+        rows = self._rows(observations)
+        if self._parallel:
+            ended: int = kernel.step_in_parallel(
+                self._none if begin is None else begin, self._numbas_generators(), choices, levels, self._constants,
+                self.records, self._robots, self._routes, rows, rewards, terminated, truncated,
+            )  # fmt: skip
+        else:
+            ended = kernel.step_in_turn(
+                choices, levels, self._constants, self.records, self._robots, self._routes, rows, rewards, terminated,
+                truncated,
+            )  # fmt: skip
         if ended < 0:
             self._refuse(actions, -1 - ended)
+        if begin is not None and not self._parallel:
+            self.reset(begin, observations)
         return ended
+
+    def _rows(self, observations: NDArray[np.float32]) -> NDArray[np.void]:
+        return np.ndarray(self.count, OBSERVATION_DTYPE, observations)
+
+    def _numbas_generators(self) -> Any:
+        if self._typed_generators is None:
+            self._typed_generators = numba.typed.List(self._generators)
+        return self._typed_generators
 
     def _as_actions(self, actions: Any, dtype: Any) -> Any:
         array = np.asarray(actions)

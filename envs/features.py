@@ -58,7 +58,7 @@ def gauge_energy(m: Any, shared: Any) -> Any:
 @inline
 def home_cost(m: Any, shared: Any) -> Any:
     """Energy to get home over the ground already driven, J, an estimate by the robot's own model."""
-    return m.seen.home_cost_j + (m.position_m - m.place * shared.place_m) * m.seen.home_j_per_m
+    return m.here.home_cost_j + (m.position_m - m.place * shared.place_m) * m.here.home_j_per_m
 
 
 @inline
@@ -72,7 +72,7 @@ def observe(m: Any, shared: Any, energy_j: float, cost_j: float, out: Any) -> No
         cost_j: Energy to get home, J.
         out: Observation record, written.
     """
-    place, seen, per_usable = m.here, m.seen, shared.per_usable_j
+    place, per_usable = m.here, shared.per_usable_j
     out.energy = energy_j * per_usable
     out.distance = min(m.position_m * shared.per_reach_m, LIMIT)
     out.home_cost = min(cost_j * per_usable, LIMIT)
@@ -87,17 +87,17 @@ def observe(m: Any, shared: Any, energy_j: float, cost_j: float, out: Any) -> No
     out.speed = m.speed_mps * shared.per_max_speed
     out.sensing = m.sensing_hz * shared.per_max_sensing
     out.grade = 10.0 * m.direction * place.sin_grade
-    out.grade_near = 10.0 * seen.grade_near
-    out.grade_far = 10.0 * seen.grade_far
+    out.grade_near = 10.0 * place.grade_near
+    out.grade_far = 10.0 * place.grade_far
     out.grade_mean = 10.0 * m.mean_grade
     out.interest = min(0.5 * place.interest, LIMIT)
-    out.interest_near = min(0.5 * seen.interest_near, LIMIT)
-    out.interest_far = min(0.5 * seen.interest_far, LIMIT)
+    out.interest_near = min(0.5 * place.interest_near, LIMIT)
+    out.interest_far = min(0.5 * place.interest_far, LIMIT)
     out.backlog = m.backlog * shared.per_backlog
     out.link = 1.0 / fading(m.position_m, shared.per_link_m)
     out.headwind = 0.0
     if shared.difficulty == KNOWN:
-        out.headwind = min(max(0.1 * m.direction * seen.headwind_mps, -LIMIT), LIMIT)
+        out.headwind = min(max(0.1 * m.direction * place.headwind_mps, -LIMIT), LIMIT)
     out.temperature = 0.05 * (m.temperature_c - 10.0)
     out.score = min(m.score * shared.per_score, LIMIT)
     out.time = m.decisions * shared.per_max_decisions

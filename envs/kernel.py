@@ -13,9 +13,10 @@ from homeward.envs.features import gauge_energy, home_cost, observe
 from homeward.envs.routes import generate
 from homeward.envs.state import RETURN, STOP, SURVEY
 from homeward.physics import model
-from homeward.physics.jit import compiled, inline
+from homeward.physics.jit import compiled, inline, prefetch
 from homeward.physics.kernel import Conditions, advance, demand
 
+_FETCH_AHEAD = 4  # missions
 LEVELS = 5
 """Levels of speed and of sensing rate that a discrete action chooses from."""
 
@@ -42,29 +43,48 @@ def _conditions(
 
 
 @inline
-def _map_place(m: Any, route: Any, believed: Any, b: Any, shared: Any) -> None:
-    """See the place that the robot comes to for the first time, and cost it by its own model, with `b` to work in."""
-    place, seen = route.places[m.mapped], route.seen[m.mapped]
-    seen.headwind_mps = 0.0
+def _look_ahead(route: Any, shared: Any) -> None:
+    """Note at each place the mean slope and interest ahead: of the next two places, and of the eight beyond."""
+    count = shared.places
+    near_grade = near_interest = far_grade = far_interest = 0.0
+    for k in range(count - 1, -1, -1):
+        if k + 1 < count:
+            near_grade += route.places[k + 1].sin_grade
+            near_interest += route.places[k + 1].interest
+        if k + 3 < count:
+            passed = route.places[k + 3]
+            near_grade, far_grade = near_grade - passed.sin_grade, far_grade + passed.sin_grade
+            near_interest, far_interest = near_interest - passed.interest, far_interest + passed.interest
+        if k + 11 < count:
+            far_grade -= route.places[k + 11].sin_grade
+            far_interest -= route.places[k + 11].interest
+        place = route.places[k]
+        near = 1.0 / min(max(count - 1 - k, 1), 2)
+        far = 1.0 / min(max(count - 3 - k, 1), 8) if shared.difficulty == KNOWN else 0.0
+        place.grade_near, place.interest_near = near_grade * near, near_interest * near
+        place.grade_far, place.interest_far = far_grade * far, far_interest * far
+
+
+@inline
+def _map_place(m: Any, place: Any, believed: Any, shared: Any, home_cost_j: float) -> None:
+    """See the place that the robot comes to for the first time, and cost it by its own model."""
+    place.home_cost_j, place.headwind_mps = home_cost_j, 0.0
     if m.wind_mps > 0.0:
-        seen.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
-    seen.grade_near, seen.interest_near = _mean_ahead(route, shared, m.mapped + 1, m.mapped + 3)
-    seen.grade_far = seen.interest_far = 0.0
-    if shared.difficulty == KNOWN:
-        seen.grade_far, seen.interest_far = _mean_ahead(route, shared, m.mapped + 3, m.mapped + 11)
+        place.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
     cruise = shared.cruise_mps
-    headwind = float(seen.headwind_mps) if shared.difficulty == KNOWN else 0.0
-    b.speed_mps, b.step_s = cruise, shared.decision_s
-    standing_w = demand(believed, b, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0))
-    out_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
-    home_w = demand(believed, b, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
-    seen.standing_w = standing_w
-    seen.out_j_per_m = (out_w - standing_w) / cruise
-    seen.back_j_per_m = (home_w - standing_w) / cruise
-    seen.home_j_per_m = home_w / cruise
+    headwind = float(place.headwind_mps) if shared.difficulty == KNOWN else 0.0
+    # The model's powers are worked out in the mission's own record, as if its windings were cold and its clock at 0.
+    kept = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.traction_n, m.drive_w, m.power_w
+    m.time_s, m.step_s, m.speed_mps, m.winding_k = 0.0, shared.decision_s, cruise, 0.0
+    standing_w = demand(believed, m, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0))
+    out_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
+    home_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
+    m.time_s, m.step_s, m.speed_mps, m.winding_k, m.traction_n, m.drive_w, m.power_w = kept
+    place.standing_w = standing_w
+    place.out_j_per_m = (out_w - standing_w) / cruise
+    place.back_j_per_m = (home_w - standing_w) / cruise
+    place.home_j_per_m = home_w / cruise
     m.mapped += 1
-    if m.mapped < shared.places:
-        route.seen[m.mapped].home_cost_j = seen.home_cost_j + seen.home_j_per_m * shared.place_m
 
 
 @inline
@@ -78,8 +98,11 @@ def _potential(m: Any, shared: Any, spare_j: float) -> Any:
 
 
 @inline
-def _reset(m: Any, p: Any, route: Any, rng: Any, nominal: Any, b: Any, shared: Any, fixed: Any, day: Any) -> None:
+def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
     """Begin a mission: draw the day, the route and the true robot."""
+    shared, nominal = c.shared, c.nominal
+    for k in range(shared.places):
+        prefetch(route.places[k])
     m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.step_s = 0.0
     m.traction_n = m.drive_w = m.power_w = 0.0
     m.position_m = m.furthest_m = m.dwell_s = m.legs = 0.0
@@ -94,33 +117,22 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, nominal: Any, b: Any, shared: A
         generate(rng, route, m, shared.places, shared.length_m, shared.hidden_wind)
     else:
         for k in range(shared.places):
-            route.places[k] = fixed.places[k]
-        m.temperature_c, m.wind_mps, m.wind_from_rad = day[0], day[1], day[2]
+            route.places[k] = c.fixed.places[k]
+        m.temperature_c, m.wind_mps, m.wind_from_rad = c.day[0], c.day[1], c.day[2]
     if p.effects == 0:
         m.wind_mps = 0.0  # the paper's robot feels none
     rise = 0.0
     for k in range(shared.places):
         rise += route.places[k].sin_grade
     m.mean_grade = rise / shared.places
-    route.seen[0].home_cost_j = 0.0
-    _map_place(m, route, nominal, b, shared)
-    m.here, m.seen = route.places[0], route.seen[0]
+    _look_ahead(route, shared)
+    _map_place(m, route.places[0], nominal, shared, 0.0)
+    m.here = route.places[0]
     m.potential = _potential(m, shared, gauge_energy(m, shared)) if shared.shaped else 0.0
 
 
 @inline
-def _mean_ahead(route: Any, shared: Any, start: int, stop: int) -> Any:
-    grade, interest = 0.0, 0.0
-    stop = min(stop, shared.places)
-    for k in range(start, stop):
-        grade += route.places[k].sin_grade
-        interest += route.places[k].interest
-    count = max(stop - start, 1)
-    return grade / count, interest / count
-
-
-@inline
-def _cross(m: Any, route: Any, nominal: Any, b: Any, shared: Any) -> None:
+def _cross(m: Any, route: Any, nominal: Any, shared: Any) -> None:
     """Pass the border ahead: into the next place, or to an end of the route."""
     ahead = m.place + (1 if m.direction > 0.0 else -1)
     if ahead < 0 or ahead == shared.places:
@@ -128,20 +140,21 @@ def _cross(m: Any, route: Any, nominal: Any, b: Any, shared: Any) -> None:
         return
     m.place = ahead
     if m.place == m.mapped:
-        _map_place(m, route, nominal, b, shared)
-    m.here, m.seen = route.places[ahead], route.seen[ahead]
+        home_cost_j = m.here.home_cost_j + m.here.home_j_per_m * shared.place_m
+        _map_place(m, route.places[ahead], nominal, shared, home_cost_j)
+    m.here = route.places[ahead]
 
 
 @inline
 def _account(m: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: float) -> None:
     """Book what the robot's own model says of a stretch, and what was sensed and sent on it."""
-    seen = m.seen
-    drive_j_per_m = seen.out_j_per_m if x.direction > 0.0 else seen.back_j_per_m
+    here = m.here
+    drive_j_per_m = here.out_j_per_m if x.direction > 0.0 else here.back_j_per_m
     drive_j_per_m += shared.drag_j_per_m * (x.speed_mps * x.speed_mps - shared.cruise_mps * shared.cruise_mps)
     sensing_w = model.ancillary_power(nominal, x.sensing_hz) - model.ancillary_power(nominal, 0.0)
-    m.modelled_j += (max(drive_j_per_m, 0.0) * x.speed_mps + seen.standing_w + sensing_w) * passed_s
+    m.modelled_j += (max(drive_j_per_m, 0.0) * x.speed_mps + here.standing_w + sensing_w) * passed_s
     if shared.mission == SURVEY:
-        missions.sense(m, m.here, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
+        missions.sense(m, here, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
         missions.transmit(m, shared, x.speed_mps > 0.0, passed_s)
 
 
@@ -151,7 +164,6 @@ def _decide(
     p: Any,
     route: Any,
     nominal: Any,
-    b: Any,
     shared: Any,
     speed_mps: float,
     sensing_hz: float,
@@ -174,13 +186,13 @@ def _decide(
             border_m = (m.place + (m.direction > 0.0)) * shared.place_m
             ahead_m = m.direction * (border_m - m.position_m)
             if ahead_m <= 0.0:
-                _cross(m, route, nominal, b, shared)
+                _cross(m, route, nominal, shared)
                 continue
             speed = speed_mps
             crossing = ahead_m <= speed * left_s
             if crossing:
                 dt_s = ahead_m / speed
-        x = _conditions(m, m.here, speed, sensing_hz, accel, m.seen.headwind_mps, m.direction)
+        x = _conditions(m, m.here, speed, sensing_hz, accel, m.here.headwind_mps, m.direction)
         passed_s = advance(p, m, x, dt_s)
         left_s -= passed_s
         m.dwell_s = max(m.dwell_s - passed_s, 0.0)
@@ -190,7 +202,7 @@ def _decide(
         m.furthest_m = max(m.furthest_m, m.position_m)
         _account(m, nominal, shared, x, passed_s, new_m)
         if crossing:
-            _cross(m, route, nominal, b, shared)
+            _cross(m, route, nominal, shared)
 
 
 @inline
@@ -211,15 +223,73 @@ def _first_bad_action(choices: Any, levels: Any, shared: Any) -> int:
     return -1
 
 
+@inline
+def _judge(m: Any, shared: Any, spare_j: float) -> Any:
+    """Score a mission after a decision and return the reward."""
+    m.score = 0.0 if m.depleted else missions.score(m, shared)
+    m.cost = 1.0 if m.depleted else 0.0
+    reward = m.score * shared.per_score if m.home else 0.0
+    if shared.shaped:
+        potential = 0.0 if m.home or m.depleted else _potential(m, shared, spare_j)
+        reward += shared.discount * potential - m.potential
+        m.potential = potential
+    return reward
+
+
+@inline
+def _begin(m: Any, p: Any, route: Any, rng: Any, c: Any, row: Any) -> None:
+    """Begin a mission and observe its start."""
+    _reset(m, p, route, rng, c)
+    observe(m, c.shared, gauge_energy(m, c.shared), 0.0, row)
+
+
+@inline
+def _fetch_next_place(records: Any, routes: Any, i: int) -> None:
+    """Ask for the place that a mission some turns ahead may come to: it lies far from all else and takes long."""
+    if i < len(records):
+        m = records[i]
+        prefetch(routes[i].places[max(m.place + (1 if m.direction > 0.0 else -1), 0)])
+
+
+@inline
+def _command(choices: Any, levels: Any, i: int, shared: Any) -> Any:
+    """Speed (m/s), sensing rate (Hz) and mode of an action."""
+    if shared.discrete:
+        return (
+            _level(choices[i, 0], shared.min_speed_mps, shared.max_speed_mps),
+            _level(choices[i, 1], 0.0, shared.max_sensing_hz),
+            choices[i, 2],
+        )
+    return (
+        _level(2.0 * (levels[i, 0] + 1.0), shared.min_speed_mps, shared.max_speed_mps),
+        _level(2.0 * (levels[i, 1] + 1.0), 0.0, shared.max_sensing_hz),
+        min(int(1.5 * (levels[i, 2] + 1.0)), 2),
+    )
+
+
+@inline
 def _step(
+    m: Any, robot: Any, route: Any, nominal: Any, shared: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
+) -> Any:
+    """Step a mission by one decision and return the reward."""
+    # Where nothing is hidden, all missions have the robot of the file: one record, always in the cache.
+    p = robot if shared.difficulty > KNOWN else nominal
+    _decide(m, p, route, nominal, shared, speed_mps, sensing_hz, mode)
+    energy_j, cost_j = gauge_energy(m, shared), home_cost(m, shared)
+    reward = _judge(m, shared, energy_j - cost_j)
+    m.over = m.home or m.depleted or m.decisions >= shared.max_decisions
+    observe(m, shared, energy_j, cost_j, row)
+    return reward
+
+
+@compiled
+def step_in_turn(
     choices: Any,
     levels: Any,
+    constants: Any,
     records: Any,
     robots: Any,
     routes: Any,
-    nominals: Any,
-    beliefs: Any,
-    shareds: Any,
     observations: Any,
     rewards: Any,
     terminated: Any,
@@ -230,12 +300,10 @@ def _step(
     Args:
         choices: Discrete actions, int64, shape (n, 3): speed level, sensing level, stop / go / return; or (0, 3).
         levels: Continuous actions, float32, shape (n, 3), within [-1, 1]; or (0, 3).
+        constants: `CONSTANTS_DTYPE`, shape (1,).
         records: `MISSION_DTYPE`, shape (n,).
         robots: True robots, `ROBOT_DTYPE`, shape (n,).
         routes: `ROUTE_DTYPE`, shape (n,).
-        nominals: The robot as its file says, shape (1,).
-        beliefs: States to work in, `ROBOT_STATE_DTYPE`, shape (n,).
-        shareds: `SHARED_DTYPE`, shape (1,).
         observations: Written, `OBSERVATION_DTYPE`, shape (n,).
         rewards: Written, shape (n,).
         terminated: Written, shape (n,).
@@ -245,72 +313,76 @@ def _step(
         Number of missions that ended in this step, or -1 - i if action i is not in the action space: then nothing
         was done.
     """
-    bad = _first_bad_action(choices, levels, shareds[0])
+    bad = _first_bad_action(choices, levels, constants[0].shared)
+    if bad >= 0:
+        return -1 - bad
+    ended = 0
+    for i in range(len(records)):
+        m, c = records[i], constants[0]
+        rewards[i], terminated[i], truncated[i] = 0.0, False, False
+        if not m.over:
+            _fetch_next_place(records, routes, i + _FETCH_AHEAD)
+            command = _command(choices, levels, i, c.shared)
+            rewards[i] = _step(m, robots[i], routes[i], c.nominal, c.shared, observations[i], *command)
+            terminated[i] = m.home or m.depleted
+            truncated[i] = m.over and not terminated[i]
+            ended += m.over
+    return ended
+
+
+@compiled(parallel=True)
+def step_in_parallel(
+    begin: Any,
+    generators: Any,
+    choices: Any,
+    levels: Any,
+    constants: Any,
+    records: Any,
+    robots: Any,
+    routes: Any,
+    observations: Any,
+    rewards: Any,
+    terminated: Any,
+    truncated: Any,
+) -> int:
+    """Step missions on all cores, with arguments as in turn and in the reset, and begin others meanwhile.
+
+    Args:
+        begin: Which missions to begin anew instead, bool, shape (n,).
+    """
+    bad = _first_bad_action(choices, levels, constants[0].shared)
     if bad >= 0:
         return -1 - bad
     ended = 0
     for i in numba.prange(len(records)):
-        m, route, shared, nominal = records[i], routes[i], shareds[0], nominals[0]
+        m, c = records[i], constants[0]  # taken here, as records do not pass into a parallel loop
         rewards[i], terminated[i], truncated[i] = 0.0, False, False
-        if not m.over:
-            if shared.discrete:
-                speed = _level(choices[i, 0], shared.min_speed_mps, shared.max_speed_mps)
-                sensing_hz = _level(choices[i, 1], 0.0, shared.max_sensing_hz)
-                mode = choices[i, 2]
-            else:
-                speed = _level(2.0 * (levels[i, 0] + 1.0), shared.min_speed_mps, shared.max_speed_mps)
-                sensing_hz = _level(2.0 * (levels[i, 1] + 1.0), 0.0, shared.max_sensing_hz)
-                mode = min(int(1.5 * (levels[i, 2] + 1.0)), 2)
-            # Where nothing is hidden, all missions have the robot of the file: one record, always in the cache.
-            p = robots[i] if shared.difficulty > KNOWN else nominal
-            _decide(m, p, route, nominal, beliefs[i], shared, speed, sensing_hz, mode)
-            done = m.home or m.depleted
-            m.score = 0.0 if m.depleted else missions.score(m, shared)
-            m.cost = 1.0 if m.depleted else 0.0
-            reward = m.score * shared.per_score if m.home else 0.0
-            energy_j, cost_j = gauge_energy(m, shared), home_cost(m, shared)
-            if shared.shaped:
-                potential = 0.0 if done else _potential(m, shared, energy_j - cost_j)
-                reward += shared.discount * potential - m.potential
-                m.potential = potential
-            rewards[i] = reward
-            terminated[i] = done
-            truncated[i] = not done and m.decisions >= shared.max_decisions
-            m.over = done or truncated[i]
+        if begin[i]:
+            if c.shared.difficulty > KNOWN:
+                robots[i] = c.nominal
+            _begin(m, robots[i], routes[i], generators[np.int64(i)], c, observations[i])
+        elif not m.over:
+            _fetch_next_place(records, routes, i + _FETCH_AHEAD)
+            command = _command(choices, levels, i, c.shared)
+            rewards[i] = _step(m, robots[i], routes[i], c.nominal, c.shared, observations[i], *command)
+            terminated[i] = m.home or m.depleted
+            truncated[i] = m.over and not terminated[i]
             ended += m.over
-            observe(m, shared, energy_j, cost_j, observations[i])
     return ended
-
-
-step_in_turn = compiled(_step)
-step_in_parallel = compiled(_step, parallel=True)
 
 
 @compiled
 def reset_missions(
-    indices: Any,
-    generators: Any,
-    records: Any,
-    robots: Any,
-    routes: Any,
-    nominals: Any,
-    beliefs: Any,
-    shareds: Any,
-    observations: Any,
-    fixed: Any,
-    day: Any,
+    indices: Any, generators: Any, constants: Any, records: Any, robots: Any, routes: Any, observations: Any
 ) -> None:
     """Begin new missions at some indices, with arguments as in the step and some more.
 
     Args:
         indices: Which missions, int64, shape (k,).
         generators: One `numpy.random.Generator` a mission, a typed list of length n.
-        fixed: The route of every mission unless routes are generated, `ROUTE_DTYPE`, shape (1,).
-        day: Temperature (C), wind (m/s) and its direction (rad) of that route.
     """
     for i in indices:
-        if shareds[0].difficulty > KNOWN:
-            robots[i] = nominals[0]
-        _reset(records[i], robots[i], routes[i], generators[i], nominals[0], beliefs[i], shareds[0], fixed[0], day)
-        m, shared = records[i], shareds[0]
-        observe(m, shared, gauge_energy(m, shared), 0.0, observations[i])
+        c = constants[0]
+        if c.shared.difficulty > KNOWN:
+            robots[i] = c.nominal
+        _begin(records[i], robots[i], routes[i], generators[i], c, observations[i])

@@ -43,7 +43,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         self.action_space = action_space(self.options)
         self.batch = Batch(self.options, 1)
         self._live = info_of(self.batch.records)
-        self._first = np.zeros(1, np.int64)
+        self._first = np.ones(1, np.bool_)
         self._observation_shape = (1, *(self.observation_space.shape or ()))
         self._rewards, self._terminated, self._truncated = np.zeros(1), np.zeros(1, np.bool_), np.zeros(1, np.bool_)
 
@@ -100,7 +100,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     def _info(self) -> dict[str, Any]:
         live = self._live
         return {
-            "energy_j": EnergyLedger(live["energy_j"].joules[0].copy()),
+            "energy_j": EnergyLedger(self.batch.records["ledger_j"][0].copy()),
             "score": live["score"].item(),
             "cost": live["cost"].item(),
             "position_m": live["position_m"].item(),

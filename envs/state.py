@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from homeward.physics.kernel import STATE_FIELDS
+from homeward.physics.robot import ROBOT_DTYPE
 
 OUT_AND_BACK, SURVEY, PATROL = range(3)
 STOP, GO, RETURN = range(3)
@@ -13,36 +14,29 @@ PLACE_DTYPE = np.dtype(
     [
         (name, np.float32)
         for name in (
+            # The ground, as the route is drawn or read.
             "sin_grade",  # along the way out
             "roughness",
             "curvature_per_m",
             "heading_rad",
             "interest",
-        )
-    ],
-    align=True,
-)
-"""The ground of one place of a route: all that a new mission has to write."""
-
-SEEN_DTYPE = np.dtype(
-    [
-        (name, np.float32)
-        for name in (
+            "grade_near",  # mean ahead, within sight
+            "interest_near",
+            "grade_far",  # mean ahead, beyond it; 0 unless the route is known
+            "interest_far",
+            # What the mission knows once the robot has come here.
             "headwind_mps",  # along the way out, on this day
-            "home_cost_j",  # from the start of this place home; this and the next four by the robot's own model
+            "home_cost_j",  # from the start of this place home; this and the rest by the robot's own model
             "home_j_per_m",  # towards home, all power
             "back_j_per_m",  # towards home, drive only
             "out_j_per_m",  # away from home, drive only
             "standing_w",  # standing here, nothing sensed
-            "grade_near",  # mean ahead, within sight
-            "grade_far",  # mean ahead, beyond it
-            "interest_near",
-            "interest_far",
+            "unused",
         )
     ],
     align=True,
 )
-"""What a mission knows of one place since the robot came to it."""
+"""One place of a route: one line of the processor's cache, as a robot that comes to it has to wait for each."""
 
 MISSION_DTYPE = np.dtype(
     [
@@ -72,8 +66,7 @@ MISSION_DTYPE = np.dtype(
         ("returning", np.bool_),
         ("home", np.bool_),
         ("over", np.bool_),
-        ("here", PLACE_DTYPE),  # copies of the place that the robot is in
-        ("seen", SEEN_DTYPE),
+        ("here", PLACE_DTYPE),  # copy of the place that the robot is in
         # The arrays last: what every step touches stays together in the caches.
         *(field for field in STATE_FIELDS if len(field) > 2),
     ],
@@ -84,8 +77,9 @@ MISSION_DTYPE = np.dtype(
 MAX_PLACES = 64
 """Most places of a route; a longer profile is cut into longer places."""
 
-ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,)), ("seen", SEEN_DTYPE, (MAX_PLACES,))], align=True)
-"""The route of one mission; the shared record says how many places it has."""
+ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,)), ("apart", PLACE_DTYPE)], align=True)
+"""The route of one mission; the shared record says how many places it has. The last field keeps routes from lying at
+multiples of a power of two, where they would drive each other out of the caches."""
 
 INVERSES = {
     "per_usable_j": "usable_j",
@@ -136,3 +130,14 @@ SHARED_DTYPE = np.dtype(
     align=True,
 )
 """What all missions of an environment share."""
+
+CONSTANTS_DTYPE = np.dtype(
+    [
+        ("shared", SHARED_DTYPE),
+        ("nominal", ROBOT_DTYPE),  # the robot as its file says
+        ("fixed", ROUTE_DTYPE),  # the route of every mission, unless routes are generated
+        ("day", np.float64, (3,)),  # of that route: temperature (C), wind (m/s) and its direction (rad)
+    ],
+    align=True,
+)
+"""What no mission changes."""

@@ -20,7 +20,7 @@ from homeward.envs.options import OptionError, parse_options
 class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any]]):
     """Missions side by side; equal, step for step, to as many scalar environments with the same seeds.
 
-    The arrays in `info` are live views of the running missions: copy what is to be kept beyond the next step.
+    The arrays in `info` are read-only views of the running missions: copy what is to be kept beyond the next step.
 
     Args:
         num_envs: Number of missions.
@@ -64,7 +64,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self.batch = Batch(self.options, num_envs)
         self._over = np.zeros(num_envs, np.bool_)
         self._any_over = False
-        self._everyone = np.arange(num_envs)
+        self._everyone = np.ones(num_envs, np.bool_)
         self._last_observations: NDArray[np.float32] | None = None
         self._live = self._live_info()
         self._observation_shape = (num_envs, *(self.single_observation_space.shape or ()))
@@ -81,13 +81,13 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         Raises:
             OptionError: The seeds or the mask have the wrong length or type.
         """
-        indices = self._chosen(options)
-        self._seed(seed, indices)
+        chosen = self._chosen(options)
+        self._seed(seed, chosen)
         observations = np.empty(self._observation_shape, np.float32)
-        if len(indices) < self.num_envs:
+        if self._last_observations is not None:
             observations[:] = self._last_observations
-        self.batch.reset(indices, observations)
-        self._over[indices] = False
+        self.batch.reset(chosen, observations)
+        self._over[chosen] = False
         self._any_over = bool(self._over.any())
         self._last_observations = observations
         return observations, self._info()
@@ -111,21 +111,19 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             raise OptionError(
                 f"missions {over} are over; reset them with options={{'reset_mask': mask}} before the step"
             )
-        ended = self.batch.step(actions, observations, rewards, terminated, truncated)
-        if self._any_over:  # next-step mode: the kernel left these alone
-            self.batch.reset(self._over.nonzero()[0], observations)
-            self._over[:] = False
-            self._any_over = False
+        ended = self.batch.step(
+            actions, observations, rewards, terminated, truncated, self._over if self._any_over else None
+        )
         info = self._info()
-        if ended:
-            self._any_over = True
+        if ended or self._any_over:
+            self._any_over = ended > 0
             np.logical_or(terminated, truncated, out=self._over)
-            if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            if ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
                 self._reset_at_once(observations, info)
         self._last_observations = observations
         return observations, rewards, terminated, truncated, info
 
-    def _chosen(self, options: dict[str, Any] | None) -> NDArray[np.int64]:
+    def _chosen(self, options: dict[str, Any] | None) -> NDArray[np.bool_]:
         if not options or "reset_mask" not in options:
             return self._everyone
         mask = np.asarray(options["reset_mask"])
@@ -133,14 +131,14 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             raise OptionError(f"reset_mask must be a bool array of shape ({self.num_envs},) with at least one True")
         if not self.batch.generators:
             raise OptionError("a reset_mask needs missions that have begun; call reset() without one first")
-        return np.flatnonzero(mask)
+        return mask
 
-    def _seed(self, seed: int | Sequence[int | None] | None, indices: NDArray[np.int64]) -> None:
+    def _seed(self, seed: int | Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> None:
         seeds = self._one_each(seed)
         if self.batch.generators and all(one is None for one in seeds):
             return
         generators = list(self.batch.generators) or [seeding.np_random(one)[0] for one in seeds]
-        for i in indices:
+        for i in np.flatnonzero(chosen):
             if seeds[i] is not None:
                 generators[i] = seeding.np_random(seeds[i])[0]
         self.batch.generators = generators
@@ -167,9 +165,9 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             final[i] = observations[i].copy()
         mask = self._over.copy()
         info["final_obs"], info["_final_obs"] = final, mask
-        info["final_info"] = info_of(self.batch.records.copy()) | {f"_{key}": mask for key in INFO_KEYS}
+        info["final_info"] = info_of(self.batch.records, live=False) | {f"_{key}": mask for key in INFO_KEYS}
         info["_final_info"] = mask
-        self.batch.reset(over, observations)
+        self.batch.reset(mask, observations)
         self._over[:] = False
         self._any_over = False
 
@@ -181,7 +179,9 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self._live = self._live_info()  # views of the new records
 
     def _live_info(self) -> dict[str, Any]:
-        return info_of(self.batch.records) | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in INFO_KEYS}
+        everyone = np.ones(self.num_envs, np.bool_)
+        everyone.flags.writeable = False
+        return info_of(self.batch.records) | {f"_{key}": everyone for key in INFO_KEYS}
 
     def _info(self) -> dict[str, Any]:
         return dict(self._live)

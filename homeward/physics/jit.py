@@ -12,16 +12,34 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
 from numba.core import event
-from numba.extending import register_jitable
+from numba.extending import intrinsic, register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def inline(function: Function) -> Function:
     """Mark a formula so that compiled kernels inline it; Python and NumPy call it as it is."""
-    marked: Function = register_jitable(function)
+    marked: Function = register_jitable(forceinline=True)(function)
     return marked
+
+
+@intrinsic
+def prefetch(typing: Any, record: Any) -> Any:
+    """Ask the processor to bring the first cache line of a record, which will be written soon."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        flag = ir.IntType(32)
+        address = builder.bitcast(arguments[0], ir.IntType(8).as_pointer())
+        ask = builder.module.declare_intrinsic(
+            "llvm.prefetch", [address.type], ir.FunctionType(ir.VoidType(), [address.type, flag, flag, flag])
+        )
+        builder.call(ask, [address, flag(1), flag(3), flag(1)])
+        return context.get_dummy_value()
+
+    return types.void(record), generate
 
 
 def compiled(function: Function | None = None, *, parallel: bool = False) -> Any:

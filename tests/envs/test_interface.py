@@ -16,6 +16,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.wrappers import RecordEpisodeStatistics, TimeLimit
+from gymnasium.wrappers.vector import DictInfoToList
 from gymnasium.wrappers.vector import RecordEpisodeStatistics as RecordVectorEpisodeStatistics
 
 from homeward.envs import IDS
@@ -25,6 +26,7 @@ from homeward.envs.options import ACTION_TYPES, SHAPINGS
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
+from homeward.physics import CAUSES
 from tests.envs.rollouts import MISSIONS, SHORT_S, make, random_actions
 
 COMBINATIONS = list(itertools.product(MISSIONS, DIFFICULTIES, ACTION_TYPES, SHAPINGS))
@@ -100,11 +102,63 @@ def test_gymnasiums_own_vector_envs_carry_the_same_missions(vectorization: str) 
                 np.testing.assert_array_equal(one, other)
             for key in ("score", "cost", "position_m", "home", "stranded"):
                 np.testing.assert_array_equal(expected[4][key], found[4][key])
-            totals = [ledger.total() for ledger in expected[4]["energy_j"]]
-            assert totals == found[4]["energy_j"].total().tolist()
+            for cause, joules in found[4]["energy_j"].items():
+                assert [ledger[cause] for ledger in expected[4]["energy_j"]] == joules.tolist()
     finally:
         theirs.close()
         ours.close()
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_gymnasiums_vector_wrappers_take_the_info(mode: AutoresetMode) -> None:
+    """`DictInfoToList` goes through it to the last number, beside what `RecordEpisodeStatistics` adds."""
+    options: dict[str, Any] = {"mission": "Survey", "autoreset_mode": mode, "decision_s": SHORT_S}
+    plain, wrapped = HomewardVectorEnv(3, **options), HomewardVectorEnv(3, **options)
+    listed: Any = DictInfoToList(RecordVectorEpisodeStatistics(wrapped))
+    plain.reset(seed=0)
+    assert [info["score"] for info in listed.reset(seed=0)[1]] == [0.0, 0.0, 0.0]
+    rng, returns, ends = np.random.default_rng(0), np.zeros(3), 0
+    for _ in range(40):
+        actions = random_actions(rng, "discrete", 3, home=0.1)
+        _, rewards, terminated, truncated, info = plain.step(actions)
+        infos = listed.step(actions)[4]
+        over = terminated | truncated
+        returns += rewards
+        for i in range(3):
+            for key in ("score", "cost", "position_m", "home", "stranded"):
+                assert infos[i][key] == info[key][i]
+            assert infos[i]["energy_j"] == {cause: joules[i] for cause, joules in info["energy_j"].items()}
+            if over[i] and mode is AutoresetMode.SAME_STEP:
+                final = infos[i]["final_info"]
+                assert final["energy_j"] == {
+                    cause: joules[i] for cause, joules in info["final_info"]["energy_j"].items()
+                }
+            if over[i]:
+                assert infos[i]["episode"]["r"] == pytest.approx(returns[i])
+        returns[over] = 0.0
+        ends += int(over.sum())
+        if mode is AutoresetMode.DISABLED and over.any():
+            plain.reset(options={"reset_mask": over})
+            listed.reset(options={"reset_mask": over})
+    assert ends > 3
+
+
+def test_what_a_vector_env_tells_cannot_be_written() -> None:
+    envs = HomewardVectorEnv(2, decision_s=SHORT_S, autoreset_mode=AutoresetMode.SAME_STEP)
+    _, info = envs.reset(seed=0)
+    for values in (info["score"], info["_score"], info["energy_j"]["rolling"]):
+        with pytest.raises(ValueError, match="read-only"):
+            values[:] = 1
+    *_, info = envs.step(np.array([[4, 0, RETURN]] * 2))
+    with pytest.raises(ValueError, match="read-only"):
+        info["final_info"]["energy_j"]["rolling"][:] = 1.0
+
+
+def test_the_scalar_ledger_shows_its_numbers() -> None:
+    env = make("Survey")
+    ledger = env.reset(seed=0)[1]["energy_j"]
+    assert repr(ledger).startswith("{'sensing': 0.0, ")
+    assert ledger == dict.fromkeys(CAUSES, 0.0) and ledger.total() == 0.0
 
 
 def travelled(env: Any, way: str) -> Any:

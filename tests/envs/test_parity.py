@@ -10,7 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
-from homeward.envs import batch
+from homeward.envs import batch, kernel
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.scalar import HomewardEnv
@@ -143,8 +143,9 @@ def same_info(expected: dict[str, Any], found: dict[str, Any]) -> None:
         mask = expected[f"_{key}"]
         np.testing.assert_array_equal(mask, found[f"_{key}"])
         if key == "energy_j":
-            totals = [ledger.total() for ledger in expected[key][mask]]
-            np.testing.assert_array_equal(totals, found[key].total()[mask])
+            for cause in CAUSES:
+                spent_j = [ledger[cause] for ledger in expected[key][mask]]
+                np.testing.assert_array_equal(spent_j, found[key][cause][mask])
         else:
             assert expected[key].dtype == found[key].dtype
             np.testing.assert_array_equal(expected[key][mask], found[key][mask])
@@ -179,7 +180,8 @@ def test_large_vector_envs_equal_small_ones(monkeypatch: pytest.MonkeyPatch) -> 
         found, expected = parallel.step(actions), in_turn.step(actions)
         for ours, theirs in zip(found[:4], expected[:4], strict=True):
             np.testing.assert_array_equal(ours, theirs)
-        np.testing.assert_array_equal(found[4]["energy_j"].total(), expected[4]["energy_j"].total())
+        for cause in CAUSES:
+            np.testing.assert_array_equal(found[4]["energy_j"][cause], expected[4]["energy_j"][cause])
         begun = begun or bool(found[2][-1] | found[3][-1])
         if not begun:
             np.testing.assert_array_equal(found[0][-1], one.step(actions[-1])[0])
@@ -219,8 +221,21 @@ def test_final_info_is_kept_when_missions_go_on(mode: AutoresetMode) -> None:
     assert score > 0.0
 
 
-def test_the_kernels_choice_follows_the_number_of_missions() -> None:
-    chosen: dict[int, Callable[..., int]] = {
-        count: batch.Batch(HomewardEnv().options, count)._step for count in (1, batch._PARALLEL_FROM)
-    }
-    assert len(set(chosen.values())) == 2
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_kernels_choice_follows_the_number_of_missions(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(batch, "_PARALLEL_FROM", 3)
+    called: list[str] = []
+
+    def note(name: str) -> Callable[..., int]:
+        def kernel_of(*arguments: Any) -> int:
+            called.append(name)
+            return 0
+
+        return kernel_of
+
+    for name in ("step_in_turn", "step_in_parallel"):
+        monkeypatch.setattr(kernel, name, note(name))
+    envs = HomewardVectorEnv(count)
+    envs.reset(seed=0)
+    envs.step(envs.action_space.sample())
+    assert called == ["step_in_parallel" if count == 3 else "step_in_turn"]
