@@ -8,7 +8,7 @@ while it moves, a battery ages between runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal
@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from homeward.diagnosis.instruments import INSTRUMENTS, Instrument
-from homeward.diagnosis.refit import Parameters, WithEffects
+from homeward.diagnosis.refit import DRAG, ROLLING, Parameters, WithEffects
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.schedules import Schedule, by_place, in_time
 from homeward.diagnosis.signals import Array
@@ -32,8 +32,10 @@ PHYSICS = frozenset(one.id for one in EFFECTS)
 """Ids of the effects of the robot and its surroundings; the others are faults of instruments."""
 
 _STANDS_MPS = 0.05
+_STORM_MPS = 40.0
 _AROUND_S = 4.0  # a change that was found is taken to lie within this of the true one
 _TINY = 1e-6  # of the largest size: the response is linear there
+_COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
 _LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
 
 Shapes = Callable[[Runs], Iterator[dict[str, float]]]
@@ -217,18 +219,24 @@ _PLAIN = (
 
 def _winds(setting: Setting) -> Iterator[Term]:
     """A steady wind from one direction, by the heading: its strength and where it comes from."""
-    runs = setting.runs
-    headings = [run.context["heading_rad"] for run in runs.signals]
-    parts = []
-    for part in (np.cos, np.sin):
-        speed_mps = 1e-3
-        present = setting.present
-        added = WithEffects(
-            {**present.effects, "wind": {"exposure": 1.0}}, [speed_mps * part(h) for h in headings], present.lag_s
-        )
-        parts.append((setting.parameters.predict(runs, setting.theta, added) - setting.predicted) / speed_mps)
-    low, high = np.full(2, -40.0), np.full(2, 40.0)
-    yield Term("wind", np.column_stack(parts), low, high, 0)
+    headings = [run.context["heading_rad"] for run in setting.runs.signals]
+    if not all(np.isfinite(heading).all() for heading in headings):
+        return
+    parts = [_blowing(setting, [part(heading) for heading in headings]) for part in (np.cos, np.sin)]
+    yield Term("wind", np.column_stack(parts), np.full(2, -_STORM_MPS), np.full(2, _STORM_MPS))
+
+
+def _blowing(setting: Setting, along: Sequence[Array]) -> Array:
+    """What a wind of 1 m/s against the way adds, where `along` is its component, an array per run."""
+    theta, present = setting.theta.copy(), setting.present
+    theta[DRAG] = max(theta[DRAG], setting.parameters.start[DRAG])  # what a refit without wind took away from it
+    speed_mps = 1e-3
+    windy = WithEffects(
+        {**present.effects, "wind": {"exposure": 1.0}}, [speed_mps * one for one in along], present.lag_s
+    )
+    predict = setting.parameters.predict
+    change = predict(setting.runs, theta, windy) - predict(setting.runs, theta, present)
+    return np.asarray(change / speed_mps)
 
 
 def _lags(setting: Setting) -> Iterator[Term]:
@@ -258,17 +266,17 @@ def _scheduled(effect: str, setting: Setting) -> Iterator[Term]:
         return
     for axis in ("time", "place") if effect in _BY_PLACE else ("time",):
         find = in_time if axis == "time" else by_place
-        schedule = find(shape, setting.residual, runs, signed=signed)
-        if schedule is None or (axis == "time" and not _possible(how, schedule, runs)):
-            continue
-        sizes = schedule.levels - 1
-        low = np.full(sizes, parameter.low if signed else 0.0)
-        high = np.full(sizes, parameter.high)
-        if effect == "wind":
-            low, high = np.full(sizes, -40.0), np.full(sizes, 40.0)
-        columns = schedule.columns(shape)
-        rhythm, spread = _rhythm(effect, schedule, runs)
-        yield Term(effect, columns, low, high, schedule.changes, rhythm, schedule, spread)
+        for schedule in find(shape, setting.residual, runs, signed=signed):
+            if axis == "time" and not _possible(how, schedule, runs):
+                continue
+            sizes = schedule.levels - 1
+            low = np.full(sizes, parameter.low if signed else 0.0)
+            high = np.full(sizes, parameter.high)
+            if effect == "wind":
+                low, high = np.full(sizes, -_STORM_MPS), np.full(sizes, _STORM_MPS)
+            rhythm, spread = _rhythm(effect, schedule, runs)
+            hidden = _COST_OF_A_CHANGE * schedule.changes
+            yield Term(effect, schedule.columns(shape), low, high, hidden, rhythm, schedule, spread)
 
 
 def _shape_in_time(effect: str, setting: Setting, parameter: Parameter) -> Array | None:
@@ -284,14 +292,10 @@ def _shape_in_time(effect: str, setting: Setting, parameter: Parameter) -> Array
         added = WithEffects(setting.present.effects, setting.present.headwind_mps, setting.present.lag_s)
         change = 1e-3
         theta = setting.theta.copy()
-        theta[2] *= 1.0 + change
+        theta[ROLLING] *= 1.0 + change
         return (setting.parameters.predict(runs, theta, added) - setting.predicted) / change
     if effect == "wind":
-        speed_mps = 1e-3
-        present = setting.present
-        blowing = [np.full(len(run.time_s), speed_mps) for run in runs.signals]
-        added = WithEffects({**present.effects, "wind": {"exposure": 1.0}}, blowing, present.lag_s)
-        return (setting.parameters.predict(runs, setting.theta, added) - setting.predicted) / speed_mps
+        return _blowing(setting, [np.ones(len(run.time_s)) for run in runs.signals])
     return setting.response(effect, _TINY * parameter.high, {})
 
 

@@ -28,6 +28,7 @@ _FOLDS = 5
 _MOST_EFFECTS = 3
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
 _MUST_PAY = 10.0  # difference of BIC: "very strong" (Kass & Raftery, 1995)
+_NEARLY = 0.85  # of what a schedule explains
 _ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
 _PLACEBOS = 19  # so that being better than all of them has p = 0.05
 _DRAWS = 2000
@@ -92,9 +93,12 @@ class _Bench:
     def delta_bic(self, *chosen: int) -> float:
         """Evidence for these hypotheses beside the base, from held-out errors."""
         ratio = np.log(max(self.error(), 1e-300) / max(self.error(*chosen), 1e-300))
-        freedom = sum(len(self.own[one]) + self.candidates[one].hidden for one in chosen)
         independent = self.independent(*chosen) if ratio > _WORTH_A_LOOK else 2.0
-        return float(independent * ratio - freedom * np.log(independent))
+        return float(independent * ratio - self.freedom(*chosen) * np.log(independent))
+
+    def freedom(self, *chosen: int) -> int:
+        """Number of sizes and of parameters that were searched for."""
+        return sum(len(self.own[one]) + self.candidates[one].hidden for one in chosen)
 
     def independent(self, *chosen: int) -> float:
         """Number of independent windows, from the memory of what these hypotheses leave.
@@ -219,22 +223,45 @@ def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Named | None:
     """The hypothesis that explains most for its freedom, alone or as the stronger half of the best pair."""
     if not bench.candidates:
         return None
-    alone = np.array([bench.delta_bic(index) for index in range(len(bench.candidates))])
+    errors = np.array([bench.error(index) for index in range(len(bench.candidates))])
+    independent = bench.independent(int(np.argmin(errors)))  # the same for all, so that errors decide
+    before = bench.error()
+
+    def score(error: float, *chosen: int) -> float:
+        ratio = np.log(max(before, 1e-300) / max(error, 1e-300))
+        return float(independent * ratio - bench.freedom(*chosen) * np.log(independent))
+
+    alone = np.array([score(error, index) for index, error in enumerate(errors)])
     order = np.argsort(-alone, kind="stable")
     best, first = float(alone[order[0]]), int(order[0])
     for position, one in enumerate(order[:_PAIRED]):
         for other in order[position + 1 : _PAIRED]:
             if bench.candidates[one].effect != bench.candidates[other].effect:
-                both = bench.delta_bic(int(one), int(other))
+                both = score(bench.error(int(one), int(other)), int(one), int(other))
                 if both > best + _MUST_PAY:
                     best, first = both, int(one)
+    first = _told_by_a_channel(bench, first, errors, before)
     return _proven(bench, first, alone, block, seed)
+
+
+def _told_by_a_channel(bench: _Bench, chosen: int, errors: Array, before: float) -> int:
+    """Prefer a cause that a recorded channel tells to a schedule that explains little more.
+
+    A level per stretch follows whatever comes and goes, so it fits at least as well as the cause itself.
+    """
+    if bench.candidates[chosen].schedule is None:
+        return chosen
+    steady = [index for index, term in enumerate(bench.candidates) if term.schedule is None]
+    if not steady:
+        return chosen
+    best = min(steady, key=lambda index: errors[index])
+    return best if before - errors[best] >= _NEARLY * (before - errors[chosen]) else chosen
 
 
 def _proven(bench: _Bench, chosen: int, alone: Array, block: NDArray[np.intp], seed: int) -> Named | None:
     before, after = bench.error(), bench.error(chosen)
     gain = 1.0 - after / max(before, 1e-300)
-    if alone[chosen] < _MUST_PAY or gain < SMALLEST_GAIN:
+    if bench.delta_bic(chosen) < _MUST_PAY or gain < SMALLEST_GAIN:
         return None
     interval = _gain_interval(bench, chosen, block, seed)
     if interval[0] <= 0.0:
@@ -242,7 +269,9 @@ def _proven(bench: _Bench, chosen: int, alone: Array, block: NDArray[np.intp], s
     p_value = _placebo_p_value(bench, chosen, after, seed)
     if p_value > 1.0 / (_PLACEBOS + 1):
         return None
-    return Named(bench.candidates[chosen], float(alone[chosen]), gain, interval, p_value, _rivals(bench, chosen, alone))
+    return Named(
+        bench.candidates[chosen], bench.delta_bic(chosen), gain, interval, p_value, _rivals(bench, chosen, alone)
+    )
 
 
 def _rivals(bench: _Bench, chosen: int, alone: Array) -> tuple[Term, ...]:

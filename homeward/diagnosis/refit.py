@@ -27,6 +27,9 @@ from homeward.physics import Robot
 
 Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]
 
+IDLE, SAMPLE, ROLLING, DRAG, MASS = range(5)
+"""Indices of theta."""
+
 _ITERATIONS = 12
 _WEAK_PRIOR = 1e-5  # of a column's norm: keeps a parameter that the data leave open at its assumed value
 _COLLINEAR = 1e-4  # a column of which less than this share is its own cannot be told apart from the others

@@ -7,26 +7,24 @@ about the same size become one level.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 import ruptures  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from homeward.diagnosis.blocks import Noise, noise_of
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 
 Axis = Literal["time", "place"]
 
 _SHORTEST = 4  # windows in a block
-_MOST_BLOCKS = 2500
-_PENALTY = 3.0  # per change, in units of the log of the number of blocks: a moment and a size
+_MOST_BLOCKS = 1500
+_FEWEST_BLOCKS = 8
+_SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
 _MOST_LEVELS = 4
-_SHORT_LAGS = (1, 2, 4)  # windows
-_CLEAR = 2.0  # times the noise: changes that are clear even if the noise has more memory than seen
 _PLACES = 150
 _PASSES = 1.8  # places are told from times only where the robot comes by again
 
@@ -46,8 +44,10 @@ class Schedule:
         return columns
 
 
-def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> Schedule | None:
-    """Find when the size of a shape changes within or between runs; None where it does not.
+def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[Schedule]:
+    """Find when the size of a shape changes within or between runs: schedules of few changes to many.
+
+    How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
 
     Args:
         shape: What the size multiplies, shape (windows,).
@@ -55,52 +55,31 @@ def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> Sched
         runs: The runs.
         signed: Whether sizes below the usual one are possible; otherwise the lowest counts as none.
     """
-
-    def find(noise: Noise) -> Schedule | None:
-        length = max(_SHORTEST, int(np.ceil(noise.memory / 2)), -(-len(residual) // _MOST_BLOCKS))
-        block = np.empty(len(residual), dtype=np.intp)
-        groups: list[NDArray[np.intp]] = []
-        following = 0
-        for run in np.unique(runs.run):
-            inside = np.flatnonzero(runs.run == run)
-            count = max(1, len(inside) // length)
-            block[inside] = following + np.arange(len(inside)) * count // len(inside)
-            groups.append(following + np.arange(count))
-            following += count
-        return _levels("time", shape, residual, block, groups, noise, signed)
-
-    return _beside_clear_changes(find, shape, residual, runs)
+    length = max(_SHORTEST, -(-len(residual) // _MOST_BLOCKS))
+    block = np.empty(len(residual), dtype=np.intp)
+    groups: list[NDArray[np.intp]] = []
+    following = 0
+    for run in np.unique(runs.run):
+        inside = np.flatnonzero(runs.run == run)
+        count = max(1, len(inside) // length)
+        block[inside] = following + np.arange(len(inside)) * count // len(inside)
+        groups.append(following + np.arange(count))
+        following += count
+    return _schedules("time", shape, residual, block, groups, signed)
 
 
-def _beside_clear_changes(
-    find: Callable[[Noise], Schedule | None], shape: Array, residual: Array, runs: Runs
-) -> Schedule | None:
-    """Search twice: clear changes would pass for memory of the noise, so they are taken out to see the noise."""
-    quick = noise_of(residual, runs.run, _SHORT_LAGS)
-    clear = find(Noise(quick.memory, _CLEAR * quick.long_run))
-    left = residual
-    if clear is not None:
-        columns = np.column_stack([shape, clear.columns(shape)])
-        left = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
-    return find(noise_of(left, runs.run))
-
-
-def by_place(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> Schedule | None:
-    """Find where along the way from base the size of a shape changes; None where no place is met twice."""
+def by_place(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[Schedule]:
+    """Find where along the way from base the size of a shape changes; nothing where no place is met twice."""
     place_m = runs.context.get("base_distance_m")
     if place_m is None or not np.isfinite(place_m).all():
-        return None
+        return []
     driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())
     extent_m = float(np.ptp(place_m))
     if extent_m <= 0.0 or driven_m < _PASSES * extent_m:
-        return None
-
-    def find(noise: Noise) -> Schedule | None:
-        bins = max(2, min(_PLACES, len(residual) // (_SHORTEST * max(1, int(np.ceil(noise.memory / 2))))))
-        block = np.minimum((place_m - place_m.min()) / extent_m * bins, bins - 1).astype(np.intp)
-        return _levels("place", shape, residual, block, [np.arange(bins)], noise, signed)
-
-    return _beside_clear_changes(find, shape, residual, runs)
+        return []
+    bins = max(2, min(_PLACES, len(residual) // (2 * _SHORTEST)))
+    block = np.minimum((place_m - place_m.min()) / extent_m * bins, bins - 1).astype(np.intp)
+    return _schedules("place", shape, residual, block, [np.arange(bins)], signed)
 
 
 class _Cost(ruptures.base.BaseCost):  # type: ignore[misc]
@@ -122,44 +101,47 @@ class _Cost(ruptures.base.BaseCost):  # type: ignore[misc]
         return -((m1 - m0) ** 2) / weight if weight > 0.0 else 0.0
 
 
-def _levels(
-    axis: Axis,
-    shape: Array,
-    residual: Array,
-    block: NDArray[np.intp],
-    groups: list[NDArray[np.intp]],
-    noise: Noise,
-    signed: bool,
-) -> Schedule | None:
+def _schedules(
+    axis: Axis, shape: Array, residual: Array, block: NDArray[np.intp], groups: list[NDArray[np.intp]], signed: bool
+) -> list[Schedule]:
     blocks = int(block.max()) + 1
     moment: Array = np.bincount(block, shape * residual, minlength=blocks).astype(np.float64)
     weight: Array = np.bincount(block, shape * shape, minlength=blocks).astype(np.float64)
     if not (weight > 0.0).any():
-        return None
+        return []
     weak = weight < 1e-3 * float(np.quantile(weight[weight > 0.0], 0.9))
     moment, weight = np.where(weak, 0.0, moment), np.where(weak, 0.0, weight)
-    known = np.flatnonzero(~weak)
-    penalty = _PENALTY * float(np.log(max(len(known), 3))) * noise.long_run**2
-    if penalty == 0.0 or len(known) < 8:
-        return None
-    stretch = np.zeros(blocks, dtype=np.intp)
+    whole = float(residual @ residual)
+    if np.count_nonzero(~weak) < _FEWEST_BLOCKS or whole == 0.0:
+        return []
+    found: list[Schedule] = []
+    for share in _SHARES:
+        penalty = share * whole
+        stretch = _stretches(moment, weight, groups, penalty)
+        sizes = np.bincount(stretch, moment).astype(np.float64), np.bincount(stretch, weight).astype(np.float64)
+        level_of_stretch, levels = _cluster(*sizes, penalty, signed)
+        level = level_of_stretch[stretch]
+        if levels < 2 or any(np.array_equal(level[block], one.level) for one in found):
+            continue
+        changes = sum(int(np.count_nonzero(np.diff(level[group]))) for group in groups)
+        changes += sum(int(level[group[0]] != 0) for group in groups)
+        found.append(Schedule(axis, level[block], levels, changes))
+    return found
+
+
+def _stretches(moment: Array, weight: Array, groups: list[NDArray[np.intp]], penalty: float) -> NDArray[np.intp]:
+    """Number of the stretch of constant size that each block belongs to."""
+    stretch = np.zeros(len(moment), dtype=np.intp)
     following = 0
     for group in groups:
         ends = [len(group)]
         if len(group) > 1:
             search = ruptures.Pelt(custom_cost=_Cost(), min_size=1, jump=1)
             ends = search.fit(np.column_stack([moment[group], weight[group]])).predict(penalty)
-        for start, end in zip([0, *ends[:-1]], ends, strict=True):
+        for start, end in pairwise([0, *ends]):
             stretch[group[start:end]] = following
             following += 1
-    sizes = np.bincount(stretch, moment).astype(np.float64), np.bincount(stretch, weight).astype(np.float64)
-    level_of_stretch, levels = _cluster(*sizes, penalty, signed)
-    level = level_of_stretch[stretch]
-    if levels < 2:
-        return None
-    changes = sum(int(np.count_nonzero(np.diff(level[group]))) for group in groups)
-    changes += sum(int(level[group[0]] != 0) for group in groups)
-    return Schedule(axis, level[block], levels, changes)
+    return stretch
 
 
 def _cluster(moment: Array, weight: Array, penalty: float, signed: bool) -> tuple[NDArray[np.intp], int]:

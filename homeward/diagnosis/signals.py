@@ -21,6 +21,7 @@ Unit = Literal["W", "A"]
 
 _GAP_FACTOR = 10.0  # a step longer than this many usual steps is a gap
 _GRADE_BASE_M = 2.0  # elevation is differentiated over this distance
+_CREEPS = 0.02  # of the top speed
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
 
 
@@ -60,7 +61,7 @@ def signals(recording: Recording, robot: Robot) -> Signals:
     observed, unit = _observed(given)
     good = np.isfinite(speed) & np.isfinite(observed)
     kept = {name: values[good] for name, values in given.items()}
-    speed, observed, time_s = speed[good], observed[good], kept["time_s"]
+    speed, observed, time_s = _at_rest(speed[good], robot), observed[good], kept["time_s"]
     filled = []
     for name in _FILLED:
         values = kept.get(name)
@@ -86,6 +87,11 @@ def signals(recording: Recording, robot: Robot) -> Signals:
         kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),
         kept.get("base_distance_m", nothing), observed, context, tuple(filled),
     )  # fmt: skip
+
+
+def _at_rest(speed: Array, robot: Robot) -> Array:
+    """The speed with what is too slow to be driving set to zero: a noisy sensor never shows a robot at rest."""
+    return np.where(np.abs(speed) < _CREEPS * robot.max_speed_mps, 0.0, speed)
 
 
 def _observed(given: Mapping[str, Array]) -> tuple[Array, Unit]:
