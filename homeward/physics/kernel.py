@@ -34,6 +34,7 @@ STATE_FIELDS = (
     ("distance_m", np.float64),  # driven, in any direction
     ("speed_mps", np.float64),  # in the step before
     ("winding_k", np.float64),  # motor winding above ambient
+    ("winding_fade", np.float64),  # share of its distance from the steady temperature that a step leaves
     ("step_s", np.float64),  # length of the step under way
     ("traction_n", np.float64),  # force at the wheels in the last step
     ("drive_w", np.float64),  # mean power into the drive in the last step
@@ -216,7 +217,8 @@ def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
     while True:
         part_s = left_s
         if p.effects & _INTERMITTENT:
-            part_s = min(left_s, intermittent_load.until_switch(p, s))
+            switch_s = intermittent_load.until_switch(p, s)
+            part_s = switch_s if switch_s < left_s - intermittent_load.ROUNDING_S else left_s
         passed_s = _step_with_effects(p, s, x, part_s)
         if part_s == dt_s:
             return passed_s
@@ -269,7 +271,7 @@ def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
     """Add the effects' part to the ledger, and let them remember."""
     for column in range(_BASE if s.traction_n > 0.0 else _BASE + _FORCES, _BASE + _EFFECTS):
         s.ledger_j[column] += s.parts_w[column] * passed_s
-    motor_heating.remember(p, s, x, passed_s)
+    motor_heating.remember(p, s, x)
 
 
 ROBOT_STATE_DTYPE = np.dtype(list(STATE_FIELDS), align=True)

@@ -10,7 +10,7 @@ from homeward.physics.jit import inline
 
 @inline
 def ageing(p: Any, s: Any, x: Any, load: Any) -> Any:
-    return np.maximum(load, 0.0) * p.ageing_lost_share / (1.0 - p.ageing_lost_share)
+    return np.maximum(load, 0.0) * (p.ageing_lost_share / (1.0 - p.ageing_lost_share))
 
 
 EFFECT = Effect(

@@ -7,6 +7,9 @@ import numpy as np
 from homeward.physics.effects.base import Effect, Parameter
 from homeward.physics.jit import inline
 
+ROUNDING_S = 1e-6
+"""A switch so shortly ahead is taken as done, and one so shortly before the end of a step is left to the next."""
+
 
 @inline
 def intermittent_load(p: Any, s: Any, x: Any, load: Any) -> Any:
@@ -18,12 +21,12 @@ def until_switch(p: Any, s: Any) -> Any:
     """Time until the load switches, s: the kernel ends a step there, as the battery's losses are not linear."""
     phase = _phase(p, s)
     edge = p.intermittent_load_duty + (phase >= p.intermittent_load_duty) * (1.0 - p.intermittent_load_duty)
-    return np.maximum((edge - phase) * p.intermittent_load_period_s, 1e-6)  # rounding must not stop the clock
+    return (edge - phase) * p.intermittent_load_period_s + ROUNDING_S
 
 
 @inline
 def _phase(p: Any, s: Any) -> Any:
-    periods = s.time_s / p.intermittent_load_period_s
+    periods = (s.time_s + ROUNDING_S) / p.intermittent_load_period_s
     return periods - np.floor(periods)
 
 

@@ -12,9 +12,9 @@ from homeward.physics.jit import inline
 def internal_resistance(p: Any, s: Any, x: Any, load: Any) -> Any:
     # No current delivers more than V^2 / 4R, where half of the energy is lost. The load is met all the same, as the
     # model knows no brown-out, and goes on losing half.
-    relative = 4.0 * p.internal_resistance_ohm * load / (p.nominal_voltage_v * p.nominal_voltage_v)
-    efficiency = 0.5 + 0.5 * np.sqrt(np.maximum(1.0 - relative, 0.0))
-    return load * (1.0 - efficiency) / efficiency
+    relative = load * (4.0 * p.internal_resistance_ohm / (p.nominal_voltage_v * p.nominal_voltage_v))
+    root = np.sqrt(np.maximum(1.0 - relative, 0.0))  # twice the efficiency, minus 1
+    return load * (1.0 - root) / (1.0 + root)
 
 
 EFFECT = Effect(

@@ -14,12 +14,18 @@ HOTTEST_K = 150.0
 
 @inline
 def motor_heating(p: Any, s: Any, x: Any, load: Any) -> Any:
-    work_w = np.maximum(load, 0.0) * x.speed_mps / traction_efficiency(p)
+    work_w = _work(p, x, load)
     steady_k = _steady(p, work_w)
     # Mean of the temperature over the step, so that its length does not matter.
-    constants = np.maximum(s.step_s / p.motor_heating_time_constant_s, 1e-9)
-    mean_k = steady_k - (s.winding_k - steady_k) * np.expm1(-constants) / constants
+    constants = np.maximum(s.step_s / p.motor_heating_time_constant_s, 1e-6)
+    s.winding_fade = np.exp(-constants)
+    mean_k = steady_k + (s.winding_k - steady_k) * ((1.0 - s.winding_fade) / constants)
     return p.motor_heating_per_k * mean_k * work_w
+
+
+@inline
+def _work(p: Any, x: Any, force_n: Any) -> Any:
+    return np.maximum(force_n, 0.0) * (x.speed_mps / traction_efficiency(p))
 
 
 @inline
@@ -28,12 +34,11 @@ def _steady(p: Any, work_w: Any) -> Any:
 
 
 @inline
-def remember(p: Any, s: Any, x: Any, passed_s: float) -> None:
+def remember(p: Any, s: Any, x: Any) -> None:
     """Warm the winding towards its steady temperature: the exact solution for a step of constant load."""
     if p.motor_heating_per_k != 0.0:
-        work_w = np.maximum(s.traction_n, 0.0) * x.speed_mps / traction_efficiency(p)
-        steady_k = _steady(p, work_w)
-        s.winding_k = steady_k + (s.winding_k - steady_k) * np.exp(-passed_s / p.motor_heating_time_constant_s)
+        steady_k = _steady(p, _work(p, x, s.traction_n))
+        s.winding_k = steady_k + (s.winding_k - steady_k) * s.winding_fade
 
 
 EFFECT = Effect(
