@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis.refit import Estimate, with_ancillary
+from homeward.diagnosis.refit import Estimate, with_ancillary, with_effects_of
 from homeward.diagnosis.replay import thrust_n_per_a
 from homeward.diagnosis.result import Verdict
 from homeward.diagnosis.signals import Unit
@@ -39,7 +39,7 @@ def correct(
         robot = with_ancillary(robot, fitted.get("idle_power", idle), fitted.get("sample_energy", sample))
     if effects:
         found = {name: {key: float(f"{value:.6g}") for key, value in one.items()} for name, one in effects.items()}
-        robot = dataclasses.replace(robot, effects={**robot.effects, **found})
+        robot = with_effects_of(robot, found)
     if per == 0.0:
         return robot
     rolling_kg = robot.rolling_resistance * robot.mass_kg

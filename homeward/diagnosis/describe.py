@@ -16,7 +16,7 @@ from homeward.diagnosis.result import Evidence, MissingPhysics
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import CHANNELS
 
-_SHOWN_BY: Mapping[str, tuple[str, ...]] = {
+SHOWN_BY: Mapping[str, tuple[str, ...]] = {
     "turning": ("yaw_rate_radps", "wheel_difference_mps"),
     "inertia": ("accel_mps2",),
     "regeneration": ("accel_mps2", "grade_rad"),
@@ -79,10 +79,10 @@ def missing_physics(
 
 def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
     """Where an effect was at work, stretch by stretch, each with its condition in plain words."""
-    if term.schedule is not None and term.schedule.axis == "time":
+    if term.axis == "time":
         return stretch_words(places_of(contribution, runs, ""), runs)
     channels = {channel.name: channel for channel in CHANNELS}
-    told = (condition_of(channels[name], contribution, runs) for name in _SHOWN_BY.get(term.effect, ()))
+    told = (condition_of(channels[name], contribution, runs) for name in SHOWN_BY.get(term.effect, ()))
     words = next((one for one in told if one is not None), None)
     return places_of(contribution, runs, words or _OTHERWISE.get(term.effect, "while driving"))
 

@@ -14,11 +14,12 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from scipy.signal import lfilter
 
 from homeward.diagnosis.instruments import INSTRUMENTS, Instrument
 from homeward.diagnosis.refit import DRAG, ROLLING, Parameters, WithEffects
 from homeward.diagnosis.replay import Runs
-from homeward.diagnosis.schedules import Schedule, by_place, in_time
+from homeward.diagnosis.schedules import Axis, Schedule, by_place, in_time, profile
 from homeward.diagnosis.signals import Array
 from homeward.physics.effects import EFFECTS, Effect, Parameter
 
@@ -33,9 +34,12 @@ PHYSICS = frozenset(one.id for one in EFFECTS)
 
 _STANDS_MPS = 0.05
 _STORM_MPS = 40.0
+_SAME_ODOMETER = 0.03
 _AROUND_S = 4.0  # a change that was found is taken to lie within this of the true one
 _TINY = 1e-6  # of the largest size: the response is linear there
 _COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
+_TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)
+_REGULAR = 10.0  # a period that is known to a tenth
 _LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
 
 Shapes = Callable[[Runs], Iterator[dict[str, float]]]
@@ -44,6 +48,7 @@ Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
 _MAY_CHANGE: Mapping[str, tuple[Changes, bool]] = {  # and whether below the usual size is possible
     "payload": ("standing", False),
     "surface": ("moving", True),
+    "viscous": ("moving", False),
     "hidden_grade": ("moving", True),
     "wind": ("moving", True),
     "ageing": ("between runs", False),
@@ -52,11 +57,16 @@ _MAY_CHANGE: Mapping[str, tuple[Changes, bool]] = {  # and whether below the usu
     "sensor_offset": ("once", True),
     "sensor_gain": ("once", True),
 }
-"""How the size of an effect whose cause no channel holds may change."""
+"""How the size of an effect whose cause no channel holds changes.
 
-_BY_PLACE = ("surface", "hidden_grade")
+A load is put on where the robot stands and the ground changes where it moves: mostly. So these two are a preference
+between equals; the others are what the effect means.
+"""
+
+_PREFERENCES = ("standing", "moving")
+_BY_PLACE = ("surface", "hidden_grade", "viscous")
 _ONLY_SCHEDULED = ("payload", "surface", "ageing", "standby", "intermittent_load", "sensor_offset", "sensor_gain")
-_OF_CURRENT = ("inertia", "viscous", "wind", "surface", "payload", "hidden_grade", "slip", "turning", "clock_lag")
+OF_CURRENT = ("inertia", "viscous", "wind", "surface", "payload", "hidden_grade", "slip", "turning", "clock_lag")
 """What shows in motor current: forces at the wheels. Of the rest, a torque sensor sees nothing."""
 
 
@@ -73,13 +83,15 @@ class Term:
     high: Array
     hidden: int = 0
     shape: Mapping[str, float] = field(default_factory=dict)
+    axis: Axis | Literal["steady"] = "steady"  # what the size depends on
     schedule: Schedule | None = None
     spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # interval of what the schedule shows
+    natural: bool = True  # whether the size changes as the sizes of this effect do
 
     @property
-    def axis(self) -> str:
-        """What the size depends on."""
-        return "steady" if self.schedule is None else self.schedule.axis
+    def linear(self) -> bool:
+        """Whether its columns say all, so that no replay with other sizes is needed."""
+        return self.axis != "steady" or self.effect == "breakaway" or self.effect not in PHYSICS | {"clock_lag"}
 
 
 @dataclass(frozen=True)
@@ -111,9 +123,7 @@ def terms(setting: Setting, leave_out: tuple[str, ...] = ()) -> list[Term]:
     """
     found: list[Term] = []
     for effect in CATALOGUE:
-        if effect in leave_out or (setting.runs.unit == "A" and effect not in _OF_CURRENT):
-            continue
-        if effect == "turning" and setting.parameters.nominal.track_m == 0.0:
+        if effect in leave_out or (setting.runs.unit == "A" and effect not in OF_CURRENT):
             continue
         found += [term for term in _terms_of(effect, setting) if np.isfinite(term.columns).all() and term.columns.any()]
     return found
@@ -142,6 +152,8 @@ def _terms_of(effect: str, setting: Setting) -> Iterator[Term]:
             yield from _winds(setting)
         elif effect == "clock_lag":
             yield from _lags(setting)
+        elif effect == "odometry_scale":
+            yield from _odometry(setting)
         elif effect in _SHAPES or effect in _PLAIN:
             yield from _steady(effect, setting)
     if effect in _MAY_CHANGE:
@@ -158,9 +170,13 @@ def _steady(effect: str, setting: Setting) -> Iterator[Term]:
         present = setting.present
         base = WithEffects({**present.effects, "inertia": {"mass_factor": 1.0}}, present.headwind_mps, present.lag_s)
     shapes = list(_SHAPES[effect](setting.runs)) if effect in _SHAPES else [{}]
+    if effect == "turning" and setting.parameters.nominal.track_m == 0.0:
+        shapes = [{"track_m": track_m} for track_m in _TRACKS_M]
     best: tuple[float, Term] | None = None
     for shape in shapes:
-        column = setting.response(effect, size, shape, base)
+        column = setting.response(effect, size, {k: v for k, v in shape.items() if k != "wears_off"}, base)
+        if "wears_off" in shape:
+            column = _worn_off(column, shape["wears_off"], setting.runs)
         power = float(column @ column)
         if power == 0.0:
             continue
@@ -170,6 +186,16 @@ def _steady(effect: str, setting: Setting) -> Iterator[Term]:
             best = explained, term
     if best is not None:
         yield best[1]
+
+
+def _worn_off(column: Array, windows: float, runs: Runs) -> Array:
+    """The energy of each start spread over the windows after it."""
+    kept = float(np.exp(-1.0 / windows))
+    spread = np.empty_like(column)
+    for run in np.unique(runs.run):
+        here = runs.run == run
+        spread[here] = lfilter([1.0 - kept], [1.0, -kept], column[here])
+    return spread
 
 
 def _bound(value: float) -> Array:
@@ -210,10 +236,11 @@ _SHAPES: Mapping[str, Shapes] = {
     "rate_capacity": _references,
     "motor_heating": _time_constants,
     "compute": lambda runs: iter([{"base_share": 1.0}]),
+    "breakaway": lambda runs: ({"wears_off": windows} for windows in (0.01, 1.0, 2.0, 4.0)),
 }
 _PLAIN = (
     "inertia", "viscous", "slip", "turning", "regeneration", "copper_loss", "no_load", "radio", "internal_resistance",
-    "breakaway", "hidden_grade",
+    "hidden_grade",
 )  # fmt: skip
 
 
@@ -255,6 +282,27 @@ def _lags(setting: Setting) -> Iterator[Term]:
         yield Term("clock_lag", best[1].columns, _bound(around[0]), _bound(around[1]), 1, best[1].shape)
 
 
+def _odometry(setting: Setting) -> Iterator[Term]:
+    """A speed reading that a position fix contradicts, run by run: its scale follows from the fix, not from the power."""
+    runs = setting.runs
+    ratios = []
+    for run in runs.signals:
+        place_m, driven_m = run.base_distance_m, np.abs(run.speed_mps[:-1] * np.diff(run.time_s))
+        covered_m = np.abs(np.diff(place_m))[driven_m > 0.0].sum()
+        ratios.append(float(driven_m.sum() / covered_m) if covered_m > 0.0 else 1.0)
+    scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
+    scale[np.abs(scale) < _SAME_ODOMETER] = 0.0
+    if not scale.any() or (scale <= -1.0).any():
+        return
+    off = WithEffects(
+        setting.present.effects, setting.present.headwind_mps, setting.present.lag_s, (1.0 / (1.0 + scale)).tolist()
+    )
+    change = setting.parameters.predict(runs, setting.theta, off) - setting.predicted
+    usual = float(np.mean(scale[scale != 0.0]))
+    around = sorted((0.7 * usual, 1.3 * usual))
+    yield Term("odometry_scale", change[:, None] / usual, _bound(around[0]), _bound(around[1]))
+
+
 def _scheduled(effect: str, setting: Setting) -> Iterator[Term]:
     runs = setting.runs
     how, signed = _MAY_CHANGE[effect]
@@ -264,19 +312,29 @@ def _scheduled(effect: str, setting: Setting) -> Iterator[Term]:
     shape = _shape_in_time(effect, setting, parameter)
     if shape is None:
         return
-    for axis in ("time", "place") if effect in _BY_PLACE else ("time",):
+    axes: tuple[Axis, ...] = ("time", "place") if effect in _BY_PLACE else ("time",)
+    for axis in axes:
         find = in_time if axis == "time" else by_place
         for schedule in find(shape, setting.residual, runs, signed=signed):
-            if axis == "time" and not _possible(how, schedule, runs):
+            natural = axis == "place" or _possible(how, schedule, runs)
+            if not natural and how not in _PREFERENCES:
                 continue
-            sizes = schedule.levels - 1
-            low = np.full(sizes, parameter.low if signed else 0.0)
-            high = np.full(sizes, parameter.high)
-            if effect == "wind":
-                low, high = np.full(sizes, -_STORM_MPS), np.full(sizes, _STORM_MPS)
             rhythm, spread = _rhythm(effect, schedule, runs)
-            hidden = _COST_OF_A_CHANGE * schedule.changes
-            yield Term(effect, schedule.columns(shape), low, high, hidden, rhythm, schedule, spread)
+            searched = schedule.changes
+            if rhythm and rhythm["period_s"] > _REGULAR * (spread["period_s"][1] - spread["period_s"][0]):
+                searched = min(searched, 3 * len(runs.signals))  # a beat: period, share and phase in each run
+            low, high = _limits(effect, parameter, signed, schedule.levels - 1)
+            hidden = _COST_OF_A_CHANGE * searched + int(not natural)
+            yield Term(effect, schedule.columns(shape), low, high, hidden, rhythm, axis, schedule, spread, natural)
+    if effect in _BY_PLACE:
+        for columns in profile(shape, runs):
+            yield Term(effect, columns, *_limits(effect, parameter, True, columns.shape[1]), axis="place")
+
+
+def _limits(effect: str, parameter: Parameter, signed: bool, sizes: int) -> tuple[Array, Array]:
+    if effect == "wind":
+        return np.full(sizes, -_STORM_MPS), np.full(sizes, _STORM_MPS)
+    return np.full(sizes, parameter.low if signed else 0.0), np.full(sizes, parameter.high)
 
 
 def _shape_in_time(effect: str, setting: Setting, parameter: Parameter) -> Array | None:

@@ -57,7 +57,7 @@ class Model:
             if index == leave_out:
                 continue
             mine = [(one, value) for one, value in zip(self.unknowns, values, strict=True) if one.term == index]
-            if term.schedule is not None or term.effect not in PHYSICS | {"clock_lag"}:
+            if term.linear:
                 sizes = np.array([value for one, value in mine if one.column is not None])
                 added += term.columns @ sizes
             elif term.effect == "clock_lag":
@@ -123,11 +123,14 @@ class Corrected:
             ]
             if term.effect == "wind":
                 numbers = {"exposure": 1.0}
+            elif term.axis == "place" and term.schedule is None:
+                numbers[switch.name] = float(np.mean([value for _, value in mine]))
             elif term.schedule is not None:
                 # The level that lasts longest says most about the next mission.
                 lasting = [float((term.schedule.level == (one.column or 0) + 1).sum()) for one, _ in mine]
                 numbers[switch.name] = float(mine[int(np.argmax(lasting))][1])
-            result[term.effect] = {**term.shape, **numbers}
+            shape = {name: value for name, value in term.shape.items() if name in known | {"track_m"}}
+            result[term.effect] = {**shape, **numbers}
         return result
 
 
@@ -181,11 +184,13 @@ def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
             if term.effect == "wind":
                 steady = ("from_ahead_mps", "from_left_mps")
                 unit = "m/s"
-                parameter = steady[column] if term.schedule is None else _level("headwind_mps", column, sizes)
+                parameter = steady[column] if term.axis == "steady" else _level("headwind_mps", column, sizes)
             else:
                 parameter, unit = _level(switch.name, column, sizes), switch.unit
             found.append(Unknown(term.effect, parameter, unit, low, high, index, column))
-        if term.schedule is None and term.effect in _SEARCHED:
+        if "track_m" in term.shape:
+            found.append(Unknown(term.effect, "track_m", "m", 0.02, 5.0, index, None))
+        if term.axis == "steady" and term.effect in _SEARCHED:
             for other in entry.parameters[1:]:
                 if other.name in term.shape and other.name in _SEARCHED[term.effect]:
                     found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None))
@@ -234,7 +239,7 @@ def _linearised(
     columns = [column * bool(open_) for column, open_ in zip(columns, excited, strict=True)]
     for index, one in enumerate(model.unknowns):
         term = model.terms[one.term]
-        if one.column is not None and (term.schedule is not None or term.effect not in PHYSICS | {"clock_lag"}):
+        if one.column is not None and term.linear:
             columns.append(term.columns[:, one.column])
             continue
         step = _SMALL_STEP * (abs(values[index]) or 1e-3 * (one.high - one.low))

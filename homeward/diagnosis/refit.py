@@ -66,6 +66,7 @@ class WithEffects:
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     headwind_mps: Sequence[Array] | None = None  # an array per run
     lag_s: float = 0.0
+    speed_factors: Sequence[float] | None = None  # true over recorded speed, a number per run
 
 
 @dataclass(frozen=True)
@@ -100,13 +101,21 @@ class Parameters:
         """What these parameters predict, shape (windows,), with effects if any are given."""
         robot, extra = self.robot(theta), with_effects or WithEffects()
         if extra.effects:
-            robot = dataclasses.replace(robot, effects={**robot.effects, **extra.effects})
+            robot = with_effects_of(robot, extra.effects)
         rest_current_a = float(theta[0]) if runs.unit == "A" else 0.0
-        return predict(runs, robot, rest_current_a, extra.headwind_mps, extra.lag_s)
+        return predict(runs, robot, rest_current_a, extra.headwind_mps, extra.lag_s, extra.speed_factors)
 
     def active(self) -> NDArray[np.intp]:
         """Indices of theta that the groups stand for."""
         return np.array([0, 2, 3, 4] if len(self.groups) == 4 else [0, 1, 2, 3, 4])
+
+
+def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) -> Robot:
+    """The robot with these effects; where its file has no track, the one that turning was fitted with."""
+    turning = dict(effects.get("turning", {}))
+    track_m = turning.pop("track_m", robot.track_m)
+    added = {**effects, "turning": turning} if turning else effects
+    return dataclasses.replace(robot, track_m=track_m, effects={**robot.effects, **added})
 
 
 def with_ancillary(robot: Robot, idle_w: float, sample_j: float) -> Robot:

@@ -86,6 +86,7 @@ def predict(
     rest_current_a: float = 0.0,
     headwind_mps: Sequence[Array] | None = None,
     lag_s: float = 0.0,
+    speed_factors: Sequence[float] | None = None,
 ) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
@@ -98,12 +99,14 @@ def predict(
         rest_current_a: What the motors draw at rest, A.
         headwind_mps: Wind against the direction of travel, m/s, an array per run.
         lag_s: Time by which the instrument is late, s.
+        speed_factors: True over recorded speed, a number per run.
     """
     means = []
     for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
+        true = 1.0 if speed_factors is None else speed_factors[index]
         model = replay(
-            robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
-            accel_mps2=run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
+            robot, run.time_s, true * run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+            accel_mps2=true * run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
             base_distance_m=run.base_distance_m, headwind_mps=0.0 if headwind_mps is None else headwind_mps[index],
         )  # fmt: skip
         predicted = model.power_w

@@ -2,11 +2,13 @@
 
 A load that follows a known shape (constant watts, rolling force, the whole load) but changes its size is cut into
 stretches of constant size by exact penalised segmentation (PELT: Killick, Fearnhead & Eckley, 2012), and stretches of
-about the same size become one level.
+about the same size become one level. The search works on blocks that hold equal amounts of evidence (of the squared
+shape), so that all of them count alike.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -19,14 +21,18 @@ from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 
 Axis = Literal["time", "place"]
+Index = NDArray[np.intp]
 
-_SHORTEST = 4  # windows in a block
-_MOST_BLOCKS = 1500
+_SHORTEST = 4  # windows in a block, on average
+_MOST_BLOCKS = 3000
 _FEWEST_BLOCKS = 8
 _SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
 _MOST_LEVELS = 4
+_LEVEL_WORTH = 0.1  # of what the levels so far explain that a further one must add
 _PLACES = 150
+_KNOTS = (6, 12, 24)
 _PASSES = 1.8  # places are told from times only where the robot comes by again
+_SAME = 0.02  # of the windows in which two schedules may differ and still be one
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,7 @@ class Schedule:
     """Level of each window, shape (windows,): 0 is the level that the others are counted from."""
 
     axis: Axis
-    level: NDArray[np.intp]
+    level: Index
     levels: int
     changes: int  # moments or places at which it changes
 
@@ -55,117 +61,135 @@ def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[
         runs: The runs.
         signed: Whether sizes below the usual one are possible; otherwise the lowest counts as none.
     """
-    length = max(_SHORTEST, -(-len(residual) // _MOST_BLOCKS))
-    block = np.empty(len(residual), dtype=np.intp)
-    groups: list[NDArray[np.intp]] = []
-    following = 0
-    for run in np.unique(runs.run):
-        inside = np.flatnonzero(runs.run == run)
-        count = max(1, len(inside) // length)
-        block[inside] = following + np.arange(len(inside)) * count // len(inside)
-        groups.append(following + np.arange(count))
-        following += count
-    return _schedules("time", shape, residual, block, groups, signed)
+    parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
+    return _schedules("time", shape, residual, parts, min(len(residual) // _SHORTEST, _MOST_BLOCKS), signed)
 
 
 def by_place(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[Schedule]:
     """Find where along the way from base the size of a shape changes; nothing where no place is met twice."""
+    place_m = _place(runs)
+    if place_m is None:
+        return []
+    return _schedules("place", shape, residual, [np.argsort(place_m, kind="stable")], _PLACES, signed)
+
+
+def profile(shape: Array, runs: Runs) -> list[Array]:
+    """The shape times hats along the way from base, coarse ones to fine: what an unknown but smooth profile adds."""
+    place_m = _place(runs)
+    if place_m is None:
+        return []
+    columns = []
+    for knots in _KNOTS:
+        at = (place_m - place_m.min()) / float(np.ptp(place_m)) * (knots - 1)
+        hats = np.maximum(1.0 - np.abs(at[:, None] - np.arange(knots)), 0.0)
+        columns.append(shape[:, None] * hats)
+    return columns
+
+
+def _place(runs: Runs) -> Array | None:
+    """Distance from base of each window, m; None where it is unknown or no place is met twice."""
     place_m = runs.context.get("base_distance_m")
     if place_m is None or not np.isfinite(place_m).all():
-        return []
+        return None
     driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())
     extent_m = float(np.ptp(place_m))
-    if extent_m <= 0.0 or driven_m < _PASSES * extent_m:
-        return []
-    bins = max(2, min(_PLACES, len(residual) // (2 * _SHORTEST)))
-    block = np.minimum((place_m - place_m.min()) / extent_m * bins, bins - 1).astype(np.intp)
-    return _schedules("place", shape, residual, block, [np.arange(bins)], signed)
-
-
-class _Cost(ruptures.base.BaseCost):  # type: ignore[misc]
-    """Squared error of one size for a stretch of blocks, from cumulative sums."""
-
-    model = "size"
-    min_size = 1
-
-    def fit(self, signal: Array) -> _Cost:
-        """Take (moment, weight) of each block, shape (blocks, 2)."""
-        self.signal = signal
-        self._sums = np.vstack([np.zeros(2), np.cumsum(signal, axis=0)]).tolist()
-        return self
-
-    def error(self, start: int, end: int) -> float:
-        """Minus what the best size explains between two blocks."""
-        (m0, w0), (m1, w1) = self._sums[start], self._sums[end]
-        weight = w1 - w0
-        return -((m1 - m0) ** 2) / weight if weight > 0.0 else 0.0
+    return place_m if extent_m > 0.0 and driven_m >= _PASSES * extent_m else None
 
 
 def _schedules(
-    axis: Axis, shape: Array, residual: Array, block: NDArray[np.intp], groups: list[NDArray[np.intp]], signed: bool
+    axis: Axis, shape: Array, residual: Array, parts: Sequence[Index], blocks: int, signed: bool
 ) -> list[Schedule]:
-    blocks = int(block.max()) + 1
-    moment: Array = np.bincount(block, shape * residual, minlength=blocks).astype(np.float64)
-    weight: Array = np.bincount(block, shape * shape, minlength=blocks).astype(np.float64)
-    if not (weight > 0.0).any():
+    """Search the windows of each part, in its order, with ever smaller penalties."""
+    whole, weight = float(residual @ residual), float(shape @ shape)
+    if whole == 0.0 or weight == 0.0:
         return []
-    weak = weight < 1e-3 * float(np.quantile(weight[weight > 0.0], 0.9))
-    moment, weight = np.where(weak, 0.0, moment), np.where(weak, 0.0, weight)
-    whole = float(residual @ residual)
-    if np.count_nonzero(~weak) < _FEWEST_BLOCKS or whole == 0.0:
+    cuts = [_blocks(shape[part], max(1, round(blocks * float(shape[part] @ shape[part]) / weight))) for part in parts]
+    if sum(len(cut) for cut in cuts) < _FEWEST_BLOCKS:
         return []
+    moments = [np.add.reduceat((shape * residual)[part], cut) for part, cut in zip(parts, cuts, strict=True)]
+    weights = [
+        np.maximum(np.add.reduceat((shape * shape)[part], cut), 1e-300) for part, cut in zip(parts, cuts, strict=True)
+    ]
     found: list[Schedule] = []
     for share in _SHARES:
         penalty = share * whole
-        stretch = _stretches(moment, weight, groups, penalty)
-        sizes = np.bincount(stretch, moment).astype(np.float64), np.bincount(stretch, weight).astype(np.float64)
-        level_of_stretch, levels = _cluster(*sizes, penalty, signed)
-        level = level_of_stretch[stretch]
-        if levels < 2 or any(np.array_equal(level[block], one.level) for one in found):
+        sizes = [_sizes(m, w, penalty) for m, w in zip(moments, weights, strict=True)]
+        level_of_block, levels = _cluster(np.concatenate(sizes), np.concatenate(weights), penalty, signed)
+        if levels < 2:
             continue
-        changes = sum(int(np.count_nonzero(np.diff(level[group]))) for group in groups)
-        changes += sum(int(level[group[0]] != 0) for group in groups)
-        found.append(Schedule(axis, level[block], levels, changes))
+        level = np.zeros(len(residual), dtype=np.intp)
+        changes, at = 0, 0
+        for part, cut in zip(parts, cuts, strict=True):
+            own = np.repeat(level_of_block[at : at + len(cut)], np.diff(np.append(cut, len(part))))
+            at += len(cut)
+            level[part] = own
+            changes += int(np.count_nonzero(np.diff(own))) + int(own[0] != 0)
+        exact = _refined(level, shape, residual, parts)
+        if not any(one.levels == levels and np.mean(one.level != exact) < _SAME for one in found):
+            found.append(Schedule(axis, exact, levels, changes))
     return found
 
 
-def _stretches(moment: Array, weight: Array, groups: list[NDArray[np.intp]], penalty: float) -> NDArray[np.intp]:
-    """Number of the stretch of constant size that each block belongs to."""
-    stretch = np.zeros(len(moment), dtype=np.intp)
-    following = 0
-    for group in groups:
-        ends = [len(group)]
-        if len(group) > 1:
-            search = ruptures.Pelt(custom_cost=_Cost(), min_size=1, jump=1)
-            ends = search.fit(np.column_stack([moment[group], weight[group]])).predict(penalty)
-        for start, end in pairwise([0, *ends]):
-            stretch[group[start:end]] = following
-            following += 1
-    return stretch
+def _blocks(shape: Array, count: int) -> Index:
+    """First window of each of `count` blocks (or fewer) that hold equal parts of the squared shape."""
+    reached = np.cumsum(shape * shape)
+    if reached[-1] == 0.0:
+        return np.zeros(1, dtype=np.intp)
+    number = np.minimum((reached / reached[-1] * count).astype(np.intp), count - 1)
+    return np.flatnonzero(np.diff(number, prepend=-1))
 
 
-def _cluster(moment: Array, weight: Array, penalty: float, signed: bool) -> tuple[NDArray[np.intp], int]:
-    """Level of each stretch and the number of levels: stretches in order of size, cut where it pays."""
-    known = np.flatnonzero(weight > 0.0)
-    size = moment[known] / weight[known]
-    order = known[np.argsort(size)]
-    if len(order) < 2:
-        return np.zeros(len(moment), dtype=np.intp), 1
-    search = ruptures.Dynp(custom_cost=_Cost(), min_size=1, jump=1) if len(order) <= 200 else None
-    signal = np.column_stack([moment[order], weight[order]])
-    best_ends, best_cost = [len(order)], _Cost().fit(signal).error(0, len(order))
-    for levels in range(2, min(_MOST_LEVELS, len(order)) + 1):
-        chosen = search or ruptures.Binseg(custom_cost=_Cost(), min_size=1, jump=1)
-        ends = chosen.fit(signal).predict(n_bkps=levels - 1)
-        cost = sum(_Cost().fit(signal).error(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True))
-        # A further level must explain a good part of what the ones so far leave, not only be beyond the noise.
-        if cost + penalty < best_cost and (levels == 2 or best_cost - cost > 0.1 * abs(best_cost)):
-            best_ends, best_cost = ends, cost
-    number = np.zeros(len(moment), dtype=np.intp)
-    for index, (start, end) in enumerate(zip([0, *best_ends[:-1]], best_ends, strict=True)):
-        number[order[start:end]] = index
-    levels = len(best_ends)
+def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
+    """Size of each block, constant over the stretches that pay their penalty."""
+    if len(moment) < 2:
+        return np.asarray(moment / weight)
+    search = ruptures.KernelCPD(kernel="linear", min_size=1).fit((moment / np.sqrt(weight))[:, None])
+    size = np.empty(len(moment))
+    for start, end in pairwise([0, *search.predict(pen=max(penalty, 1e-300))]):
+        size[start:end] = moment[start:end].sum() / weight[start:end].sum()
+    return size
+
+
+def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[Index, int]:
+    """Level of each block and the number of levels: sizes in their order, cut where it pays."""
+    order = np.argsort(size, kind="stable")
+    distinct = len(np.unique(size))
+    mean = float(np.average(size, weights=weight))
+    left = float((weight * (size - mean) ** 2).sum())
+    level, levels = np.zeros(len(size), dtype=np.intp), 1
+    search = ruptures.KernelCPD(kernel="linear", min_size=1).fit(size[order][:, None])
+    explained = 0.0
+    for count in range(2, min(_MOST_LEVELS, distinct) + 1):
+        number = np.zeros(len(size), dtype=np.intp)
+        for index, (start, end) in enumerate(pairwise([0, *search.predict(n_bkps=count - 1)])):
+            number[order[start:end]] = index
+        centre = np.bincount(number, weight * size) / np.bincount(number, weight)
+        remaining = float((weight * (size - centre[number]) ** 2).sum())
+        gain = left - remaining - explained
+        if gain <= penalty or gain < _LEVEL_WORTH * explained:
+            break
+        level, levels, explained = number, count, explained + gain
     if signed and levels > 1:  # the level met most is the usual one
-        usual = int(np.argmax(np.bincount(number[known], weight[known], minlength=levels)))
-        number = np.where(number == usual, 0, np.where(number < usual, number + 1, number))
-    return number, levels
+        usual = int(np.argmax(np.bincount(level, weight, minlength=levels)))
+        level = np.where(level == usual, 0, np.where(level < usual, level + 1, level))
+    return level, levels
+
+
+def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]) -> Index:
+    """The levels with each change moved to the window where it fits best, half-way to the next change at most."""
+    levels = int(level.max()) + 1
+    weight = np.maximum(np.bincount(level, shape * shape, minlength=levels), 1e-300)
+    size = np.bincount(level, shape * residual, minlength=levels) / weight
+    exact = level.copy()
+    for part in parts:
+        changes = 1 + np.flatnonzero(np.diff(level[part]))
+        if len(changes) == 0:
+            continue
+        limits = np.concatenate(([0], (changes[1:] + changes[:-1]) // 2, [len(part)]))
+        for change, first, last in zip(changes, limits[:-1], limits[1:], strict=True):
+            here = part[max(first, change - 2 * _SHORTEST) : min(last, change + 2 * _SHORTEST)]
+            before, after = level[part[change - 1]], level[part[change]]
+            error = [(residual[here] - size[one] * shape[here]) ** 2 for one in (before, after)]
+            at = int(np.argmin(np.concatenate(([0.0], np.cumsum(error[0] - error[1])))))
+            exact[here[:at]], exact[here[at:]] = before, after
+    return exact
