@@ -1,4 +1,4 @@
-"""The compiled step and reset of missions: one decision is driven place by place through the physics kernel."""
+"""The compiled step and reset of missions, one after another or on all cores."""
 
 from __future__ import annotations
 
@@ -9,37 +9,14 @@ import numpy as np
 
 from homeward.envs import difficulty, missions
 from homeward.envs.difficulty import KNOWN
+from homeward.envs.driving import decide, map_place
 from homeward.envs.features import gauge_energy, home_cost, observe
 from homeward.envs.routes import generate
-from homeward.envs.state import RETURN, STOP, SURVEY
-from homeward.physics import model
 from homeward.physics.jit import compiled, inline, prefetch
-from homeward.physics.kernel import Conditions, advance, demand
 
 _FETCH_AHEAD = 4  # missions
 LEVELS = 5
 """Levels of speed and of sensing rate that a discrete action chooses from."""
-
-
-@inline
-def _conditions(
-    m: Any, place: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, headwind_mps: float, ahead: float
-) -> Any:
-    """Conditions at a place; `ahead` is 1 away from home and -1 towards it, the headwind that of the way out."""
-    sine, roughness = ahead * place.sin_grade, float(place.roughness)
-    return Conditions(
-        speed_mps,
-        sensing_hz,
-        accel_mps2,
-        sine,
-        np.sqrt(1.0 - sine * sine),
-        ahead * place.curvature_per_m * speed_mps,
-        roughness,
-        ahead * headwind_mps,
-        m.temperature_c,
-        m.position_m,
-        ahead,
-    )
 
 
 @inline
@@ -63,28 +40,6 @@ def _look_ahead(route: Any, shared: Any) -> None:
         far = 1.0 / min(max(count - 3 - k, 1), 8) if shared.difficulty == KNOWN else 0.0
         place.grade_near, place.interest_near = near_grade * near, near_interest * near
         place.grade_far, place.interest_far = far_grade * far, far_interest * far
-
-
-@inline
-def _map_place(m: Any, place: Any, believed: Any, shared: Any, home_cost_j: float) -> None:
-    """See the place that the robot comes to for the first time, and cost it by its own model."""
-    place.home_cost_j, place.headwind_mps = home_cost_j, 0.0
-    if m.wind_mps > 0.0:
-        place.headwind_mps = m.wind_mps * np.cos(m.wind_from_rad - place.heading_rad)
-    cruise = shared.cruise_mps
-    headwind = float(place.headwind_mps) if shared.difficulty == KNOWN else 0.0
-    # The model's powers are worked out in the mission's own record, as if its windings were cold and its clock at 0.
-    kept = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.traction_n, m.drive_w, m.power_w
-    m.time_s, m.step_s, m.speed_mps, m.winding_k = 0.0, shared.decision_s, cruise, 0.0
-    standing_w = demand(believed, m, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0))
-    out_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
-    home_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
-    m.time_s, m.step_s, m.speed_mps, m.winding_k, m.traction_n, m.drive_w, m.power_w = kept
-    place.standing_w = standing_w
-    place.out_j_per_m = (out_w - standing_w) / cruise
-    place.back_j_per_m = (home_w - standing_w) / cruise
-    place.home_j_per_m = home_w / cruise
-    m.mapped += 1
 
 
 @inline
@@ -126,83 +81,9 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
         rise += route.places[k].sin_grade
     m.mean_grade = rise / shared.places
     _look_ahead(route, shared)
-    _map_place(m, route.places[0], nominal, shared, 0.0)
+    map_place(m, route.places[0], nominal, shared, 0.0)
     m.here = route.places[0]
     m.potential = _potential(m, shared, gauge_energy(m, shared)) if shared.shaped else 0.0
-
-
-@inline
-def _cross(m: Any, route: Any, nominal: Any, shared: Any) -> None:
-    """Pass the border ahead: into the next place, or to an end of the route."""
-    ahead = m.place + (1 if m.direction > 0.0 else -1)
-    if ahead < 0 or ahead == shared.places:
-        missions.arrive(m, shared)
-        return
-    m.place = ahead
-    if m.place == m.mapped:
-        home_cost_j = m.here.home_cost_j + m.here.home_j_per_m * shared.place_m
-        _map_place(m, route.places[ahead], nominal, shared, home_cost_j)
-    m.here = route.places[ahead]
-
-
-@inline
-def _account(m: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: float) -> None:
-    """Book what the robot's own model says of a stretch, and what was sensed and sent on it."""
-    here = m.here
-    drive_j_per_m = here.out_j_per_m if x.direction > 0.0 else here.back_j_per_m
-    drive_j_per_m += shared.drag_j_per_m * (x.speed_mps * x.speed_mps - shared.cruise_mps * shared.cruise_mps)
-    sensing_w = model.ancillary_power(nominal, x.sensing_hz) - model.ancillary_power(nominal, 0.0)
-    m.modelled_j += (max(drive_j_per_m, 0.0) * x.speed_mps + here.standing_w + sensing_w) * passed_s
-    if shared.mission == SURVEY:
-        missions.sense(m, here, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
-        missions.transmit(m, shared, x.speed_mps > 0.0, passed_s)
-
-
-@inline
-def _decide(
-    m: Any,
-    p: Any,
-    route: Any,
-    nominal: Any,
-    shared: Any,
-    speed_mps: float,
-    sensing_hz: float,
-    mode: int,
-) -> None:
-    """Carry out one decision, place by place, until its time is over, the battery is empty or the robot is home."""
-    if mode == RETURN and not m.returning:
-        m.returning, m.direction, m.dwell_s = True, -1.0, 0.0
-        m.home = m.position_m <= 0.0
-    m.decisions += 1
-    m.sensing_hz = sensing_hz
-    # The change of speed is spread over the decision.
-    accel = (speed_mps - m.speed_mps) * shared.per_decision
-    left_s = shared.decision_s
-    while left_s > 0.0 and not m.home and not m.depleted:
-        speed, dt_s, border_m, crossing = 0.0, left_s, 0.0, False
-        if m.dwell_s > 0.0:
-            dt_s = min(left_s, m.dwell_s)
-        elif mode != STOP and (m.direction < 0.0 or m.position_m < shared.length_m):
-            border_m = (m.place + (m.direction > 0.0)) * shared.place_m
-            ahead_m = m.direction * (border_m - m.position_m)
-            if ahead_m <= 0.0:
-                _cross(m, route, nominal, shared)
-                continue
-            speed = speed_mps
-            crossing = ahead_m <= speed * left_s
-            if crossing:
-                dt_s = ahead_m / speed
-        x = _conditions(m, m.here, speed, sensing_hz, accel, m.here.headwind_mps, m.direction)
-        passed_s = advance(p, m, x, dt_s)
-        left_s -= passed_s
-        m.dwell_s = max(m.dwell_s - passed_s, 0.0)
-        crossing = crossing and not m.depleted
-        m.position_m = border_m if crossing else m.position_m + m.direction * speed * passed_s
-        new_m = max(m.position_m - m.furthest_m, 0.0)
-        m.furthest_m = max(m.furthest_m, m.position_m)
-        _account(m, nominal, shared, x, passed_s, new_m)
-        if crossing:
-            _cross(m, route, nominal, shared)
 
 
 @inline
@@ -274,7 +155,7 @@ def _step(
     """Step a mission by one decision and return the reward."""
     # Where nothing is hidden, all missions have the robot of the file: one record, always in the cache.
     p = robot if shared.difficulty > KNOWN else nominal
-    _decide(m, p, route, nominal, shared, speed_mps, sensing_hz, mode)
+    decide(m, p, route, nominal, shared, speed_mps, sensing_hz, mode)
     energy_j, cost_j = gauge_energy(m, shared), home_cost(m, shared)
     reward = _judge(m, shared, energy_j - cost_j)
     m.over = m.home or m.depleted or m.decisions >= shared.max_decisions

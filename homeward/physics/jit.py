@@ -26,10 +26,7 @@ def inline(function: Function) -> Function:
     return marked
 
 
-@intrinsic
-def prefetch(typing: Any, record: Any) -> Any:
-    """Ask the processor to bring the first cache line of a record, which will be written soon."""
-
+def _prefetch(typing: Any, record: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         flag = ir.IntType(32)
         address = builder.bitcast(arguments[0], ir.IntType(8).as_pointer())
@@ -40,6 +37,10 @@ def prefetch(typing: Any, record: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(record), generate
+
+
+prefetch: Any = intrinsic(_prefetch)
+"""Ask the processor to bring the first cache line of a record, which will be written soon."""
 
 
 def compiled(function: Function | None = None, *, parallel: bool = False) -> Any:

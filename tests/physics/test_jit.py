@@ -8,7 +8,10 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
+import numba
+import numpy as np
 import pytest
 
 from homeward.physics import jit
@@ -104,3 +107,17 @@ def test_formulas_stay_plain_functions() -> None:
 
 def double(x: float) -> float:
     return 2.0 * x
+
+
+def test_a_record_asked_for_ahead_stays_as_it_is() -> None:
+    records = np.arange(6.0).view([("first", np.float64), ("second", np.float64)])
+    before = records.copy()
+
+    @numba.njit
+    def ask(records: Any) -> float:
+        for i in range(len(records)):
+            jit.prefetch(records[i])
+        return float(records[2].first)
+
+    assert ask(records) == 4.0
+    np.testing.assert_array_equal(records, before)
