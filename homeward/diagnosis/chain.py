@@ -15,6 +15,8 @@ from homeward.diagnosis.blocks import FEWEST_BLOCKS, cut_folds
 from homeward.diagnosis.columns import Columns
 from homeward.diagnosis.correct import correct, range_change
 from homeward.diagnosis.describe import missing_physics
+from homeward.diagnosis.empirical import Empirical, propose
+from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location, locate
 from homeward.diagnosis.modelling import Corrected, fit_model
@@ -41,10 +43,11 @@ class Evidence:
     """What the verdict rests on, for the report; arrays of shape (windows,).
 
     There is no arm `nominal` where the robot file cannot predict what was recorded (motor current without a known
-    thrust per ampere), and none `corrected` where nothing was named.
+    thrust per ampere), and none `corrected` where nothing was named and no formula was found.
     """
 
     runs: Runs
+    fitted: Refit
     block: NDArray[np.intp]
     predictions: Mapping[str, Array]  # by arm, held out
     estimates: tuple[Estimate, ...]
@@ -52,7 +55,14 @@ class Evidence:
     location: Location | None
     naming: Naming
     corrected: Corrected | None  # the fitted model, where effects were named
+    empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
     range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
+
+    @property
+    def left(self) -> Array:
+        """What the named effects leave or, where there are none, the refit; shape (windows,)."""
+        model = self.fitted if self.corrected is None else self.corrected
+        return self.runs.observed - model.predicted
 
     @property
     def nominal(self) -> Array | None:
@@ -128,9 +138,7 @@ def analyse(
     found = (
         ()
         if evidence.corrected is None
-        else missing_physics(
-            evidence.corrected, evidence.naming.named, evidence.runs, [""] * len(evidence.naming.named)
-        )
+        else missing_physics(evidence.corrected, evidence.naming.named, evidence.runs, _drives(evidence))
     )
     where = evidence.location.places if evidence.location is not None else ()
     diagnosis = Diagnosis(
@@ -146,9 +154,29 @@ def analyse(
         range_change_m=None
         if evidence.runs.unit == "A" or verdict == "unknown_physics"
         else range_change(robot, corrected),
-        next_experiment=wording.next_experiment(verdict, evidence),
+        next_experiment=_next(evidence),
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
+
+
+def _drives(evidence: Evidence) -> list[str]:
+    """For each named effect the drive that would tell it from its rivals."""
+    return [
+        to_tell_apart(evidence.fitted, evidence.runs, evidence.left, one.term, one.rivals)
+        for one in evidence.naming.named
+    ]
+
+
+def _next(evidence: Evidence) -> str | None:
+    return next_experiment(
+        evidence.fitted,
+        evidence.runs,
+        evidence.left,
+        evidence.estimates,
+        [(one.term, one.rivals) for one in evidence.naming.named],
+        evidence.location,
+        enough=int(evidence.block.max()) + 1 >= FEWEST_BLOCKS,
+    )
 
 
 def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evidence, Fit]:
@@ -169,31 +197,48 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     if naming.named:
         progress("modelling")
         corrected = fit_model(fitted, [one.term for one in naming.named], runs, block)
-        if any(one.term.schedule is not None for one in naming.named):
+        if any(one.term.axis == "time" for one in naming.named):
             # What happened at some moment of a run says nothing of other runs: hold out stretches.
             fold, held_out_by = block % 5, "block"
+    empirical = None
+    if location is not None and corrected is None:
+        empirical = propose(fitted, runs, block, fold, seed)
     progress("proving")
-    predicted = _predictions(fitted, corrected, nominal, runs, fold, seed)
+    predicted = _predictions(fitted, corrected, empirical, nominal, runs, fold, seed)
     arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
     trip = runs.run if held_out_by == "run" else fold
     accuracy = {name: range_accuracy_pct(one, runs, trip) for name, one in predicted.items()}
     fit = Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
     groups = fitted if corrected is None else corrected.groups
     known = tuple(estimates(groups, runs, block, None if corrected is None else corrected.beside))
-    evidence = Evidence(runs, block, predicted, known, tuple(found), location, naming, corrected, accuracy)
+    evidence = Evidence(
+        runs, fitted, block, predicted, known, tuple(found), location, naming, corrected, empirical, accuracy
+    )
     return evidence, fit
 
 
 def _predictions(
-    fitted: Refit, corrected: Corrected | None, nominal: Array | None, runs: Runs, fold: NDArray[np.intp], seed: int
+    fitted: Refit,
+    corrected: Corrected | None,
+    empirical: Empirical | None,
+    nominal: Array | None,
+    runs: Runs,
+    fold: NDArray[np.intp],
+    seed: int,
 ) -> dict[str, Array]:
     """What each arm predicts of windows that it has not seen."""
     arms: dict[str, Array] = {} if nominal is None else {"nominal": nominal}
     arms["refit"] = held_out(lambda chosen: fitted.on(chosen, runs.observed), fold)
     rng = np.random.default_rng(seed)
+    added = None
     if corrected is not None:
         arms["corrected"] = held_out(lambda chosen: corrected.on(chosen, runs.observed), fold)
-        placebo = shifted_in_time(np.column_stack(corrected.contribution), runs.run, rng)
+        added = np.column_stack(corrected.contribution)
+    elif empirical is not None:
+        added = empirical.columns
+        arms["corrected"] = held_out(lambda chosen: fitted.with_columns(chosen, runs.observed, empirical.columns), fold)
+    if added is not None:
+        placebo = shifted_in_time(added, rng)
         arms["placebo"] = held_out(lambda chosen: fitted.with_columns(chosen, runs.observed, placebo), fold)
     arms["black_box"] = held_out(lambda chosen: black_box(runs, fitted.predicted, chosen, rng), fold)
     return arms

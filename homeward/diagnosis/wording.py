@@ -99,7 +99,23 @@ def _unknown_physics(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) 
         f"Even with its parameters refitted the model does not explain the recorded {measured}{r2}: "
         f"{_condition(evidence.location)}, the robot draws {abs(drift):.2g} {fit.unit} "
         f"{'more' if drift > 0 else 'less'} than elsewhere beyond what the model says, "
-        f"{evidence.location.share:.0%} of the unexplained excess."
+        f"{evidence.location.share:.0%} of the unexplained excess. {_formula(evidence, fit)}"
+    )
+
+
+def _formula(evidence: Evidence, fit: Fit) -> str:
+    """The empirical term, or that there is none."""
+    found = evidence.empirical
+    if found is None:
+        return "No known effect explains it, nor does any simple formula of the recorded channels."
+    symbols = f" ({', '.join(found.constants.values())})" if found.constants else ""
+    intervals = " and ".join(f"{low:.3g} to {high:.3g}" for low, high in (one.ci95 for one in found.terms))
+    others = [text for one in found.terms for text in one.alternatives]
+    also = f" Here {' or '.join(others)} would do as well." if others else ""
+    return (
+        f"No known effect explains it. It follows {found.text}{symbols}, 95 % interval {intervals}: a description, not "
+        f"a cause. Held out, the error falls from {fit.arms['refit'].rmse:.3g} to {fit.arms['corrected'].rmse:.3g} "
+        f"{fit.unit}.{also}"
     )
 
 
@@ -147,20 +163,3 @@ def why_open(estimate: Estimate) -> str:
         "too uncertain": "too uncertain to print",
         "at bound": "pulled to the bound of what is physical, so not a measurement",
     }[estimate.status]
-
-
-def next_experiment(verdict: Verdict, evidence: Evidence) -> str | None:
-    """The drive that would settle what these recordings leave open, or None."""
-    open_groups = {one.group.name for one in evidence.estimates if one.fitted is None}
-    if verdict != "not_testable":
-        return None
-    wishes = []
-    if open_groups & {"rolling", "drag", "idle_power", "rest_current"}:
-        wishes.append("stand, then drive straight at three speeds from slow to top speed, a minute each")
-    if "mass" in open_groups:
-        wishes.append("drive up and down a slope")
-    if "sample_energy" in open_groups:
-        wishes.append("switch the sensing rate between zero and its maximum")
-    return (
-        ("; ".join(wishes) + ".").capitalize() if wishes else "Record the same drive for longer, at least five minutes."
-    )
