@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from homeward import cli
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
-from homeward.diagnosis import Analysis, RecordingError, analyse
+from homeward.diagnosis import Analysis, RecordingError, analyse, terminal
 from homeward.diagnosis.chain import STAGES
 from homeward.diagnosis.report import check_writable, write_outputs
 from homeward.physics import RobotError
@@ -80,18 +80,10 @@ def _inputs(args: Args) -> tuple[list[Path], str, str | None]:
 
 
 def _print(analysis: Analysis, written: list[Path]) -> None:
-    console, diagnosis = Console(), analysis.diagnosis
-    console.print(f"[bold]{diagnosis.verdict}[/bold]")
-    console.print(diagnosis.summary, markup=False, highlight=False)
-    if diagnosis.fit is not None:
-        for name, arm in diagnosis.fit.arms.items():
-            r2 = "" if arm.r2 is None else f", R^2 {arm.r2:.3f}"
-            energy = "" if arm.energy_error_pct is None else f", trip energy off by {arm.energy_error_pct:.1f} %"
-            console.print(f"  {name:8} RMSE {arm.rmse:.3g} {diagnosis.fit.unit}{r2}{energy}", highlight=False)
-        console.print(f"  held out by {diagnosis.fit.held_out_by}, {diagnosis.fit.folds} folds", highlight=False)
-    if diagnosis.next_experiment:
-        console.print(f"Next experiment: {diagnosis.next_experiment}", markup=False, highlight=False)
-    console.print(f"Report: {next(path for path in written if path.suffix == '.html')}", markup=False, highlight=False)
+    console = Console()
+    terminal.show(analysis, console)
+    report = next(path for path in written if path.suffix == ".html")
+    console.print(f"Report: {report}", markup=False, highlight=False, soft_wrap=True)
 
 
 def run() -> int:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import html
+import hashlib
 import platform
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path, PurePath
-from typing import Any
+from pathlib import Path
 
-import numpy as np
-import plotly.graph_objects as go
 import plotly.offline
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -18,13 +17,16 @@ from markupsafe import Markup
 from homeward.diagnosis import wording
 from homeward.diagnosis.chain import Analysis, Evidence
 from homeward.diagnosis.correct import comments
+from homeward.diagnosis.describe import condition, total_share
+from homeward.diagnosis.figures import conditions, time_figure
+from homeward.diagnosis.formats import ARMS, PAPER_ACCURACY, decimal, labels, number, typeset
+from homeward.diagnosis.hypotheses import OF_CURRENT, missing_channels
+from homeward.diagnosis.location import Place
+from homeward.diagnosis.naming import Naming
 from homeward.diagnosis.replay import WINDOW_S
-from homeward.diagnosis.structure import FALSE_ALARM_RATE, SMALLEST_GAIN, Dependence
+from homeward.diagnosis.structure import FALSE_ALARM_RATE, SMALLEST_GAIN
 from homeward.files import write_whole
 
-_MOST_RUNS = 12  # in the time plot
-_MOST_POINTS = 2000
-_RECORDED, _NOMINAL, _REFIT, _LOCATED = "#222222", "#9aa5b1", "#0b7285", "#e8590c"
 _VERDICT_WORDS = {
     "no_mismatch": "No mismatch",
     "parameters_off": "Parameters off",
@@ -32,6 +34,9 @@ _VERDICT_WORDS = {
     "unknown_physics": "Unknown physics",
     "not_testable": "Not testable",
 }
+_MOST_PLACES = 6  # of each effect
+_MOST_RANKED = 10
+_FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
 
 
 def write_outputs(analysis: Analysis, folder: Path) -> list[Path]:
@@ -81,157 +86,155 @@ def report_html(analysis: Analysis) -> str:
         loader=PackageLoader("homeward.diagnosis"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters["number"] = _number
-    environment.filters["short"] = lambda path: PurePath(path).name
-    evidence = analysis.evidence
-    figures = {} if evidence is None else _figures(evidence)
-    return environment.get_template("report.html").render(
-        diagnosis=analysis.diagnosis,
-        verdict=_VERDICT_WORDS[analysis.diagnosis.verdict],
-        findings=_by_text(analysis),
-        evidence=evidence,
-        figures=figures,
-        why_open=wording.why_open,
-        shown=_shown_places(analysis),
-        constants={"window_s": WINDOW_S, "false_alarm": FALSE_ALARM_RATE, "gain": SMALLEST_GAIN},
-        versions=_versions(),
-        plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
-    )
+    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    names = labels([one.path for one in diagnosis.recordings] + [one.recording for one in analysis.findings])
+    environment.filters |= {
+        "number": number, "decimal": decimal, "typeset": typeset, "sign": _sign,
+        "label": lambda path: names.get(path, path), "percent": lambda share: f"{decimal(100.0 * share, 0)} %",
+    }  # fmt: skip
+    shared = {
+        "diagnosis": diagnosis,
+        "verdict": _VERDICT_WORDS[diagnosis.verdict],
+        "findings": _by_text(analysis),
+        "evidence": evidence,
+        "where": _where(analysis),
+        "versions": _versions(),
+        "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
+        "plotly": "" if evidence is None else Markup(plotly.offline.get_plotlyjs()),
+    }
+    proof = {} if evidence is None else _proof(analysis, evidence)
+    page = environment.get_template("report.html").render(**shared, **proof)
+    return page.encode("utf-8", "replace").decode("utf-8")  # names of files may hold bytes that are no text
 
 
-def _number(value: float | None, digits: int = 3) -> str:
-    """A number as one writes it, a dash for none.
+def _proof(analysis: Analysis, evidence: Evidence) -> dict[str, object]:
+    """What the parts of the page need that rest on fitted models."""
+    figure, shown_runs = time_figure(analysis, evidence)
+    visible, invisible = _can_show(analysis, evidence)
+    return {
+        "time_figure": figure,
+        "shown_runs": shown_runs,
+        "conditions": conditions(analysis, evidence),
+        "ranking": ranking(evidence.naming),
+        "most_ranked": _MOST_RANKED,
+        "arms": ARMS,
+        "paper_accuracy": PAPER_ACCURACY,
+        "why_open": wording.why_open,
+        "visible": visible,
+        "invisible": invisible,
+        "constants": {"window_s": WINDOW_S, "false_alarm": FALSE_ALARM_RATE, "gain": SMALLEST_GAIN},
+    }
 
-    >>> _number(1234.5), _number(0.0001234), _number(None), _number(2.0)
-    ('1234', '0.000123', '–', '2')
-    """
-    if value is None or not np.isfinite(value):
-        return "–"
-    if abs(value) >= 10 ** (digits - 1):
-        return f"{value:.0f}"
-    return f"{value:.{digits}g}"
+
+def _sign(value: float) -> str:
+    return f"{'+' if value > 0 else ''}{number(value)}"
 
 
 def _by_text(analysis: Analysis) -> dict[tuple[bool, str], list[str]]:
-    """Names of the recordings under each finding, those set aside first."""
+    """The recordings under each finding, those set aside first."""
     grouped: dict[tuple[bool, str], list[str]] = {}
     for one in sorted(analysis.findings, key=lambda finding: not finding.refused):
-        grouped.setdefault((one.refused, one.text), []).append(PurePath(one.recording).name)
+        grouped.setdefault((one.refused, one.text), []).append(one.recording)
     return grouped
 
 
-def _shown_places(analysis: Analysis) -> list[Any]:
-    places = sorted(analysis.diagnosis.where, key=lambda place: -place.share_of_excess)
-    return places[:10]
+@dataclass(frozen=True)
+class Stretches:
+    """Where one thing was located: the stretches with the largest share of it, and how many there are in all."""
+
+    title: str
+    condition: str
+    share_of_drawn: float | None  # of all that was recorded
+    shown: tuple[Place, ...]
+    count: int
+    runs: int
+
+    @property
+    def same(self) -> bool:
+        """Whether one condition holds for all."""
+        return all(place.condition == self.condition for place in self.shown)
+
+
+def _where(analysis: Analysis) -> list[Stretches]:
+    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    found = []
+    if diagnosis.missing_physics and evidence is not None and evidence.corrected is not None:
+        for one, added in zip(diagnosis.missing_physics, evidence.corrected.contribution, strict=True):
+            found.append(_stretches(one.name, one.where, total_share(added, evidence.runs)))
+    elif diagnosis.where:
+        found.append(_stretches("The mismatch", diagnosis.where, None))
+    return found
+
+
+def _stretches(title: str, places: Sequence[Place], share: float | None) -> Stretches:
+    largest = sorted(places, key=lambda place: -place.share_of_excess)[:_MOST_PLACES]
+    return Stretches(
+        title, condition(places), share, tuple(largest), len(places), len({one.recording for one in places})
+    )
+
+
+@dataclass(frozen=True)
+class RankRow:
+    """One hypothesis of the ranking; `note` says why it is marked."""
+
+    effect: str
+    form: str
+    delta_bic: float
+    held_out_gain: float
+    kind: str  # "named", "rival" or ""
+    note: str
+
+
+def ranking(naming: Naming) -> list[RankRow]:
+    """The named effects, each as it did beside those named before it, then every other hypothesis as it did alone.
+
+    Of several variants of one form the best is listed.
+    """
+    rows: list[RankRow] = []
+    rivals: dict[tuple[str, str], str] = {}
+    for index, one in enumerate(naming.named):
+        before = ", ".join(other.term.effect.replace("_", " ") for other in naming.named[:index])
+        low, high = (100.0 * end for end in one.gain_ci95)
+        alone = f"named beside {before}" if before else "named"
+        note = f"{alone}: gain {low:.0f} to {high:.0f} %, placebos p ≤ {one.p_value:.2f}"
+        form = _FORMS[one.term.axis]
+        rows.append(RankRow(one.term.effect, form, one.delta_bic, one.held_out_gain, "named", note))
+        rivals |= {(rival.effect, rival.axis): one.term.effect for rival in one.rivals}
+    listed: set[tuple[str, str]] = {(one.term.effect, one.term.axis) for one in naming.named}
+    for other in naming.ranking:
+        key = other.effect, other.axis
+        if key not in listed:
+            listed.add(key)
+            note = f"cannot be told from {rivals[key].replace('_', ' ')}" if key in rivals else ""
+            kind = "rival" if key in rivals else ""
+            rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))
+    return rows
+
+
+def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, float]], dict[str, list[str]]]:
+    """Effects with the share that the refit would absorb, least first; and under each reason those that stay unseen."""
+    shares = analysis.diagnosis.what_this_log_can_show
+    visible = sorted(((effect, share) for effect, share in shares.items() if share is not None), key=lambda one: one[1])
+    unseen: dict[str, list[str]] = {}
+    for effect, share in shares.items():
+        if share is not None:
+            continue
+        channels = missing_channels(effect, evidence.runs)
+        name = effect.replace("_", " ")
+        if evidence.runs.unit == "A" and effect not in OF_CURRENT:
+            unseen.setdefault("Not in motor current, which follows torque", []).append(name)
+        elif channels:
+            unseen.setdefault("A channel is missing", []).append(f"{name} (needs {', '.join(channels)})")
+        else:
+            unseen.setdefault("Nothing in these recordings sets it apart from the parameters", []).append(name)
+    return visible, unseen
 
 
 def _versions() -> dict[str, str]:
-    names = ("homeward", "numpy", "scipy", "numba", "pandas")
     found = {"python": platform.python_version()}
-    for name in names:
+    for name in ("homeward", "numpy", "scipy", "numba", "pandas"):
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = "not installed"
     return found
-
-
-def _figures(evidence: Evidence) -> dict[str, Markup]:
-    figures = {"time": _time_figure(evidence)}
-    if evidence.dependences:
-        figures["condition"] = _condition_figure(evidence, evidence.dependences[0])
-    return {name: _embedded(figure, name) for name, figure in figures.items()}
-
-
-def _embedded(figure: go.Figure, name: str) -> Markup:
-    figure.update_layout(
-        template="plotly_white", margin={"l": 55, "r": 12, "t": 44, "b": 45}, font={"family": "system-ui, sans-serif"},
-        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0.0},
-    )  # fmt: skip
-    text = figure.to_html(
-        full_html=False, include_plotlyjs=False, div_id=f"figure-{name}", default_height="380px",
-        config={"responsive": True, "displaylogo": False, "displayModeBar": False},
-    )  # fmt: skip
-    return Markup(text)
-
-
-def _time_figure(evidence: Evidence) -> go.Figure:
-    """Recorded against simulated, one run at a time, those with most of the excess first."""
-    runs = evidence.runs
-    order = _by_excess(evidence)[:_MOST_RUNS]
-    figure, per_run = go.Figure(), []
-    for shown, run in enumerate(order):
-        here = np.flatnonzero(runs.run == run)
-        here = here[:: max(1, len(here) // _MOST_POINTS)]
-        time_s = np.round(runs.time_s[here] - runs.time_s[here[0]], 2)
-        lines = [("recorded", runs.observed[here], _RECORDED, 1.2)]
-        if evidence.nominal is not None:
-            lines.append(("nominal", evidence.nominal[here], _NOMINAL, 1.5))
-        lines.append(("refit, held out", evidence.refit[here], _REFIT, 1.8))
-        if evidence.location is not None:
-            inside = np.where(evidence.location.inside[here], runs.observed[here], np.nan)
-            lines.append((_plain_text(evidence.location.condition), inside, _LOCATED, 2.2))
-        for name, values, colour, width in lines:
-            figure.add_scatter(x=time_s, y=np.round(values, 4), name=name, mode="lines", visible=shown == 0,
-                               line={"color": colour, "width": width})  # fmt: skip
-        per_run.append(len(lines))
-    if len(order) > 1:
-        buttons = [
-            {
-                "label": _plain_text(PurePath(runs.names[run]).name),
-                "method": "update",
-                "args": [{"visible": [k == shown for k, count in enumerate(per_run) for _ in range(count)]}],
-            }
-            for shown, run in enumerate(order)
-        ]
-        figure.update_layout(
-            updatemenus=[{"buttons": buttons, "x": 1.0, "xanchor": "right", "y": 1.12, "yanchor": "bottom"}]
-        )
-    figure.update_xaxes(title_text="time in the run, s")
-    figure.update_yaxes(title_text=_axis(evidence), rangemode="tozero")
-    return figure
-
-
-def _by_excess(evidence: Evidence) -> list[int]:
-    error = (evidence.runs.observed - evidence.refit) ** 2
-    return [int(run) for run in np.argsort(-np.bincount(evidence.runs.run, error), kind="stable")]
-
-
-def _condition_figure(evidence: Evidence, shown: Dependence) -> go.Figure:
-    """What the refit leaves over, against the channel that explains most of it."""
-    runs, figure = evidence.runs, go.Figure()
-    known = np.flatnonzero(shown.bin >= 0)
-    known = known[:: max(1, len(known) // _MOST_POINTS)]
-    residual = runs.observed - evidence.refit
-    name = shown.channel.name
-    if name == "time_s":
-        first = np.array([runs.time_s[runs.run == run][0] for run in range(len(runs.signals))])
-        values = runs.time_s - first[runs.run]
-        centre = np.array([values[shown.bin == b].mean() for b in range(len(shown.effect))])
-    else:
-        values = np.abs(runs.context[name]) if shown.channel.magnitude else runs.context[name]
-        centre = shown.centre
-    order = np.argsort(centre)
-    count = np.bincount(shown.bin[shown.bin >= 0], minlength=len(shown.effect))
-    level = np.bincount(shown.bin[shown.bin >= 0], residual[shown.bin >= 0], minlength=len(count)) / np.maximum(
-        count, 1
-    )
-    figure.add_scatter(x=np.round(values[known], 4), y=np.round(residual[known], 4), mode="markers", name="window",
-                       marker={"size": 4, "color": _NOMINAL, "opacity": 0.5})  # fmt: skip
-    figure.add_scatter(x=centre[order], y=level[order], name="mean, 95 %", line={"color": _LOCATED, "width": 2.5},
-                       mode="markers" if name == "time_s" else "lines+markers",
-                       error_y={"type": "data", "array": 1.96 * shown.error[order], "color": _LOCATED})  # fmt: skip
-    figure.add_hline(y=0.0, line={"color": _RECORDED, "width": 1})
-    unit = f", {shown.channel.unit}" if shown.channel.unit else ""
-    figure.update_xaxes(title_text=f"{shown.channel.label}{unit}")
-    figure.update_yaxes(title_text=f"recorded minus refit, {runs.unit}")
-    return figure
-
-
-def _axis(evidence: Evidence) -> str:
-    return "battery power, W" if evidence.runs.unit == "W" else "motor current, A"
-
-
-def _plain_text(text: str) -> str:
-    """Text for a figure, which would read markup in it."""
-    return html.escape("".join(c if c.isprintable() else "?" for c in text), quote=True)

@@ -1,0 +1,70 @@
+"""How the report and the terminal write numbers, formulas and names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+
+import numpy as np
+
+PAPER_ACCURACY = "66 to 91 %"
+"""What the paper claims for the range that its model estimates."""
+
+ARMS: Mapping[str, str] = {
+    "nominal": "the robot file as it is",
+    "refit": "its parameters fitted",
+    "corrected": "fitted together with what was found missing",
+    "black_box": "boosted trees on the same channels: what there is to gain",
+    "placebo": "what was found missing, shifted in time: what chance gains",
+}
+"""The arms of the comparison in the order in which they are shown, in words."""
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number as one writes it, a dash for none.
+
+    >>> number(1234.5), number(-0.0001234), number(None), number(1.5), number(0.0)
+    ('1234', '−0.000123', '–', '1.50', '0')
+    """
+    if value is None or not np.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    if abs(value) >= 10 ** (digits - 1):
+        return decimal(value, 0)
+    return f"{'−' if value < 0 else ''}{abs(value):#.{digits}g}"
+
+
+def decimal(value: float, places: int) -> str:
+    """A number with fixed decimal places and a proper minus, none before zero.
+
+    >>> decimal(-2.701, 2), decimal(-0.02, 1)
+    ('−2.70', '0.0')
+    """
+    return f"{round(value, places) + 0.0:.{places}f}".replace("-", "−")
+
+
+def typeset(text: str) -> str:
+    """Formulas and units of the project's own with their signs.
+
+    >>> typeset("c / Gamma, N s^2/m^2")
+    'c / Γ, N s²/m²'
+    """
+    for plain, sign in (("Gamma", "Γ"), ("theta", "θ"), ("^2", "²"), ("^3", "³"), ("degC", "°C"), (" - ", " − ")):
+        text = text.replace(plain, sign)
+    return text
+
+
+def labels(paths: Sequence[str]) -> dict[str, str]:
+    """Each recording's file name, with as many of its folders as tell it from the others.
+
+    >>> labels(["data/ice/1.csv", "data/snow/1.csv", "data/snow/2.csv"])
+    {'data/ice/1.csv': 'ice/1.csv', 'data/snow/1.csv': 'snow/1.csv', 'data/snow/2.csv': '2.csv'}
+    """
+    short = {}
+    for path in dict.fromkeys(paths):
+        parts = PurePath(path).parts or (path,)
+        others = [PurePath(other).parts for other in set(paths) - {path}]
+        keep = next((k for k in range(1, len(parts)) if all(parts[-k:] != other[-k:] for other in others)), len(parts))
+        short[path] = "/".join(parts[-keep:])
+    return short

@@ -1,0 +1,21 @@
+(() => {
+  const time = document.getElementById("figure-time"), chosen = document.getElementById("run");
+  const run = () => chosen.selectedOptions[0].dataset;
+  const view = (from, to) => Plotly.relayout(time, {"xaxis.range": [from, to]});
+  const move = (direction) => {
+    const [from, to] = time.layout.xaxis.range, width = to - from;
+    const start = Math.max(Math.min(from + direction * width, run().length - width), 0);
+    view(start, start + width);
+  };
+  chosen.onchange = () => {
+    Plotly.restyle(time, {visible: time.data.map((trace) => trace.meta === Number(chosen.value))});
+    Plotly.relayout(time, {"yaxis.range": [Number(run().low), Number(run().high)]});
+    view(Number(run().start), Number(run().end));
+  };
+  document.getElementById("earlier").onclick = () => move(-1);
+  document.getElementById("later").onclick = () => move(1);
+  document.getElementById("whole").onclick = () => view(0, Number(run().length));
+  // A finger on a plot scrolls the page; only a mouse draws the range to zoom into.
+  if (matchMedia("(pointer: coarse)").matches)
+    for (const plot of document.querySelectorAll(".plotly-graph-div")) Plotly.relayout(plot, {dragmode: false});
+})();
