@@ -259,8 +259,8 @@ def repeat(location: Location) -> str:
     """The drive that shows whether a condition is behind what nothing explains."""
     if all(place.condition == location.condition for place in location.places):
         return (
-            f"To find out what is missing, alternate a minute {location.condition} with a minute without, ten times, "
-            f"at the same speed and on the same ground."
+            f"To find out what is missing, alternate a minute with {location.condition} and a minute without, "
+            "ten times, and change nothing else."
         )
     first = max(location.places, key=lambda place: place.share_of_excess)
     return (
