@@ -5,7 +5,7 @@ No string of a recording or robot file goes into a plot, which would read markup
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from plotly.subplots import make_subplots
 
 from homeward.diagnosis.chain import Analysis, Evidence
 from homeward.diagnosis.describe import SHOWN_BY
-from homeward.diagnosis.location import Place
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import Dependence
@@ -33,6 +32,9 @@ _LINES = {
     "corrected": {"color": _CORRECTED, "width": 1.7},
 }
 _AT_WORK = ("rgba(240, 140, 0, 0.20)", "rgba(112, 72, 232, 0.18)", "rgba(43, 138, 62, 0.18)")
+
+Stretch = tuple[float, float]
+"""Start and end, s."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +72,13 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Sh
     everything, choices = {"recorded": runs.observed, **predictions}, []
     for shown, run in enumerate(order):
         here = runs.run == run
-        origin_s = float(runs.time_s[here][0])
-        since_s = runs.time_s[here] - origin_s
+        since_s = runs.time_s[here] - runs.time_s[here][0]
         lines = {name: _thinned(everything[name][here]) for name in _LINES if name in everything}
         limits = _limits(list(lines.values()))
         ends = _worst_stretch(since_s, squared[here])
         choices.append(Shown(shown, runs.names[run], *ends, round(float(since_s[-1]), 1), *limits))
         for row in range(1, len(panels) + 1):
-            _add_places(figure, analysis, runs.names[run], origin_s, limits, row, shown)
+            _add_places(figure, _places(analysis, evidence, run), limits, row, shown)
             for name, values in lines.items():
                 if name == "recorded" or (name == "corrected") == (row == 2):
                     figure.add_scatter(
@@ -109,26 +110,40 @@ def _worst_stretch(time_s: Array, squared: Array) -> tuple[float, float]:
 
 
 def _add_places(
-    figure: go.Figure, analysis: Analysis, name: str, origin_s: float, limits: tuple[float, float], row: int, shown: int
+    figure: go.Figure, places: Mapping[str, Sequence[Stretch]], limits: tuple[float, float], row: int, shown: int
 ) -> None:
-    """Shade the stretches of one run in which an effect was at work, or else those that hold the excess."""
-    found = [(f"at work: {one.name}", one.where) for one in analysis.diagnosis.missing_physics]
+    """Shade stretches of one run, by the name of what is there."""
     low, high = limits
-    for (label, places), colour in zip(found or [("located", analysis.diagnosis.where)], _AT_WORK, strict=False):
-        here = [place for place in places if place.recording == name]
+    for (label, stretches), colour in zip(places.items(), _AT_WORK, strict=False):
         figure.add_scatter(
-            x=_corners(here, origin_s), y=[low, high, high, low, None] * len(here), name=label, mode="none",
+            x=[x for start, end in stretches for x in (start, start, end, end, None)],
+            y=[low, high, high, low, None] * len(stretches), name=label, mode="none",
             fill="toself", fillcolor=colour, hoverinfo="skip", visible=shown == 0, meta=shown,
-            showlegend=row == 1 and bool(here), legendgroup=label, row=row, col=1,
+            showlegend=row == 1 and bool(stretches), legendgroup=label, row=row, col=1,
         )  # fmt: skip
 
 
-def _corners(places: Sequence[Place], origin_s: float) -> list[float | None]:
-    corners: list[float | None] = []
-    for place in places:
-        start_s, end_s = round(place.start_s - origin_s, 1), round(place.end_s - origin_s, 1)
-        corners += [start_s, start_s, end_s, end_s, None]
-    return corners
+def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[Stretch]]:
+    """Where in a run each named effect is at work, or else where the mismatch was located; since its start."""
+    runs = evidence.runs
+    here = np.flatnonzero(runs.run == run)
+    origin_s = float(runs.time_s[here[0]])
+    if analysis.diagnosis.missing_physics:
+        return {
+            f"at work: {one.name}": [
+                (round(place.start_s - origin_s, 1), round(place.end_s - origin_s, 1))
+                for place in one.where
+                if place.recording == runs.names[run]
+            ]
+            for one in analysis.diagnosis.missing_physics
+        }
+    if evidence.location is None:
+        return {}
+    changes = np.flatnonzero(np.diff(evidence.location.inside[here].astype(int), prepend=0, append=0))
+    starts_s = runs.time_s[here] - runs.duration_s[here] / 2.0 - origin_s
+    ends_s = np.append(starts_s[1:], starts_s[-1] + runs.duration_s[here[-1]])
+    edges = np.round([starts_s[changes[::2]], ends_s[changes[1::2] - 1]], 1)
+    return {f"located: {evidence.location.condition}": [(start, end) for start, end in edges.T.tolist()]}
 
 
 def _thinned(values: Array) -> NDArray[np.float32]:

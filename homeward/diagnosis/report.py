@@ -34,6 +34,9 @@ _VERDICT_WORDS = {
     "unknown_physics": "Unknown physics",
     "not_testable": "Not testable",
 }
+VERY_STRONG = 10.0
+"""Difference of BIC from which evidence counts as very strong (Kass & Raftery, 1995)."""
+
 _MOST_PLACES = 6  # of each effect
 _MOST_RANKED = 10
 _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
@@ -117,6 +120,7 @@ def _proof(analysis: Analysis, evidence: Evidence) -> dict[str, object]:
         "conditions": conditions(analysis, evidence),
         "ranking": ranking(evidence.naming),
         "most_ranked": _MOST_RANKED,
+        "very_strong": VERY_STRONG,
         "arms": ARMS,
         "paper_accuracy": PAPER_ACCURACY,
         "why_open": wording.why_open,
@@ -205,8 +209,10 @@ def ranking(naming: Naming) -> list[RankRow]:
         key = other.effect, other.axis
         if key not in listed:
             listed.add(key)
-            note = f"cannot be told from {rivals[key].replace('_', ' ')}" if key in rivals else ""
             kind = "rival" if key in rivals else ""
+            note = f"cannot be told from {rivals[key].replace('_', ' ')}" if kind else ""
+            if not rows and other.delta_bic > VERY_STRONG:
+                note = "not named: its gain may be none, or placebos do as well"
             rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))
     return rows
 

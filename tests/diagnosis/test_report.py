@@ -14,6 +14,8 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse
+from homeward.diagnosis.empirical import Empirical, EmpiricalTerm
+from homeward.diagnosis.naming import Naming
 from homeward.diagnosis.report import corrected_toml, ranking, report_html, write_outputs
 
 Drive = Callable[..., list[Recording]]
@@ -55,6 +57,16 @@ def current(drive: Drive, husky: Robot) -> Analysis:
 @pytest.fixture(scope="module")
 def dead(drive: Drive, husky: Robot) -> Analysis:
     return analyse(with_power(drive(husky, runs=1), lambda time_s, power_w: 0.0 * power_w), husky)
+
+
+def unnamed(analysis: Analysis) -> Analysis:
+    """The same analysis, had the mismatch been located and no effect named."""
+    assert analysis.evidence is not None and analysis.evidence.location is not None
+    predictions = {name: analysis.evidence.predictions[name] for name in ("nominal", "refit", "black_box")}
+    evidence = replace(analysis.evidence, predictions=predictions, naming=Naming(), corrected=None)
+    where = analysis.evidence.location.places
+    diagnosis = replace(analysis.diagnosis, verdict="unknown_physics", missing_physics=(), where=where)
+    return replace(analysis, diagnosis=diagnosis, evidence=evidence)
 
 
 def text_of(page: str) -> str:
@@ -119,6 +131,28 @@ def test_ranking_marks_what_is_named_and_its_rivals(standby: Analysis) -> None:
     assert kinds["sensor_offset", "in time"] == "rival" and kinds["turning", "steady"] == ""
     assert len(kinds) == len(rows), "a hypothesis is listed twice"
     assert "Could as well be: sensor offset" in text_of(report_html(standby))
+
+
+def test_a_located_mismatch_without_a_name_is_shaded_where_it_was(turning: Analysis) -> None:
+    page = report_html(unnamed(turning))
+    assert turning.evidence is not None and turning.evidence.location is not None
+    evidence, inside = turning.evidence, turning.evidence.location.inside.astype(int)
+    corners = re.findall(r'"name":"located: turning faster than[^"]*"[^{}]*"x":\[([^\]]*)\]', page)
+    starts = [int((np.diff(inside[evidence.runs.run == run], prepend=0) == 1).sum()) for run in range(3)]
+    assert sorted(one.count("null") for one in corners) == sorted(starts) and min(starts) > 1
+    assert "The mismatch: turning faster than" in text_of(page) and "What is missing" not in text_of(page)
+
+
+def test_a_formula_is_shown_as_a_description(turning: Analysis) -> None:
+    analysis = unnamed(turning)
+    assert analysis.evidence is not None
+    term = EmpiricalTerm("m g v (|w| B / v_max)^2", 0.31, (0.28, 0.34), "1", ("m g v |w| B / v_max",))
+    none = np.zeros((len(analysis.evidence.runs.observed), 1))
+    formula = Empirical("P", (term,), {"m": "m = 50 kg"}, none, none, 111.0, 0.58, (0.5, 0.64), 0.05)
+    text = text_of(report_html(replace(analysis, evidence=replace(analysis.evidence, empirical=formula))))
+    told = text[text.index("A formula for it") :]
+    for words in ("names no cause", "P = 0.31 m g v (|w| B / v_max)²", "0.280 to 0.340", "m = 50 kg", "50 % to 64 %"):
+        assert words in told
 
 
 def test_a_missing_channel_is_said_in_words(standby: Analysis) -> None:
@@ -200,7 +234,7 @@ def test_pages_work_in_a_browser_as_narrow_as_a_phone(
     turning: Analysis, standby: Analysis, current: Analysis, dead: Analysis, drive: Drive, husky: Robot, tmp_path: Path
 ) -> None:
     clean, off = analyse(drive(husky), husky), analyse(drive(husky, rolling_resistance=0.2), husky)
-    analyses = [turning, standby, current, dead, clean, off]
+    analyses = [turning, unnamed(turning), standby, current, dead, clean, off]
     frames = []
     for number, analysis in enumerate(analyses):
         (tmp_path / f"{number}.html").write_text(report_html(analysis))
@@ -215,7 +249,7 @@ def test_pages_work_in_a_browser_as_narrow_as_a_phone(
     assert "CONSOLE" not in ran.stderr, [line for line in ran.stderr.splitlines() if "CONSOLE" in line]
     pages = json.loads(html.unescape(re.findall(r"<body>(.*?)</body>", ran.stdout, re.DOTALL)[0]))
     assert {analysis.diagnosis.verdict for analysis in analyses} >= {
-        "missing_physics", "no_mismatch", "parameters_off", "not_testable",
+        "missing_physics", "unknown_physics", "no_mismatch", "parameters_off", "not_testable",
     }  # fmt: skip
     for page, analysis in zip(pages, analyses, strict=True):
         assert page["title"].startswith(analysis.robot.name), "a recording's name was run as a script"
