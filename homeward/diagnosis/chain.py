@@ -19,7 +19,7 @@ from homeward.diagnosis.empirical import Empirical, propose
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location, locate
-from homeward.diagnosis.modelling import Corrected, fit_model
+from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.naming import Naming, name_missing, shifted_in_time
 from homeward.diagnosis.quality import Finding, usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
@@ -33,9 +33,9 @@ from homeward.physics import Robot, load_robot
 Progress = Callable[[str], None]
 
 STAGES = (
-    "reading", "checking", "refitting", "testing what remains", "locating", "naming", "modelling", "proving",
+    "reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving",
 )  # fmt: skip
-"""Names that `progress` is called with, in order; "modelling" only where something is named."""
+"""Names that `progress` is called with, in order."""
 
 
 @dataclass(frozen=True)
@@ -193,13 +193,10 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     progress("locating")
     location = locate(found[0], runs) if found and found[0].found else None
     naming = name_missing(fitted, runs, block, seed, progress) if enough else Naming()
-    corrected = None
-    if naming.named:
-        progress("modelling")
-        corrected = fit_model(fitted, [one.term for one in naming.named], runs, block)
-        if any(one.term.axis == "time" for one in naming.named):
-            # What happened at some moment of a run says nothing of other runs: hold out stretches.
-            fold, held_out_by = block % 5, "block"
+    corrected = naming.corrected
+    if corrected is not None and any(one.term.axis == "time" for one in naming.named):
+        # What happened at some moment of a run says nothing of other runs: hold out stretches.
+        fold, held_out_by = block % 5, "block"
     empirical = None
     if location is not None and corrected is None:
         empirical = propose(fitted, runs, block, fold, seed)

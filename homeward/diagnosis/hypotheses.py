@@ -39,7 +39,7 @@ _AROUND_S = 4.0  # a change that was found is taken to lie within this of the tr
 _TINY = 1e-6  # of the largest size: the response is linear there
 _COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
 _TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)
-_REGULAR = 10.0  # a period that is known to a tenth
+_CLEARLY_APART = 4.0  # standard deviations
 _LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
 
 Shapes = Callable[[Runs], Iterator[dict[str, float]]]
@@ -86,12 +86,13 @@ class Term:
     axis: Axis | Literal["steady"] = "steady"  # what the size depends on
     schedule: Schedule | None = None
     spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # interval of what the schedule shows
+    fixed: bool = False  # whether its columns are no response of the kernel
     natural: bool = True  # whether the size changes as the sizes of this effect do
 
     @property
     def linear(self) -> bool:
         """Whether its columns say all, so that no replay with other sizes is needed."""
-        return self.axis != "steady" or self.effect == "breakaway" or self.effect not in PHYSICS | {"clock_lag"}
+        return self.axis != "steady" or self.fixed or self.effect not in PHYSICS | {"clock_lag"}
 
 
 @dataclass(frozen=True)
@@ -152,10 +153,14 @@ def _terms_of(effect: str, setting: Setting) -> Iterator[Term]:
             yield from _winds(setting)
         elif effect == "clock_lag":
             yield from _lags(setting)
+        elif effect == "breakaway":
+            yield from _starts(setting)
         elif effect == "odometry_scale":
             yield from _odometry(setting)
         elif effect in _SHAPES or effect in _PLAIN:
             yield from _steady(effect, setting)
+            if effect == "heater":
+                yield from _thermostat(setting)
     if effect in _MAY_CHANGE:
         yield from _scheduled(effect, setting)
 
@@ -174,9 +179,7 @@ def _steady(effect: str, setting: Setting) -> Iterator[Term]:
         shapes = [{"track_m": track_m} for track_m in _TRACKS_M]
     best: tuple[float, Term] | None = None
     for shape in shapes:
-        column = setting.response(effect, size, {k: v for k, v in shape.items() if k != "wears_off"}, base)
-        if "wears_off" in shape:
-            column = _worn_off(column, shape["wears_off"], setting.runs)
+        column = setting.response(effect, size, shape, base)
         power = float(column @ column)
         if power == 0.0:
             continue
@@ -186,6 +189,29 @@ def _steady(effect: str, setting: Setting) -> Iterator[Term]:
             best = explained, term
     if best is not None:
         yield best[1]
+
+
+def _starts(setting: Setting) -> Iterator[Term]:
+    """The energy of each start, drawn at once or over the first moments of the way."""
+    parameter = CATALOGUE["breakaway"].parameters[0]
+    at_once = setting.response("breakaway", _TINY * parameter.high, {})
+    for windows in (0.01, 1.0, 2.0, 4.0):
+        column = _worn_off(at_once, windows, setting.runs)
+        searched = int(windows > 1.0)
+        yield Term("breakaway", column[:, None], _bound(0.0), _bound(parameter.high), searched, fixed=True)
+
+
+def _thermostat(setting: Setting) -> Iterator[Term]:
+    """A heater that is on at full power below a temperature: of the same mean power as the proportional one."""
+    parameter = CATALOGUE["heater"].parameters[0]
+    temperature_c = setting.runs.context["temperature_c"]
+    known = temperature_c[np.isfinite(temperature_c)]
+    for below_c in np.unique(np.round(np.quantile(known, np.linspace(0.1, 0.9, 17)), 1)):
+        on = temperature_c < below_c
+        if 0 < on.sum() < len(on):
+            column = on * float(np.mean(below_c - temperature_c[on]))
+            shape = {"on_below_c": float(below_c)}
+            yield Term("heater", column[:, None], _bound(0.0), _bound(parameter.high), 2, shape, fixed=True)
 
 
 def _worn_off(column: Array, windows: float, runs: Runs) -> Array:
@@ -236,7 +262,6 @@ _SHAPES: Mapping[str, Shapes] = {
     "rate_capacity": _references,
     "motor_heating": _time_constants,
     "compute": lambda runs: iter([{"base_share": 1.0}]),
-    "breakaway": lambda runs: ({"wears_off": windows} for windows in (0.01, 1.0, 2.0, 4.0)),
 }
 _PLAIN = (
     "inertia", "viscous", "slip", "turning", "regeneration", "copper_loss", "no_load", "radio", "internal_resistance",
@@ -283,7 +308,7 @@ def _lags(setting: Setting) -> Iterator[Term]:
 
 
 def _odometry(setting: Setting) -> Iterator[Term]:
-    """A speed reading that a position fix contradicts, run by run: its scale follows from the fix, not from the power."""
+    """A speed reading that a position fix contradicts, run by run: its scale follows from the fix, not the power."""
     runs = setting.runs
     ratios = []
     for run in runs.signals:
@@ -320,11 +345,10 @@ def _scheduled(effect: str, setting: Setting) -> Iterator[Term]:
             if not natural and how not in _PREFERENCES:
                 continue
             rhythm, spread = _rhythm(effect, schedule, runs)
-            searched = schedule.changes
-            if rhythm and rhythm["period_s"] > _REGULAR * (spread["period_s"][1] - spread["period_s"][0]):
-                searched = min(searched, 3 * len(runs.signals))  # a beat: period, share and phase in each run
             low, high = _limits(effect, parameter, signed, schedule.levels - 1)
-            hidden = _COST_OF_A_CHANGE * searched + int(not natural)
+            # Noise with memory has no gaps between its levels, however many changes follow it.
+            cost = 1 if schedule.apart > _CLEARLY_APART else _COST_OF_A_CHANGE
+            hidden = cost * schedule.changes + int(not natural)
             yield Term(effect, schedule.columns(shape), low, high, hidden, rhythm, axis, schedule, spread, natural)
     if effect in _BY_PLACE:
         for columns in profile(shape, runs):

@@ -58,7 +58,7 @@ class Course:
         context = {"speed_mps": self.speed_mps, "sensing_hz": self.sensing_hz}
         signals = Signals(
             "menu", unit, self.time_s, self.speed_mps, accel, self.grade_rad, self.sensing_hz, self.yaw_rate_radps,
-            temperature_c, self.base_distance_m, np.zeros(SAMPLES), context,
+            temperature_c, self.base_distance_m, np.ones(SAMPLES), np.zeros(SAMPLES), context,
         )  # fmt: skip
         return average([signals])
 

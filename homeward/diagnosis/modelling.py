@@ -51,25 +51,35 @@ class Model:
             values: One value per unknown.
             leave_out: Index of a term.
         """
-        effects: dict[str, dict[str, float]] = {}
-        wind, lag_s, added = None, 0.0, np.zeros(len(runs.observed))
+        added = np.zeros(len(runs.observed))
         for index, term in enumerate(self.terms):
-            if index == leave_out:
+            if term.linear and index != leave_out:
+                sizes = [value for one, value in zip(self.unknowns, values, strict=True) if one.term == index]
+                added += term.columns @ np.array(sizes)
+        return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
+
+    def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
+        """The terms that the replay takes into account itself."""
+        effects: dict[str, dict[str, float]] = {}
+        wind, lag_s = None, 0.0
+        for index, term in enumerate(self.terms):
+            if term.linear or index == leave_out:
                 continue
-            mine = [(one, value) for one, value in zip(self.unknowns, values, strict=True) if one.term == index]
-            if term.linear:
-                sizes = np.array([value for one, value in mine if one.column is not None])
-                added += term.columns @ sizes
-            elif term.effect == "clock_lag":
-                lag_s = float(mine[0][1])
+            mine = {
+                one.parameter: float(value)
+                for one, value in zip(self.unknowns, values, strict=True)
+                if one.term == index
+            }
+            if term.effect == "clock_lag":
+                lag_s = mine["lag_s"]
             elif term.effect == "wind":
-                along, across = mine[0][1], mine[1][1]
                 headings = [run.context["heading_rad"] for run in runs.signals]
-                wind = [along * np.cos(heading) + across * np.sin(heading) for heading in headings]
+                ahead, left = mine.values()
+                wind = [ahead * np.cos(heading) + left * np.sin(heading) for heading in headings]
                 effects["wind"] = {"exposure": 1.0}
             else:
-                effects[term.effect] = {**term.shape, **{one.parameter: float(value) for one, value in mine}}
-        return self.parameters.predict(runs, theta, WithEffects(effects, wind, lag_s)) + added
+                effects[term.effect] = {**term.shape, **mine}
+        return WithEffects(effects, wind, lag_s)
 
 
 @dataclass(frozen=True)
@@ -88,14 +98,34 @@ class Corrected:
         """What the model predicts for the windows it was fitted to, shape (windows,)."""
         return self.groups.predicted
 
+    @property
+    def jacobian(self) -> Array:
+        """Derivative of the prediction by groups (in units of `scale`) and unknowns, shape (windows, columns)."""
+        return np.column_stack([self.groups.jacobian, self.beside])
+
+    def freedom(self) -> tuple[Array, Array]:
+        """Least and largest physical step of each column of `jacobian`."""
+        return _bounds(self.groups, self.model, self.values)
+
     def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
         """Prediction for all windows by a fit to the chosen ones, linearised at the fit to all, shape (windows,)."""
-        columns = np.column_stack([self.groups.jacobian, self.beside])
-        low, high = _bounds(self.groups, self.model, self.values)
+        columns = self.jacobian
+        low, high = self.freedom()
         part = columns[chosen]
         step = bounded(part.T @ part, part.T @ (observed - self.predicted)[chosen], low, high)
         predicted: Array = self.predicted + columns @ step
         return predicted
+
+    def all_at_work(self) -> bool:
+        """Whether each effect has a size whose interval excludes zero.
+
+        An effect whose other parameters were fitted too is left to other proof: its size may trade against them.
+        """
+        for index in range(len(self.model.terms)):
+            mine = [(one, ci) for one, ci in zip(self.model.unknowns, self.ci95, strict=True) if one.term == index]
+            if all(one.column is not None and ci[0] <= 0.0 <= ci[1] for one, ci in mine):
+                return False
+        return True
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""
@@ -190,7 +220,7 @@ def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
             found.append(Unknown(term.effect, parameter, unit, low, high, index, column))
         if "track_m" in term.shape:
             found.append(Unknown(term.effect, "track_m", "m", 0.02, 5.0, index, None))
-        if term.axis == "steady" and term.effect in _SEARCHED:
+        if not term.linear and term.effect in _SEARCHED:
             for other in entry.parameters[1:]:
                 if other.name in term.shape and other.name in _SEARCHED[term.effect]:
                     found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None))

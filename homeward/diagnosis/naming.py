@@ -7,15 +7,16 @@ which have the same freedom and the same spectrum but no cause.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.blocks import correlation_windows
-from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Setting, Term, terms
+from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, terms
+from homeward.diagnosis.modelling import Corrected, fit_model
 from homeward.diagnosis.refit import Refit, WithEffects
 from homeward.diagnosis.regression import Products, products
 from homeward.diagnosis.replay import Runs
@@ -27,8 +28,9 @@ SMALLEST_GAIN = 0.05
 _FOLDS = 5
 _MOST_EFFECTS = 3
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
-_MUST_PAY = 10.0  # difference of BIC: "very strong" (Kass & Raftery, 1995)
+_MUST_PAY = 6.0  # difference of BIC: "strong" (Kass & Raftery, 1995)
 _NEARLY = 0.85  # of what a schedule explains
+_EQUAL = 1.1  # times the held-out error: no worse
 _ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
 _PLACEBOS = 19  # so that being better than all of them has p = 0.05
 _DRAWS = 2000
@@ -62,6 +64,7 @@ class Naming:
     """What was found, and how every single hypothesis did; `absorbed` is the share of it that the refit takes up."""
 
     named: tuple[Named, ...] = ()
+    corrected: Corrected | None = None  # the model with them, where any is named
     ranking: tuple[Ranked, ...] = ()
     absorbed: Mapping[str, float] = field(default_factory=dict)
 
@@ -131,48 +134,33 @@ def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, pro
         seed: Seed of placebos and intervals.
         progress: Called with what is being done.
     """
-    target = runs.observed - fit.predicted
-    columns = fit.jacobian
-    low, high = fit.freedom()
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, target)
+    fold = np.asarray(block % _FOLDS)
+    columns, (low, high) = fit.jacobian, fit.freedom()
+    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
+    corrected: Corrected | None = None
     while len(named) < _MOST_EFFECTS:
         progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named)))
-        bench = _bench(columns, low, high, candidates, target, runs.run, block % _FOLDS)
-        if not named:
+        bench = _bench(columns, low, high, candidates, setting.residual, runs.run, fold)
+        if corrected is None:
             ranking, absorbed = _rank(bench), _absorbed(bench)
         found = _best(bench, block, seed)
         if found is None:
             break
+        fitted = fit_model(fit, [one.term for one in (*named, found)], runs, block)
+        if not fitted.all_at_work():
+            break  # beside the others, one of them has no size that is sure to differ from zero
         named.append(found)
-        columns = np.column_stack([columns, found.term.columns])
-        low, high = np.concatenate([low, found.term.low]), np.concatenate([high, found.term.high])
-        setting = _with(setting, fit, named, columns, low, high, target)
-    return Naming(tuple(named), ranking, absorbed)
-
-
-def _with(
-    start: Setting, fit: Refit, named: Sequence[Named], columns: Array, low: Array, high: Array, target: Array
-) -> Setting:
-    """The setting once these effects are in the model: steady ones are in the kernel's prediction from now on."""
-    everything = np.arange(columns.shape[1])
-    weights = products(columns, target, np.zeros(len(target), dtype=np.intp)).fit(everything, low, high)
-    groups = fit.jacobian.shape[1]
-    theta = fit.moved(weights[:groups])
-    effects: dict[str, dict[str, float]] = {}
-    at = groups
-    for one in named:
-        size = float(weights[at])
-        at += one.term.columns.shape[1]
-        if not one.term.linear and one.term.effect in PHYSICS - {"wind"} and size != 0.0:
-            effects[one.term.effect] = {**one.term.shape, CATALOGUE[one.term.effect].parameters[0].name: size}
-    present = WithEffects(effects)
-    predicted = fit.parameters.predict(start.runs, theta, present)
-    residual = target - columns @ weights
-    return replace(start, theta=theta, present=present, predicted=predicted, residual=residual)
+        corrected = fitted
+        columns, (low, high) = corrected.jacobian, corrected.freedom()
+        within = corrected.model.within(runs, corrected.values)
+        theta = corrected.groups.theta
+        alone = fit.parameters.predict(runs, theta, within)
+        setting = Setting(runs, fit.parameters, theta, within, alone, runs.observed - corrected.predicted)
+    return Naming(tuple(named), corrected, ranking, absorbed)
 
 
 def _bench(
@@ -240,7 +228,7 @@ def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Named | None:
                 both = score(bench.error(int(one), int(other)), int(one), int(other))
                 if both > best + _MUST_PAY:
                     best, first = both, int(one)
-    told = _told_by_a_channel(bench, first, errors, before)
+    told = _likeliest(bench, _told_by_a_channel(bench, first, errors, before), alone)
     found = _proven(bench, told, alone, block, seed)
     return found if found is not None or told == first else _proven(bench, first, alone, block, seed)
 
@@ -257,6 +245,23 @@ def _told_by_a_channel(bench: _Bench, chosen: int, errors: Array, before: float)
         return chosen
     best = min(steady, key=lambda index: errors[index])
     return best if before - errors[best] >= _NEARLY * (before - errors[chosen]) else chosen
+
+
+def _likeliest(bench: _Bench, chosen: int, alone: Array) -> int:
+    """Of hypotheses that the data cannot separate the likeliest beforehand: physics before a fault of an instrument,
+    a change that is natural for the effect before another."""
+
+    def rarity(index: int) -> tuple[bool, bool, float]:
+        term = bench.candidates[index]
+        return term.effect not in PHYSICS, not term.natural, -float(alone[index])
+
+    error = bench.error(chosen)
+    equals = [
+        index
+        for index, term in enumerate(bench.candidates)
+        if term.axis == bench.candidates[chosen].axis and bench.error(index) <= _EQUAL * error
+    ]
+    return min([chosen, *equals], key=rarity)
 
 
 def _proven(bench: _Bench, chosen: int, alone: Array, block: NDArray[np.intp], seed: int) -> Named | None:

@@ -107,7 +107,8 @@ def predict(
         model = replay(
             robot, run.time_s, true * run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
             accel_mps2=true * run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
-            base_distance_m=run.base_distance_m, headwind_mps=0.0 if headwind_mps is None else headwind_mps[index],
+            base_distance_m=run.base_distance_m, direction=run.direction,
+            headwind_mps=0.0 if headwind_mps is None else headwind_mps[index],
         )  # fmt: skip
         predicted = model.power_w
         if runs.unit == "A":

@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-import ruptures  # type: ignore[import-untyped]
+import ruptures
 from numpy.typing import NDArray
 
 from homeward.diagnosis.replay import Runs
@@ -43,6 +43,7 @@ class Schedule:
     level: Index
     levels: int
     changes: int  # moments or places at which it changes
+    apart: float  # distance of its levels, in standard deviations of what they leave
 
     def columns(self, shape: Array) -> Array:
         """The shape at each level beyond 0, shape (windows, levels - 1)."""
@@ -126,7 +127,7 @@ def _schedules(
             changes += int(np.count_nonzero(np.diff(own))) + int(own[0] != 0)
         exact = _refined(level, shape, residual, parts)
         if not any(one.levels == levels and np.mean(one.level != exact) < _SAME for one in found):
-            found.append(Schedule(axis, exact, levels, changes))
+            found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual)))
     return found
 
 
@@ -173,6 +174,16 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
         usual = int(np.argmax(np.bincount(level, weight, minlength=levels)))
         level = np.where(level == usual, 0, np.where(level < usual, level + 1, level))
     return level, levels
+
+
+def _apart(level: Index, shape: Array, residual: Array) -> float:
+    """Smallest distance of two levels in standard deviations of what the levels leave."""
+    working = shape != 0.0
+    weight = np.maximum(np.bincount(level, shape * shape), 1e-300)
+    size = np.bincount(level, shape * residual) / weight
+    spread = float(np.std((residual - size[level] * shape)[working])) or 1e-300
+    typical = float(np.sqrt(np.mean(shape[working] ** 2)))
+    return float(np.min(np.diff(np.sort(size)))) * typical / spread
 
 
 def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]) -> Index:

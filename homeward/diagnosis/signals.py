@@ -21,6 +21,7 @@ Unit = Literal["W", "A"]
 
 _GAP_FACTOR = 10.0  # a step longer than this many usual steps is a gap
 _GRADE_BASE_M = 2.0  # elevation is differentiated over this distance
+_REACH_S = 3.0  # at top speed
 _CREEPS = 0.02  # of the top speed
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
 
@@ -44,6 +45,7 @@ class Signals:
     yaw_rate_radps: Array  # 0 where unknown
     temperature_c: Array
     base_distance_m: Array
+    direction: Array  # 1 on the way out, -1 on the way home
     observed: Array
     context: Mapping[str, Array]
     filled: tuple[str, ...] = ()
@@ -85,8 +87,21 @@ def signals(recording: Recording, robot: Robot) -> Signals:
     return Signals(
         recording.name, unit, time_s, speed, accel, nothing if grade is None else grade,
         kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),
-        kept.get("base_distance_m", nothing), observed, context, tuple(filled),
+        kept.get("base_distance_m", nothing), _direction(kept, speed, time_s, robot), observed, context, tuple(filled),
     )  # fmt: skip
+
+
+def _direction(kept: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot) -> Array:
+    """1 where the robot moves away from base and -1 where it comes back, by stretches that a position's noise is
+    small against; the sign of the speed where the distance from base is unknown."""
+    place_m = kept.get("base_distance_m")
+    if place_m is None or len(time_s) < 2:
+        return np.where(speed < 0.0, -1.0, 1.0)
+    path_m = np.concatenate(([0.0], np.cumsum(np.abs(speed[:-1]) * np.diff(time_s))))
+    reach_m = _REACH_S * robot.max_speed_mps
+    path_m += 1e-9 * np.arange(len(path_m))  # interpolation needs it to grow
+    ahead, behind = (np.interp(path_m + sign * reach_m, path_m, place_m) for sign in (1.0, -1.0))
+    return np.where(ahead < behind, -1.0, 1.0)
 
 
 def _at_rest(speed: Array, robot: Robot) -> Array:

@@ -24,7 +24,7 @@ from homeward.physics import ancillary_power
 FALSE_ALARM_RATE = 0.01
 """Rate at which a model without a fault is called faulty."""
 
-SMALLEST_GAIN = 0.02
+SMALLEST_GAIN = 0.05
 """Share of the refit's held-out squared error that a dependence must explain to matter."""
 
 _DRAWS = 8000

@@ -57,7 +57,7 @@ def test_concealed_turning_is_missing_physics_located_at_turning(drive: Drive, h
     assert sum(place.share_of_excess for place in diagnosis.where) > 0.7
 
 
-def test_concealed_wind_is_located_by_heading(drive: Drive, husky: Robot) -> None:
+def test_concealed_wind_is_named_and_located_by_heading(drive: Drive, husky: Robot) -> None:
     fast = dataclasses.replace(husky, drag_ns2_per_m2=8.0)
     runs = []
     for seed, run in enumerate(drive(fast)):
@@ -70,7 +70,8 @@ def test_concealed_wind_is_located_by_heading(drive: Drive, husky: Robot) -> Non
         power = run.channels["power_w"] + extra + np.random.default_rng(seed).normal(size=len(extra))
         runs.append(with_channels(run, heading_rad=heading, power_w=power))
     diagnosis = diagnose(runs, fast)
-    assert diagnosis.verdict == "unknown_physics"
+    wind = diagnosis.missing_physics[0]
+    assert wind.effect == "wind" and wind.parameters["from_ahead_mps"].value == pytest.approx(2.0, rel=0.2)
     assert all("heading" in place.condition for place in diagnosis.where)
 
 
@@ -82,8 +83,8 @@ def test_a_payload_taken_on_in_the_middle_is_located_in_time(drive: Drive, husky
         for a, b in zip(light, heavy, strict=True)
     ]
     diagnosis = diagnose(runs, husky)
-    assert diagnosis.verdict == "unknown_physics"
-    starts = [place.start_s for place in diagnosis.where if place.condition.startswith("after")]
+    assert {"payload", "surface"} & {diagnosis.missing_physics[0].effect, *diagnosis.missing_physics[0].confused_with}
+    starts = [place.start_s for place in diagnosis.missing_physics[0].where if place.condition.startswith("after")]
     assert len(starts) >= 2 and np.median(starts) == pytest.approx(250.0, abs=40.0)
 
 
