@@ -53,6 +53,7 @@ class Profile:
     turns_per_minute: float = 3.0
     turn_radps: Range = (0.2, 0.8)
     slope_rad: float = 0.0
+    sharpness: int = 1  # above 1, long flats and short steep hills
     wave_s: Range = (15.0, 60.0)  # length of a hill over the top speed
     sensing: tuple[float, ...] = (0.2, 1.0)
     sensing_dwell_s: Range = (20.0, 60.0)
@@ -84,6 +85,11 @@ PROFILES: dict[str, Profile] = {
     "upland": Profile(speeds=(0.3, 0.5, 0.7, 1.0), dwell_s=(25.0, 60.0), acceleration_mps2=0.25,
                       turns_per_minute=1.0, turn_radps=(0.05, 0.2), slope_rad=0.06, wave_s=(30.0, 90.0),
                       duration_s=(350.0, 550.0)),
+    "passes": Profile(speeds=(0.0, 0.25, 0.5, 0.75, 1.0), acceleration_mps2=0.6, turns_per_minute=1.5,
+                      turn_radps=(0.1, 0.3), slope_rad=0.06, sharpness=3, wave_s=(20.0, 80.0),
+                      duration_s=(250.0, 400.0), sensing=(0.0, 1.0)),
+    "depot": Profile(speeds=(0.0, 0.4, 0.7, 1.0), slope_rad=0.02, duration_s=(300.0, 420.0), runs=(5, 6)),
+    "climate": Profile(slope_rad=0.03, temperature_c=(-18.0, 22.0), warming_c=(-8.0, 8.0), runs=(5, 6)),
     "winter": Profile(slope_rad=0.02, temperature_c=(-8.0, 14.0), warming_c=(-12.0, 12.0)),
     "frost": Profile(speeds=(0.0, 0.4, 0.7, 1.0), dwell_s=(15.0, 50.0), acceleration_mps2=0.5, turns_per_minute=1.5,
                      turn_radps=(0.1, 0.4), slope_rad=0.02, wave_s=(20.0, 80.0), duration_s=(350.0, 550.0),
@@ -135,7 +141,8 @@ def _journey(
     yaw = _yaw(speed, profile, rng, step_s)
     heading = rng.uniform(-np.pi, np.pi) + np.cumsum(yaw) * step_s
     base = np.abs(np.cumsum(speed * np.exp(1j * heading)) * step_s)
-    slope = sum(np.sin(2 * np.pi * place / length + phase) for length, phase in zip(*waves, strict=True)) / 2.0
+    waviness = sum(np.sin(2 * np.pi * place / length + phase) for length, phase in zip(*waves, strict=True)) / 2.0
+    slope = np.sign(waviness) * np.abs(waviness) ** profile.sharpness
     temperature = rng.uniform(*profile.temperature_c) + np.linspace(0.0, rng.uniform(*profile.warming_c), n)
     return Drive(
         number=number, start_s=start_s, step_s=step_s, speed_mps=speed, yaw_radps=yaw, heading_rad=heading,

@@ -48,7 +48,7 @@ def observe(rollout: Rollout, noise: Noise, seed: int, exact: bool, outdoors: bo
         rollout: What happened.
         noise: Level of all noise.
         seed: Of the noise.
-        exact: Motion and clocks are recorded without error.
+        exact: Motion is recorded without error.
         outdoors: Heading, and distance from the base, are known.
     """
     rng = np.random.default_rng([seed, 99])
@@ -58,8 +58,8 @@ def observe(rollout: Rollout, noise: Noise, seed: int, exact: bool, outdoors: bo
     runs, errors = [], []
     for drive, clean, affected in zip(rollout.recorded, rollout.clean, rollout.affected, strict=True):
         observed = clean + noisy(clean.size, NOISE[noise] * mean, drive.step_s, rng)
-        if not exact:  # clocks that are set by hand
-            observed = np.interp(drive.time_s - rng.uniform(0.0, 0.03), drive.time_s, observed)
+        if rollout.effects:  # clocks that are set by hand; the controls' agree
+            observed = np.interp(drive.time_s - rng.uniform(0.0, 0.01), drive.time_s, observed)
         seen = drive if exact else _seen(drive, NOISE[noise], rng)
         channels, observed = _electrical(rollout, observed, mean, drive, rng)
         missed = [quantity(rollout.robot, d, base.force(rollout.robot, d)) for d in (drive, seen)]
@@ -114,7 +114,7 @@ def _electrical(
         tilt = 0.5 + 0.1 * np.tanh(2.0 * drive.yaw_radps)
         left, right = (rounded(np.abs(part * observed), mean) for part in (1.0 - tilt, tilt))
         return {"motor_left_a": left, "motor_right_a": right}, left + right
-    if rollout.robot.name not in ("van", "courier"):
+    if rollout.in_watts or rollout.robot.name not in ("van", "courier"):
         power = rounded(observed, mean)
         return {"power_w": power}, power
     nominal = rollout.robot.nominal_voltage_v

@@ -66,6 +66,7 @@ class Rollout:
     effects: tuple[tuple[Array, ...], ...]  # of each hidden effect, what it adds to `clean`
     torque: bool
     flat: bool
+    in_watts: bool = False  # power itself is recorded even by robots that log voltage and current
 
     @cached_property
     def energy_share(self) -> tuple[float, ...]:
