@@ -20,7 +20,7 @@ from homeward.diagnosis.instruments import INSTRUMENTS, Instrument
 from homeward.diagnosis.refit import DRAG, ROLLING, Parameters, WithEffects
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.schedules import Axis, Schedule, by_place, in_time, profile
-from homeward.diagnosis.signals import Array
+from homeward.diagnosis.signals import Array, usual_step_s
 from homeward.physics.effects import EFFECTS, Effect, Parameter
 
 CATALOGUE: Mapping[str, Effect | Instrument] = {
@@ -35,6 +35,7 @@ PHYSICS = frozenset(one.id for one in EFFECTS)
 _STANDS_MPS = 0.05
 _STORM_MPS = 40.0
 _SAME_ODOMETER = 0.03
+_FIX_S = 5.0
 _AROUND_S = 4.0  # a change that was found is taken to lie within this of the true one
 _TINY = 1e-6  # of the largest size: the response is linear there
 _COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
@@ -312,9 +313,13 @@ def _odometry(setting: Setting) -> Iterator[Term]:
     runs = setting.runs
     ratios = []
     for run in runs.signals:
-        place_m, driven_m = run.base_distance_m, np.abs(run.speed_mps[:-1] * np.diff(run.time_s))
-        covered_m = np.abs(np.diff(place_m))[driven_m > 0.0].sum()
-        ratios.append(float(driven_m.sum() / covered_m) if covered_m > 0.0 else 1.0)
+        # Over some seconds: the noise of a position would add up to a way of its own.
+        every = max(1, round(_FIX_S / usual_step_s(run.time_s)))
+        path_m = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * np.diff(run.time_s))))[::every]
+        straight = np.abs(np.diff(run.base_distance_m[::every]))
+        away = straight > 0.5 * np.diff(path_m)  # not round a bend, where the distance from base says little
+        covered_m = float(straight[away].sum())
+        ratios.append(float(np.diff(path_m)[away].sum()) / covered_m if covered_m > 0.0 else 1.0)
     scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
     scale[np.abs(scale) < _SAME_ODOMETER] = 0.0
     if not scale.any() or (scale <= -1.0).any():

@@ -29,7 +29,7 @@ _FOLDS = 5
 _MOST_EFFECTS = 3
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
 _MUST_PAY = 6.0  # difference of BIC: "strong" (Kass & Raftery, 1995)
-_NEARLY = 0.85  # of what a schedule explains
+_NEARLY = 0.7  # of what a schedule explains
 _EQUAL = 1.1  # times the held-out error: no worse
 _ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
 _PLACEBOS = 19  # so that being better than all of them has p = 0.05

@@ -88,8 +88,8 @@ def profile(shape: Array, runs: Runs) -> list[Array]:
 
 
 def _place(runs: Runs) -> Array | None:
-    """Distance from base of each window, m; None where it is unknown or no place is met twice."""
-    place_m = runs.context.get("base_distance_m")
+    """Way from base to each window along the route, m; None where it is unknown or no place is met twice."""
+    place_m = runs.context.get("place_m")
     if place_m is None or not np.isfinite(place_m).all():
         return None
     driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())

@@ -79,6 +79,10 @@ def signals(recording: Recording, robot: Robot) -> Signals:
     }
     context |= turning
     accel = np.gradient(speed, time_s) if len(time_s) > 1 else nothing
+    direction = _direction(kept, speed, time_s, robot)
+    if "base_distance_m" in kept and len(time_s) > 1:
+        along = direction[:-1] * np.abs(speed[:-1]) * np.diff(time_s)
+        context["place_m"] = kept["base_distance_m"][0] + np.concatenate(([0.0], np.cumsum(along)))
     context["accel_mps2"] = accel
     context["speed_mps"] = speed
     grade = _grade(kept, speed, time_s)
@@ -87,7 +91,7 @@ def signals(recording: Recording, robot: Robot) -> Signals:
     return Signals(
         recording.name, unit, time_s, speed, accel, nothing if grade is None else grade,
         kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),
-        kept.get("base_distance_m", nothing), _direction(kept, speed, time_s, robot), observed, context, tuple(filled),
+        kept.get("base_distance_m", nothing), direction, observed, context, tuple(filled),
     )  # fmt: skip
 
 
