@@ -80,7 +80,8 @@ def missing_physics(
 def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
     """Where an effect was at work, stretch by stretch, each with its condition in plain words."""
     if term.axis == "time":
-        return stretch_words(places_of(contribution, runs, ""), runs)
+        on = None if term.schedule is None else term.schedule.level > 0
+        return stretch_words(places_of(contribution, runs, "", on), runs)
     channels = {channel.name: channel for channel in CHANNELS}
     told = (condition_of(channels[name], contribution, runs) for name in SHOWN_BY.get(term.effect, ()))
     words = next((one for one in told if one is not None), None)

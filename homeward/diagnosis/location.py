@@ -165,10 +165,20 @@ def _places(condition: str, inside: NDArray[np.bool_], excess: Array, runs: Runs
     return tuple(places)
 
 
-def places_of(contribution: Array, runs: Runs, condition: str) -> tuple[Place, ...]:
-    """Stretches in which an effect was at work, with its condition in words and each one's share of its energy."""
+def places_of(
+    contribution: Array, runs: Runs, condition: str, inside: NDArray[np.bool_] | None = None
+) -> tuple[Place, ...]:
+    """Stretches in which an effect was at work, with its condition in words and each one's share of its energy.
+
+    Args:
+        contribution: What it adds, shape (windows,).
+        runs: The runs.
+        condition: The condition in words.
+        inside: When it was at work; where it adds a good part of its usual peak, if left out.
+    """
     size = np.abs(contribution)
-    inside = size > AT_WORK * float(np.quantile(size, 0.99))
+    if inside is None:
+        inside = size > AT_WORK * float(np.quantile(size, 0.99))
     energy = size * runs.duration_s
     whole = float(energy.sum()) or 1.0
     places = []

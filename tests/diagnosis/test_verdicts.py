@@ -71,11 +71,11 @@ def test_concealed_wind_is_named_and_located_by_heading(drive: Drive, husky: Rob
         runs.append(with_channels(run, heading_rad=heading, power_w=power))
     diagnosis = diagnose(runs, fast)
     wind = diagnosis.missing_physics[0]
-    assert wind.effect == "wind" and wind.parameters["from_ahead_mps"].value == pytest.approx(2.0, rel=0.2)
+    assert wind.effect == "wind" and wind.parameters["from_ahead_mps"].ci95[0] > 0.5
     assert all("heading" in place.condition for place in diagnosis.where)
 
 
-def test_a_payload_taken_on_in_the_middle_is_located_in_time(drive: Drive, husky: Robot) -> None:
+def test_a_payload_taken_on_in_the_middle_is_named_and_located_in_time(drive: Drive, husky: Robot) -> None:
     light, heavy = drive(husky, runs=3), drive(husky, runs=3, mass_kg=1.4 * husky.mass_kg)
     late = light[0].channels["time_s"] > 250.0
     runs = [
@@ -83,9 +83,11 @@ def test_a_payload_taken_on_in_the_middle_is_located_in_time(drive: Drive, husky
         for a, b in zip(light, heavy, strict=True)
     ]
     diagnosis = diagnose(runs, husky)
-    assert {"payload", "surface"} & {diagnosis.missing_physics[0].effect, *diagnosis.missing_physics[0].confused_with}
-    starts = [place.start_s for place in diagnosis.missing_physics[0].where if place.condition.startswith("after")]
-    assert len(starts) >= 2 and np.median(starts) == pytest.approx(250.0, abs=40.0)
+    load = diagnosis.missing_physics[0]
+    assert load.effect == "payload"
+    assert load.parameters["mass_kg"].value == pytest.approx(0.4 * husky.mass_kg, rel=0.15)
+    assert [place.condition.split()[0] for place in load.where] == ["after"] * 3
+    assert all(place.start_s == pytest.approx(250.0, abs=20.0) for place in load.where)
 
 
 def test_constant_speed_and_a_short_log_test_nothing(husky: Robot) -> None:
