@@ -15,7 +15,7 @@ FORBIDDEN = {
     "envs": {"homeward.agents", "homeward.diagnosis"},
     "agents": {"homeward.diagnosis"},
 }
-PHYSICS_MAY_IMPORT = {"homeward", "numba", "numpy"} | sys.stdlib_module_names
+PHYSICS_MAY_IMPORT = {"homeward", "llvmlite", "numba", "numpy"} | sys.stdlib_module_names  # llvmlite is a part of numba
 LEARNING = {"stable_baselines3", "tensorboard", "torch"}
 HEAVY = ("torch.", "stable_baselines3.", "matplotlib.pyplot.", "pandas.", "scipy.")
 

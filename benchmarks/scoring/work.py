@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis import analyse
 from homeward.files import write_whole

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 import numba
 from llvmlite import ir  # type: ignore[import-untyped]
@@ -43,7 +43,15 @@ prefetch: Any = intrinsic(_prefetch)
 """Ask the processor to bring the first cache line of a record, which will be written soon."""
 
 
-def compiled(function: Function | None = None, *, parallel: bool = False) -> Any:
+@overload
+def compiled(function: Function) -> Function: ...
+
+
+@overload
+def compiled(*, parallel: bool) -> Callable[[Function], Function]: ...
+
+
+def compiled(function: Any = None, *, parallel: bool = False) -> Any:
     """Compile a function at its first call, or load it from the cache folder."""
     if function is None:
         return functools.partial(compiled, parallel=parallel)

@@ -70,8 +70,8 @@ def test_concealed_wind_is_named_and_located_by_heading(drive: Drive, husky: Rob
         power = run.channels["power_w"] + extra + np.random.default_rng(seed).normal(size=len(extra))
         runs.append(with_channels(run, heading_rad=heading, power_w=power))
     diagnosis = diagnose(runs, fast)
-    wind = diagnosis.missing_physics[0]
-    assert wind.effect == "wind" and wind.parameters["from_ahead_mps"].ci95[0] > 0.5
+    named = diagnosis.missing_physics[0]
+    assert named.effect == "wind" and named.parameters["from_ahead_mps"].ci95[0] > 0.5
     assert all("heading" in place.condition for place in diagnosis.where)
 
 
