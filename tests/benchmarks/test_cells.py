@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -66,6 +67,16 @@ def test_lost_lithium_and_high_rates_leave_less_energy() -> None:
     counted = counted_w(POWER_CELL, load, 5.0)
     np.testing.assert_allclose(counted[:2], load[:2], rtol=1e-6)
     np.testing.assert_allclose(counted[2], fast_w * slow_j / fast_j, rtol=0.01)
+
+
+def test_there_are_enough_cases_of_every_kind() -> None:
+    count: Counter[str] = Counter()
+    for scenario, _, levels in cell.scenarios():
+        count["control" if not scenario.truth else scenario.truth[0] if scenario.kind == "single" else "pair"] += len(
+            levels
+        )
+    least = {"internal_resistance": 10, "cold_battery": 8, "ageing": 6, "rate_capacity": 6, "pair": 4, "control": 10}
+    assert all(count[kind] >= number for kind, number in least.items())
 
 
 @pytest.fixture
