@@ -51,7 +51,7 @@ DATASETS = {
             "f1tenth_frictionmaps",
             "https://raw.githubusercontent.com/AhmadAmine998/FrictionMaps/e747ecacea6ec47697919ca616f9f4f5b406d516/DataSets/DS5/",
             "f1tenth_frictionmaps",
-            None,
+            "f1tenth",
             "MIT, (c) 2022 AhmadAmine998",
         ),
     )

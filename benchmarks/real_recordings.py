@@ -1,0 +1,81 @@
+"""What the diagnosis says of real recordings: the Husky on four grounds, the same unlabelled, and the F1TENTH car.
+
+`python benchmarks/real_recordings.py` prints tables; HOMEWARD_DATA names the folder of recordings, else they are
+downloaded. The names of the folders are labels to check against and reach nothing else.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from sklearn.metrics import adjusted_rand_score
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
+
+from homeward.datasets import fetch
+from homeward.diagnosis import Analysis, analyse
+from homeward.diagnosis.grouping import group_runs
+
+GROUNDS = ("FLOORING", "ASPHALT", "ICE", "SNOW")
+UNLABELLED = ("ASPHALT", "FLOORING", "ICE", "SNOW")
+
+
+def main() -> None:
+    """Diagnose and print."""
+    console = Console()
+    runs = {ground: fetch("husky_borealtc", ground) for ground in GROUNDS}
+    table = _table("Husky, motor current, held out by run")
+    for ground in GROUNDS:
+        _row(table, f"{ground}, {len(runs[ground])} runs", analyse(runs[ground], "husky", "husky_borealtc"))
+    console.print(table)
+
+    together = [path for ground in UNLABELLED for path in runs[ground]]
+    analysis = analyse(together, "husky", "husky_borealtc")
+    found = group_runs(analysis)
+    truth = {str(path): ground for ground in UNLABELLED for path in runs[ground]}
+    table = Table("group", "runs by folder", *found.quantities, title="All Husky runs as one unlabelled set")
+    for group in range(int(found.group.max()) + 1):
+        mine = found.group == group
+        folders = Counter(truth[name] for name, inside in zip(found.runs, mine, strict=True) if inside)
+        means = (f"{value:.2f}" for value in found.sizes[mine].mean(axis=0))
+        table.add_row(str(group), ", ".join(f"{count} {name}" for name, count in folders.most_common()), *means)
+    console.print(table)
+    coarse = {"ASPHALT": "hard", "FLOORING": "hard", "ICE": "ice", "SNOW": "snow"}
+    score = adjusted_rand_score([coarse[truth[name]] for name in found.runs], found.group)
+    console.print(f"adjusted Rand index against hard ground, ice and snow: {score:.2f} (1: the same, 0: chance)")
+
+    table = _table("F1TENTH car, battery power, held out by block")
+    _row(table, "DS5", analyse(fetch("f1tenth_frictionmaps", ""), "f1tenth", "f1tenth_frictionmaps"))
+    console.print(table)
+
+
+def _table(title: str) -> Table:
+    return Table(
+        "recordings", "verdict", "missing, with size (95 %)", "RMSE nominal", "refit", "corrected", "black box",
+        "R^2 corrected", "range accuracy, nominal / refit / corrected", title=title,
+    )  # fmt: skip
+
+
+def _row(table: Table, name: str, analysis: Analysis) -> None:
+    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    assert diagnosis.fit is not None and evidence is not None
+    arms = diagnosis.fit.arms
+    named = []
+    for one in diagnosis.missing_physics:
+        size, value = next(iter(one.parameters.items()))
+        named.append(
+            f"{one.effect}: {size} {value.value:.3g} ({value.ci95[0]:.3g} to {value.ci95[1]:.3g}) {value.unit}"
+        )
+    errors = [f"{arms[arm].rmse:.3g}" if arm in arms else "-" for arm in ("nominal", "refit", "corrected", "black_box")]
+    r2 = arms["corrected"].r2 if "corrected" in arms else None
+    accuracy = [evidence.range_accuracy_pct.get(arm) for arm in ("nominal", "refit", "corrected")]
+    shown = " / ".join("-" if one is None else f"{one:.0f} %" for one in accuracy)
+    table.add_row(name, diagnosis.verdict, "\n".join(named), *errors, "-" if r2 is None else f"{r2:.2f}", shown)
+
+
+if __name__ == "__main__":
+    main()
