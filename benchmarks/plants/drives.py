@@ -140,7 +140,7 @@ def _journey(
     place = np.abs(np.cumsum(speed * outward) * step_s)
     yaw = _yaw(speed, profile, rng, step_s)
     heading = rng.uniform(-np.pi, np.pi) + np.cumsum(yaw) * step_s
-    base = np.abs(np.cumsum(speed * np.exp(1j * heading)) * step_s)
+    base = place * (0.93 + 0.03 * np.sin(place / (30.0 * robot.max_speed_mps)))  # the road winds a little
     waviness = sum(np.sin(2 * np.pi * place / length + phase) for length, phase in zip(*waves, strict=True)) / 2.0
     slope = np.sign(waviness) * np.abs(waviness) ** profile.sharpness
     temperature = rng.uniform(*profile.temperature_c) + np.linspace(0.0, rng.uniform(*profile.warming_c), n)

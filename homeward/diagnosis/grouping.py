@@ -78,4 +78,5 @@ def _labels(sizes: Array, seed: int) -> NDArray[np.intp]:
     label = best.predict(points)
     order = np.argsort([float(np.median(sizes[label == one, 0])) if (label == one).any() else np.inf
                         for one in range(best.n_components)])  # fmt: skip
-    return np.argsort(order)[label].astype(np.intp)
+    numbered: NDArray[np.intp] = np.argsort(order)[label].astype(np.intp)
+    return numbered

@@ -18,6 +18,7 @@ from homeward.diagnosis.result import Value
 from homeward.diagnosis.signals import Array
 
 _ITERATIONS = 6
+_MATTERS = 0.03  # of what was recorded
 _SMALL_STEP = 1e-3  # of a parameter, for derivatives
 
 
@@ -180,7 +181,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
     theta, values = _start(fit, model, runs)
     best: tuple[float, Array, Array, Array, Array] | None = None
     for _ in range(_ITERATIONS):
-        predicted, jacobian = _linearised(model, runs, theta, values, fit.excited(runs))
+        predicted, jacobian = _linearised(model, runs, theta, values, fit.excited(runs, _MATTERS))
         residual = runs.observed - predicted
         error = float(residual @ residual)
         if best is not None and error >= best[0] * (1.0 - 1e-7):

@@ -7,7 +7,7 @@ which have the same freedom and the same spectrum but no cause.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -34,6 +34,7 @@ _EQUAL = 1.1  # times the held-out error: no worse
 _ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
 _PLACEBOS = 19  # so that being better than all of them has p = 0.05
 _DRAWS = 2000
+_TRIED = 6  # hypotheses that are put to the proof, the best first
 _PAIRED = 12  # single hypotheses that are tried in pairs
 
 
@@ -147,12 +148,12 @@ def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, pro
         bench = _bench(columns, low, high, candidates, setting.residual, runs.run, fold)
         if corrected is None:
             ranking, absorbed = _rank(bench), _absorbed(bench)
-        found = _best(bench, block, seed)
-        if found is None:
-            break
-        fitted = fit_model(fit, [one.term for one in (*named, found)], runs, block)
-        if not fitted.all_at_work():
-            break  # beside the others, one of them has no size that is sure to differ from zero
+        for found in _best(bench, block, seed):
+            fitted = fit_model(fit, [one.term for one in (*named, found)], runs, block)
+            if fitted.all_at_work():
+                break
+        else:
+            break  # nothing passes that has, beside the others, a size that is sure to differ from zero
         named.append(found)
         corrected = fitted
         columns, (low, high) = corrected.jacobian, corrected.freedom()
@@ -207,10 +208,11 @@ def _absorbed(bench: _Bench) -> dict[str, float]:
     return shares
 
 
-def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Named | None:
-    """The hypothesis that explains most for its freedom, alone or as the stronger half of the best pair."""
+def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Iterator[Named]:
+    """The hypotheses that pass the proof, first the one that explains most for its freedom, alone or as the stronger
+    half of the best pair."""
     if not bench.candidates:
-        return None
+        return
     errors = np.array([bench.error(index) for index in range(len(bench.candidates))])
     independent = bench.independent(int(np.argmin(errors)))  # the same for all, so that errors decide
     before = bench.error()
@@ -229,8 +231,10 @@ def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Named | None:
                 if both > best + _MUST_PAY:
                     best, first = both, int(one)
     told = _likeliest(bench, _told_by_a_channel(bench, first, errors, before), alone)
-    found = _proven(bench, told, alone, block, seed)
-    return found if found is not None or told == first else _proven(bench, first, alone, block, seed)
+    for index in dict.fromkeys([told, first, *order[:_TRIED].tolist()]):
+        found = _proven(bench, index, alone, block, seed)
+        if found is not None:
+            yield found
 
 
 def _told_by_a_channel(bench: _Bench, chosen: int, errors: Array, before: float) -> int:

@@ -204,10 +204,10 @@ class Refit:
         scale = problem.scale[active]
         return (problem.low - self.theta)[active] / scale - 1e-12, (problem.high - self.theta)[active] / scale + 1e-12
 
-    def excited(self, runs: Runs) -> NDArray[np.bool_]:
-        """Whether each group has any influence on what was recorded, shape (groups,)."""
+    def excited(self, runs: Runs, share: float = 1e-6) -> NDArray[np.bool_]:
+        """Whether a plausible change of each group moves the prediction by this share, shape (groups,)."""
         norms = np.linalg.norm(self.jacobian, axis=0)
-        excited: NDArray[np.bool_] = norms > 1e-6 * max(float(np.linalg.norm(runs.observed)), 1e-12)
+        excited: NDArray[np.bool_] = norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12)
         return excited
 
     def moved(self, step: Array) -> Array:
