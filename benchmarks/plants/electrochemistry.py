@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import pybamm  # type: ignore[import-untyped]
+import pybamm
 from scipy.interpolate import PchipInterpolator
 
 from benchmarks.plants.drives import Array
