@@ -186,7 +186,7 @@ sys.exit(evaluate.run())
         (["--agents", "ppo=no/such/folder"], "no/such/folder"),
         (["--env", "CartPole-v1"], "unknown env 'CartPole-v1'; choose from homeward/OutAndBack-v0"),
         (["--difficulty", "hard"], "choose from known, uncertain, harsh"),
-        (["--robot", "no_such_robot"], "presets: husky"),
+        (["--robot", "no_such_robot"], "presets: f1tenth, husky"),
         (["--route", "no_such_route"], "known: generated, hidden_wind"),
         (["--action-type", "both"], "choose from discrete, continuous"),
         (["--decision-s", "0"], "decision_s = 0.0 is not allowed"),

@@ -193,13 +193,20 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     progress("locating")
     location = locate(found[0], runs) if found and found[0].found else None
     naming = name_missing(fitted, runs, block, seed, progress) if enough else Naming()
+    empirical = None
+    by_channel = location is not None and found[0].channel.name != "time_s"
+    if location is not None and (not naming.named or (by_channel and naming.named[0].term.axis == "time")):
+        empirical = propose(fitted, runs, block, fold, seed)
+    if naming.named and empirical is not None:
+        if empirical.held_out_gain > naming.named[0].held_out_gain:
+            # A recorded channel says better when it happens than a schedule, which is for causes that none records.
+            naming = Naming(ranking=naming.ranking, absorbed=naming.absorbed)
+        else:
+            empirical = None
     corrected = naming.corrected
     if corrected is not None and any(one.term.axis == "time" for one in naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
         fold, held_out_by = block % 5, "block"
-    empirical = None
-    if location is not None and corrected is None:
-        empirical = propose(fitted, runs, block, fold, seed)
     progress("proving")
     predicted = _predictions(fitted, corrected, empirical, nominal, runs, fold, seed)
     arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}

@@ -53,8 +53,8 @@ OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"decision_s": 1e9, "robot": "husky"}, "give 0.54 to 2200 s, as the battery of 'husky' lasts 10868 s"),
     ({"dificulty": "known"}, "unknown keyword 'dificulty' (did you mean 'difficulty'?)"),
     ({"colour": "red"}, "unknown keyword 'colour'; allowed: robot, route, difficulty, action_type, shaping, discount"),
-    ({"robot": "rusty"}, "presets: husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean 'rusti'?)"),
-    ({"robot": "no/such.toml"}, "presets: husky, jackal"),
+    ({"robot": "rusty"}, "presets: f1tenth, husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean"),
+    ({"robot": "no/such.toml"}, "presets: f1tenth, husky, jackal"),
     ({"robot": None}, "robot = None is not a preset name"),
     ({"route": "incline2"}, "known: generated, hidden_wind, box, incline"),
 ]
