@@ -25,7 +25,7 @@ def nothing_usable(findings: Sequence[Finding]) -> str:
     refused = [one for one in findings if one.refused]
     reasons = "; ".join(f"{PurePath(one.recording).name} {one.text}" for one in refused[:3])
     more = f"; and {len(refused) - 3} more" if len(refused) > 3 else ""
-    return f"None of the recordings can be used: {reasons}{more}."
+    return f"None of the recordings can be used: {reasons}{more}{'' if (reasons + more).endswith('?') else '.'}"
 
 
 def summary(
