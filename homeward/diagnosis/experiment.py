@@ -106,6 +106,11 @@ def gains(
     found = {}
     for manoeuvre in MENU:
         added = responses(fit, runs, manoeuvre, candidates) / noise_w
+        if candidates and not added[:, len(names) :].any():
+            found[manoeuvre.id] = (
+                0.0  # a drive without the effect may settle the groups, but nobody would call it a test
+            )
+            continue
         after = before + windows_a_second * added.T @ added
         found[manoeuvre.id] = _determinant(after, of_interest) - _determinant(before, of_interest)
     return found
