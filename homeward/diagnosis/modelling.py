@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Term
-from homeward.diagnosis.refit import Parameters, Refit, WithEffects, standard_errors
+from homeward.diagnosis.refit import Parameters, Refit, WithEffects, derivatives, standard_errors
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Value
@@ -258,16 +258,8 @@ def _linearised(
     model: Model, runs: Runs, theta: Array, values: Array, excited: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     predicted = model.predict(runs, theta, values)
-    problem = model.parameters
-    columns = []
-    for index in problem.active():
-        step = 1e-4 * problem.scale[index]
-        if theta[index] + step > problem.high[index]:
-            step = -step
-        moved = theta.copy()
-        moved[index] += step
-        columns.append((model.predict(runs, moved, values) - predicted) / (step / problem.scale[index]))
-    columns = [column * bool(open_) for column, open_ in zip(columns, excited, strict=True)]
+    groups = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values))
+    columns = [column * bool(open_) for column, open_ in zip(groups, excited, strict=True)]
     for index, one in enumerate(model.unknowns):
         term = model.terms[one.term]
         if one.column is not None and term.linear:

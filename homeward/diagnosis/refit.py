@@ -11,7 +11,7 @@ come from a sandwich estimator clustered by block, which holds under autocorrela
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -243,9 +243,8 @@ class Refit:
 def refit(runs: Runs, robot: Robot) -> Refit:
     """Fit the groups to all windows within physical bounds, by Gauss-Newton through the replay."""
     problem = parameters(runs, robot)
-    active = problem.active()
     theta = np.clip(problem.start, problem.low, problem.high)
-    at_bound = np.zeros(len(active), dtype=bool)
+    at_bound = np.zeros(len(problem.active()), dtype=bool)
     best: tuple[float, Refit] | None = None
     for _ in range(_ITERATIONS):
         predicted, jacobian = _linearised(problem, runs, theta)
@@ -255,15 +254,26 @@ def refit(runs: Runs, robot: Robot) -> Refit:
             break
         best = error, Refit(problem, theta, predicted, jacobian, at_bound)
         step, at_bound = _solve(problem, theta, jacobian, residual)
-        theta = theta.copy()
-        theta[active] += step * problem.scale[active]
-        theta = np.clip(theta, problem.low, problem.high)
+        theta = best[1].moved(step)
     assert best is not None
     return best[1]
 
 
 def _linearised(problem: Parameters, runs: Runs, theta: Array) -> tuple[Array, Array]:
     predicted = problem.predict(runs, theta)
+    columns = derivatives(problem, theta, predicted, lambda moved: problem.predict(runs, moved))
+    return predicted, np.column_stack(columns)
+
+
+def derivatives(problem: Parameters, theta: Array, predicted: Array, predict: Callable[[Array], Array]) -> list[Array]:
+    """Derivative of a prediction by each group in units of `scale`, by a small step within the bounds.
+
+    Args:
+        problem: The fitted parameters.
+        theta: Where to differentiate.
+        predicted: What `predict` gives there, shape (windows,).
+        predict: Prediction as a function of theta.
+    """
     columns = []
     for index in problem.active():
         step = 1e-4 * problem.scale[index]
@@ -271,8 +281,8 @@ def _linearised(problem: Parameters, runs: Runs, theta: Array) -> tuple[Array, A
             step = -step
         moved = theta.copy()
         moved[index] += step
-        columns.append((problem.predict(runs, moved) - predicted) / (step / problem.scale[index]))
-    return predicted, np.column_stack(columns)
+        columns.append((predict(moved) - predicted) / (step / problem.scale[index]))
+    return columns
 
 
 def _solve(problem: Parameters, theta: Array, jacobian: Array, residual: Array) -> tuple[Array, NDArray[np.bool_]]:
