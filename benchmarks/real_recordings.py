@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -16,7 +17,8 @@ from sklearn.metrics import adjusted_rand_score
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
-from homeward.datasets import fetch
+from homeward import cli
+from homeward.datasets import DatasetError, fetch
 from homeward.diagnosis import Analysis, analyse
 from homeward.diagnosis.grouping import group_runs
 
@@ -24,18 +26,30 @@ GROUNDS = ("FLOORING", "ASPHALT", "ICE", "SNOW")
 UNLABELLED = ("ASPHALT", "FLOORING", "ICE", "SNOW")
 
 
-def main() -> None:
-    """Diagnose and print."""
+@dataclass(frozen=True)
+class Args:
+    """What the diagnosis leaves to chance."""
+
+    seed: int = 0
+    """Seed of placebos, intervals and groups."""
+
+
+def main(args: Args) -> None:
+    """Diagnose and print.
+
+    Raises:
+        DatasetError: The recordings cannot be had.
+    """
     console = Console()
     runs = {ground: fetch("husky_borealtc", ground) for ground in GROUNDS}
     table = _table("Husky, motor current, held out by run")
     for ground in GROUNDS:
-        _row(table, f"{ground}, {len(runs[ground])} runs", analyse(runs[ground], "husky", "husky_borealtc"))
+        _row(table, f"{ground}, {len(runs[ground])} runs", analyse(runs[ground], "husky", "husky_borealtc", args.seed))
     console.print(table)
 
     together = [path for ground in UNLABELLED for path in runs[ground]]
-    analysis = analyse(together, "husky", "husky_borealtc")
-    found = group_runs(analysis)
+    analysis = analyse(together, "husky", "husky_borealtc", args.seed)
+    found = group_runs(analysis, args.seed)
     truth = {str(path): ground for ground in UNLABELLED for path in runs[ground]}
     table = Table("group", "runs by folder", *found.quantities, title="All Husky runs as one unlabelled set")
     for group in range(int(found.group.max()) + 1):
@@ -49,7 +63,7 @@ def main() -> None:
     console.print(f"adjusted Rand index against hard ground, ice and snow: {score:.2f} (1: the same, 0: chance)")
 
     table = _table("F1TENTH car, battery power, held out by block")
-    _row(table, "DS5", analyse(fetch("f1tenth_frictionmaps", ""), "f1tenth", "f1tenth_frictionmaps"))
+    _row(table, "DS5", analyse(fetch("f1tenth_frictionmaps", ""), "f1tenth", "f1tenth_frictionmaps", args.seed))
     console.print(table)
 
 
@@ -78,4 +92,4 @@ def _row(table: Table, name: str, analysis: Analysis) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(cli.run(main, Args, __doc__, (DatasetError,)))
