@@ -82,7 +82,7 @@ def _code() -> dict[str, str]:
     agents = package / "agents"
     parts = {
         "physics": (package / "physics").rglob("*.py"),
-        "envs": (package / "envs").rglob("*.py"),
+        "envs": (package / "envs").glob("*.py"),  # how it is shown changes no policy
         "learner": [agents / "sb3_adapter.py", *agents.glob("ppo*.py")],
     }
     return {

@@ -76,8 +76,8 @@ def cache_folder() -> Path | None:
     """
     package = Path(__file__).parents[1]
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for folder in (package / "physics", package / "envs"):
-        for source in sorted(folder.rglob("*.py")):
+    for folder, pattern in ((package / "physics", "**/*.py"), (package / "envs", "*.py")):  # the viewer has no kernels
+        for source in sorted(folder.glob(pattern)):
             digest.update(source.relative_to(package).as_posix().encode() + source.read_bytes())
     name = f"kernels-{digest.hexdigest()[:16]}"
     home = os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
