@@ -51,7 +51,7 @@ class Args:
     robot: str = "rusti_computer"
     """Preset name or TOML file."""
     route: str = "generated"
-    """generated, hidden_wind, or the name or path of a CSV profile."""
+    """generated, hidden_wind, the name or path of a CSV profile, or a track: .gpx, .fit or CSV with positions."""
     action_type: str = "discrete"
     """discrete or continuous."""
     decision_s: float | None = None

@@ -1,4 +1,4 @@
-"""Routes from CSV files: read, checked, and cut into places of equal length."""
+"""Routes from files, CSV profiles and tracks (GPX, FIT, CSV with positions): checked, and cut into equal places."""
 
 from __future__ import annotations
 
@@ -25,6 +25,9 @@ COLUMNS = (
     "wind_from_rad",
 )
 
+POSITIONS = ("latitude_deg", "longitude_deg")
+"""Columns that make a CSV file a track: with `elevation_m` beside them, and nothing else."""
+
 _STEEPEST = 0.7  # sine of a slope that a ground robot may climb
 
 
@@ -35,12 +38,15 @@ def route_names() -> list[str]:
 
 
 def load_route(route: str | Path, place_m: float) -> Route:
-    """Read a route profile from a CSV file or by the name of one that ships, and cut it into equal places.
+    """Read a route from a file or by the name of one that ships, and cut it into equal places.
 
-    Columns: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`, `roughness`,
-    `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row, `temperature_c`,
-    `wind_mps`, `wind_from_rad`. What follows a # is a comment. Between rows values are linear; a place takes
-    their mean, and from an elevation the slope from its start to its end.
+    A track, that is a .gpx or .fit file or a CSV file with `latitude_deg`, `longitude_deg` and `elevation_m`, is
+    smoothed first, as `homeward.envs.tracks` says. Any other CSV file is a profile and taken as it is.
+
+    Columns of a profile: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`,
+    `roughness`, `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row,
+    `temperature_c`, `wind_mps`, `wind_from_rad`. What follows a # is a comment. Between rows values are linear; a
+    place takes their mean, and from an elevation the slope from its start to its end.
 
     Args:
         route: Path or name.
@@ -55,7 +61,16 @@ def load_route(route: str | Path, place_m: float) -> Route:
     path = shipped if named else Path(route) if isinstance(route, str | Path) else None
     if path is None or not path.is_file():
         raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
+    if path.suffix.lower() in (".gpx", ".fit"):
+        from homeward.envs import tracks  # only now: it needs further packages
+
+        return _cut(path, tracks.profile(tracks.read_track(path), str(path)).columns(), place_m)
     columns, lines = _read_table(path)
+    if POSITIONS[0] in columns:
+        from homeward.envs import tracks
+
+        track = tracks.Track(columns["elevation_m"], columns["latitude_deg"], columns["longitude_deg"])
+        return _cut(path, tracks.profile(track, str(path)).columns(), place_m)
     _check_profile(path, columns, lines)
     return _cut(path, columns, place_m)
 
@@ -100,6 +115,10 @@ def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
 
 
 def _check_names(path: Any, names: list[str]) -> None:
+    if any(name in POSITIONS for name in names):
+        if sorted(names) != sorted((*POSITIONS, "elevation_m")):
+            raise RouteError(f"{path}: a track has the columns {', '.join(POSITIONS)}, elevation_m and no others")
+        return
     for name in names:
         if name not in COLUMNS:
             raise RouteError(f"{path}: unknown column {name!r}; columns are {', '.join(COLUMNS)}")

@@ -1,0 +1,302 @@
+"""Recorded or planned tracks (GPX, FIT, positions in a CSV file) turned into elevation profiles that a robot can drive.
+
+A track's elevation is noise on top of hills: differentiating it makes slopes that are not there. The way from points to
+profile, each step with its constant below:
+
+1. Way. Distance between positions on a sphere, summed over points at least `SPACING_M` apart: nearer ones are averaged,
+   or the jitter of a robot that stands or creeps would add up. A FIT file's own distance is taken where it has one.
+2. Spikes. The elevation, linear between points on a grid of `GRID_M`, goes through a running median of `MEDIAN_M`.
+3. Noise. A Gaussian of standard deviation `SIGMA_M` along the way, the ends continued point-symmetrically.
+4. Turning points. Rises and falls of less than a threshold are no hills: between the turning points that remain, the
+   profile is made monotonic (isotonic regression, least squares). The threshold is `LEAST_RISE_M` or, where more, three
+   standard deviations of the noise that a white error of the size seen in step 2 and 3 leaves behind.
+5. Cap. Slopes beyond `STEEPEST` are cut to it; a track with more than `CAPPED_SHARE` of them is refused.
+
+Limits: hills shorter than about 100 m are flattened, and so are bridges and cuttings. GPS heights without a barometer
+wander by several metres over minutes; no smoothing can tell that from hills.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.envs.routes import RouteError
+
+Array = NDArray[np.float64]
+
+SPACING_M = 5.0
+GRID_M = 5.0
+MEDIAN_M = 50.0
+SIGMA_M = 25.0
+LEAST_RISE_M = 2.0
+STEEPEST = 0.5  # sine of 30 degrees
+CAPPED_SHARE = 0.02
+SHORTEST_M = 100.0
+
+_EARTH_M = 6371008.8  # mean radius, IUGG
+_MISSING_SHARE = 0.2  # of the points may lack an elevation
+_TO_DEGREES = 180.0 / 2**31  # FIT positions are in semicircles
+_NEEDED = "needs {0}; install it with pip install 'homeward[logs]'"
+
+
+@dataclass(frozen=True)
+class Track:
+    """Points in the order of the way; arrays of shape (points,).
+
+    Attributes:
+        elevation_m: Height above any datum, m; NaN where unknown.
+        latitude_deg, longitude_deg: Position, degrees, or None where only distances are known.
+        distance_m: Way since the start, m, or None where it follows from the positions.
+    """
+
+    elevation_m: Array
+    latitude_deg: Array | None = None
+    longitude_deg: Array | None = None
+    distance_m: Array | None = None
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A smoothed track on a grid; arrays of shape (n,).
+
+    Attributes:
+        distance_m: Way along the slope since the start, m.
+        elevation_m: Height, m.
+        heading_rad: Direction of the way, rad counter-clockwise from east, not wrapped; 0 where positions are unknown.
+    """
+
+    distance_m: Array
+    elevation_m: Array
+    heading_rad: Array
+
+    @property
+    def ascent_m(self) -> float:
+        """Sum of all rises, m."""
+        return float(np.clip(np.diff(self.elevation_m), 0.0, None).sum())
+
+    def columns(self) -> dict[str, Array]:
+        """The profile as the columns of a route file."""
+        return {"distance_m": self.distance_m, "elevation_m": self.elevation_m, "heading_rad": self.heading_rad}
+
+
+def read_track(path: Path) -> Track:
+    """Read the points of a GPX file (tracks, or routes where it has no track) or of the records of a FIT file.
+
+    Raises:
+        RouteError: The file is unreadable, is not what its name says or has fewer than two points, or the package that
+            reads it is not installed.
+    """
+    track = READERS[path.suffix.lower()](path)
+    if len(track.elevation_m) < 2:
+        raise RouteError(f"{path}: has {len(track.elevation_m)} points; give a track of at least two")
+    return track
+
+
+def _read_gpx(path: Path) -> Track:
+    try:
+        import gpxpy
+    except ImportError:
+        raise RouteError(f"{path}: " + _NEEDED.format("gpxpy")) from None
+    try:
+        gpx = gpxpy.parse(path.read_text(encoding="utf-8-sig"))
+    except (gpxpy.gpx.GPXException, UnicodeDecodeError, OSError) as error:
+        raise RouteError(f"{path}: is not a whole GPX file: {_first_line(error)}") from None
+    segments = [segment.points for track in gpx.tracks for segment in track.segments]
+    ways = segments if any(segments) else [route.points for route in gpx.routes]
+    table = np.array([(p.latitude, p.longitude, _number(p.elevation)) for way in ways for p in way], dtype=np.float64)
+    latitude, longitude, elevation = table.reshape(-1, 3).T
+    return Track(elevation, latitude, longitude)
+
+
+def _read_fit(path: Path) -> Track:
+    try:
+        import fitdecode
+    except ImportError:
+        raise RouteError(f"{path}: " + _NEEDED.format("fitdecode")) from None
+    rows = []
+    try:
+        with fitdecode.FitReader(str(path)) as reader:
+            for frame in reader:
+                if frame.frame_type == fitdecode.FIT_FRAME_DATA and frame.name == "record":
+                    height = frame.get_value("enhanced_altitude", fallback=None)
+                    height = frame.get_value("altitude", fallback=None) if height is None else height
+                    others = ("position_lat", "position_long", "distance")
+                    rows.append([_number(v) for v in (height, *(frame.get_value(n, fallback=None) for n in others))])
+    except (fitdecode.FitError, OSError) as error:
+        raise RouteError(f"{path}: is not a whole FIT file: {_first_line(error)}") from None
+    elevation, latitude, longitude, distance = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+    here, along = np.isfinite(latitude) & np.isfinite(longitude), np.isfinite(distance)
+    if here.sum() < 2 and along.sum() < 2:
+        raise RouteError(
+            f"{path}: its records hold neither positions nor distances; give one that was recorded outdoors"
+        )
+    kept = along if along.sum() >= 2 else here
+    way_m = distance[kept] if along.sum() >= 2 else None
+    if not here[kept].all():
+        return Track(elevation[kept], distance_m=way_m)
+    return Track(elevation[kept], latitude[kept] * _TO_DEGREES, longitude[kept] * _TO_DEGREES, way_m)
+
+
+READERS: dict[str, Callable[[Path], Track]] = {".gpx": _read_gpx, ".fit": _read_fit}
+"""What reads a track, by the ending of its name."""
+
+
+def profile(track: Track, name: str) -> Profile:
+    """Smooth a track, see the top of this file.
+
+    Args:
+        track: Its points.
+        name: What to call it in messages.
+
+    Raises:
+        RouteError: Positions that are none, too few elevations, a way too short for a grade, or slopes that no robot
+            climbs on more than a few per cent of the way.
+    """
+    elevation = _filled(track.elevation_m, name)
+    distance, elevation, east_m, north_m = _way(track, elevation, name)
+    length_m = float(distance[-1])
+    if length_m < SHORTEST_M:
+        raise RouteError(
+            f"{name}: is {length_m:.0f} m long; give at least {SHORTEST_M:.0f} m, or a CSV profile with distance_m and "
+            "grade_rad for a shorter way: heights of a track are too coarse for it"
+        )
+    count = max(int(np.ceil(length_m / GRID_M)), 1) + 1
+    grid, step_m = np.linspace(0.0, length_m, count), length_m / (count - 1)
+    smooth, threshold_m = _smooth(np.interp(grid, distance, elevation), step_m, length_m / (len(distance) - 1))
+    level = _without_wiggles(smooth, threshold_m)
+    rise = np.diff(level)
+    steep = np.abs(rise) > STEEPEST * np.hypot(step_m, rise)
+    if steep.mean() > CAPPED_SHARE:
+        raise RouteError(
+            f"{name}: {steep.mean():.0%} of the way is steeper than {np.degrees(np.arcsin(STEEPEST)):.0f} degrees; no "
+            "ground robot climbs that: feet, or an elevation that jumps?"
+        )
+    most = step_m * np.tan(np.arcsin(STEEPEST))
+    rise = np.clip(rise, -most, most)
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(step_m, rise))))
+    height = level[0] + np.concatenate(([0.0], np.cumsum(rise)))
+    return Profile(along, height, _heading(grid, distance, east_m, north_m))
+
+
+def _filled(elevation: Array, name: str) -> Array:
+    known = np.isfinite(elevation)
+    if known.mean() < 1.0 - _MISSING_SHARE:
+        raise RouteError(
+            f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations"
+        )
+    places = np.arange(len(elevation), dtype=np.float64)
+    return np.interp(places, places[known], elevation[known])
+
+
+def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array | None, Array | None]:
+    """Distance, elevation and, where known, position east and north of the start, at points that are apart."""
+    east_m = north_m = None
+    if track.latitude_deg is not None and track.longitude_deg is not None:
+        _check_positions(track.latitude_deg, track.longitude_deg, name)
+        latitude, longitude = np.radians(track.latitude_deg), np.unwrap(np.radians(track.longitude_deg))
+        east_m = _EARTH_M * np.concatenate(([0.0], np.cumsum(np.diff(longitude) * np.cos(latitude[1:]))))
+        north_m = _EARTH_M * (latitude - latitude[0])
+    if track.distance_m is not None:
+        further = np.concatenate(([True], track.distance_m[1:] > np.maximum.accumulate(track.distance_m)[:-1]))
+        kept = np.flatnonzero(further)
+        distance = track.distance_m[kept] - track.distance_m[kept[0]]
+    else:
+        assert east_m is not None and north_m is not None
+        kept = _apart(east_m, north_m)
+        # Each kept point stands for those near it.
+        size = np.diff(np.append(kept, len(elevation)))
+        elevation, east_m, north_m = (np.add.reduceat(values, kept) / size for values in (elevation, east_m, north_m))
+        steps = np.hypot(np.diff(east_m), np.diff(north_m))
+        return np.concatenate(([0.0], np.cumsum(steps))), elevation, east_m, north_m
+    if east_m is not None and north_m is not None:
+        east_m, north_m = east_m[kept], north_m[kept]
+    return distance, elevation[kept], east_m, north_m
+
+
+def _check_positions(latitude_deg: Array, longitude_deg: Array, name: str) -> None:
+    wrong = np.flatnonzero(~((np.abs(latitude_deg) <= 90.0) & (np.abs(longitude_deg) <= 180.0)))
+    if len(wrong):
+        point = wrong[0]
+        raise RouteError(
+            f"{name}: point {point + 1} is at latitude {latitude_deg[point]:g}, longitude {longitude_deg[point]:g}; "
+            "give degrees within 90 and 180"
+        )
+
+
+def _apart(east_m: Array, north_m: Array) -> NDArray[np.intp]:
+    """Indices of points at least `SPACING_M` from the one before."""
+    kept, last_east, last_north = [0], east_m[0], north_m[0]
+    for index, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
+        if (east - last_east) ** 2 + (north - last_north) ** 2 >= SPACING_M**2:
+            kept.append(index)
+            last_east, last_north = east, north
+    return np.array(kept, dtype=np.intp)
+
+
+def _smooth(elevation: Array, step_m: float, spacing_m: float) -> tuple[Array, float]:
+    """The elevation less spikes and noise, and the least rise, m, that cannot be what noise is left."""
+    from scipy.ndimage import gaussian_filter1d, median_filter
+
+    sigma = SIGMA_M / step_m
+    width = 2 * int(MEDIAN_M / step_m / 2.0) + 1
+    pad = min(int(4.0 * sigma) + width, len(elevation) - 1)
+    wide = np.pad(elevation, pad, mode="reflect", reflect_type="odd")
+    smooth = gaussian_filter1d(median_filter(wide, width, mode="nearest"), sigma, mode="nearest")[pad:-pad]
+    taken = elevation - smooth
+    noise_m = 1.4826 * float(np.median(np.abs(taken - np.median(taken))))
+    # A Gaussian of deviation SIGMA_M averages 2 sqrt(pi) SIGMA_M / spacing independent errors.
+    left_m = noise_m / np.sqrt(max(2.0 * np.sqrt(np.pi) * SIGMA_M / spacing_m, 1.0))
+    return smooth, max(LEAST_RISE_M, 3.0 * left_m)
+
+
+def _without_wiggles(elevation: Array, threshold_m: float) -> Array:
+    """The profile made monotonic between turning points that differ by the threshold or more."""
+    from scipy.optimize import isotonic_regression
+
+    turns = _turning_points(elevation, threshold_m)
+    level = elevation.copy()
+    for first, last in pairwise(turns):
+        part = slice(first, last + 1)
+        level[part] = isotonic_regression(elevation[part], increasing=bool(elevation[last] >= elevation[first])).x
+    return level
+
+
+def _turning_points(elevation: Array, threshold_m: float) -> list[int]:
+    """Indices of the ends and of the extremes from which the profile turns back by the threshold or more."""
+    turns, low, high, rising = [0], 0, 0, None
+    for index, height in enumerate(elevation):
+        low = index if height < elevation[low] else low
+        high = index if height > elevation[high] else high
+        if rising is not False and elevation[high] - height >= threshold_m:
+            turns.append(high)
+            rising, low = False, index
+        elif rising is not True and height - elevation[low] >= threshold_m:
+            turns.append(low)
+            rising, high = True, index
+    return sorted({*turns, len(elevation) - 1})
+
+
+def _heading(grid: Array, distance: Array, east_m: Array | None, north_m: Array | None) -> Array:
+    if east_m is None or north_m is None:
+        return np.zeros(len(grid))
+    # Over a stretch as long as the smoothing of the heights, so that jitter makes no bends.
+    east, north = (
+        np.interp(grid + SIGMA_M, distance, values) - np.interp(grid - SIGMA_M, distance, values)
+        for values in (east_m, north_m)
+    )
+    heading: Array = np.unwrap(np.arctan2(north, east))
+    return heading
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else np.nan
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
