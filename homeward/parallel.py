@@ -1,0 +1,230 @@
+"""Many tasks at once: processes of this machine (joblib) or the nodes of a Ray cluster, with the same results."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import logging
+import os
+import platform
+import socket
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Generator, Iterator, Mapping
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cloudpickle
+import joblib
+import numba
+import numpy
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+import homeward
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+_RETRIES = 5
+"""How often a task starts anew whose node or process died; one that kills its process again and again gives up."""
+_ANSWER_S = 5.0
+"""How long a cluster may take to answer, s."""
+
+
+class TaskError(RuntimeError):
+    """A task that failed; the message says which one and why, in one line, and a note holds the traceback."""
+
+
+class ClusterError(RuntimeError):
+    """Workers that cannot be had; the message says what to change."""
+
+
+def run_tasks(
+    function: Callable[[Task], Result],
+    tasks: Mapping[str, Task],
+    *,
+    jobs: int = 1,
+    cluster: str | None = None,
+    keep: Callable[[str, Result], object] = lambda name, result: None,
+    title: str = "tasks",
+) -> dict[str, Result]:
+    """Apply a function to every task.
+
+    Results do not depend on where they were worked out, as long as a task brings along all that it needs: its seed, and
+    data instead of the paths of files that only this machine has. A task whose node dies starts anew on another.
+
+    Args:
+        function: Takes a task; it, the tasks and their results can be pickled.
+        tasks: By name, which errors are reported under.
+        jobs: Tasks at once on this machine; 1 needs no further process.
+        cluster: Address of a Ray cluster, HOST:PORT, whose cores are used instead.
+        keep: Called here with the name and result of each task as it ends, in any order; what it writes need not be
+            worked out again after an interruption.
+        title: What the progress bar on stderr is called.
+
+    Returns:
+        Result of each task, in the order of the tasks.
+
+    Raises:
+        TaskError: A task failed; those that are not done are given up.
+        ClusterError: The number of jobs is not allowed, or the cluster cannot be used.
+
+    >>> run_tasks(len, {"short": "ab", "long": "abcdef"})
+    {'short': 2, 'long': 6}
+    """
+    if jobs < 1:
+        raise ClusterError(f"jobs = {jobs} is not allowed; give at least 1")
+    ended = _on_cluster(function, tasks, cluster) if cluster else _on_this_machine(function, tasks, jobs)
+    results: dict[str, Result] = {}
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    console = Console(stderr=True)
+    with (
+        contextlib.closing(ended),
+        Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True,
+                 disable=not console.is_terminal) as bar,
+    ):  # fmt: skip
+        shown = bar.add_task(title, total=len(tasks))
+        for name, result in ended:
+            keep(name, result)
+            results[name] = result
+            bar.advance(shown)
+    return {name: results[name] for name in tasks}
+
+
+def _on_this_machine(
+    function: Callable[[Task], Result], tasks: Mapping[str, Task], jobs: int
+) -> Generator[tuple[str, Result]]:
+    if jobs == 1:
+        for name, task in tasks.items():
+            yield name, _result(name, _attempt(function, task))
+        return
+    left = set(tasks)
+    calls = (joblib.delayed(_work)(name, order) for name, order in _orders(function, tasks))
+    outcomes = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
+    try:
+        for name, outcome in outcomes:
+            left.remove(name)
+            yield name, _result(name, cloudpickle.loads(outcome))
+    except BrokenProcessPool:
+        raise TaskError(
+            f"a process died, perhaps for want of memory, before these were done: {', '.join(sorted(left))}; "
+            "try fewer jobs"
+        ) from None
+    finally:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)  # is meant, after a failure
+            outcomes.close()
+
+
+def _on_cluster(
+    function: Callable[[Task], Result], tasks: Mapping[str, Task], address: str
+) -> Generator[tuple[str, Result]]:
+    with _connected(address) as ray:
+        work = ray.remote(num_cpus=1, max_retries=_RETRIES)(_work_alone)
+        code = code_hash()
+        running = {work.remote(name, order, code): name for name, order in _orders(function, tasks)}
+        try:
+            while running:
+                (ended, *_), _ = ray.wait(list(running), num_returns=1)
+                name = running.pop(ended)
+                try:
+                    outcome = ray.get(ended)
+                except ray.exceptions.RayError as error:
+                    raise TaskError(f"{name}: {_last_line(error)}") from error
+                yield name, _result(name, cloudpickle.loads(outcome))
+        finally:
+            for one in running:
+                ray.cancel(one, force=True)
+
+
+@contextlib.contextmanager
+def _connected(address: str) -> Iterator[Any]:
+    """Ray, connected to a cluster; what it says of lost nodes goes to stderr, as stdout is the caller's."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+    except ModuleNotFoundError as error:
+        raise ClusterError(f"--cluster needs {error.name}: pip install 'homeward[ray]'") from None
+    host, _, port = address.rpartition(":")
+    try:
+        # Ray itself goes on asking for many minutes.
+        socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
+    except (OSError, ValueError):
+        raise ClusterError(
+            f"no Ray cluster answers at {address!r}: give HOST:PORT as `ray start --head` printed it"
+        ) from None
+    with contextlib.redirect_stdout(sys.stderr):
+        try:
+            ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+        except (RuntimeError, OSError) as error:  # such as another version of Ray or Python
+            raise ClusterError(f"cannot use the Ray cluster at {address}: {_last_line(error)}") from None
+        try:
+            yield ray
+        finally:
+            ray.shutdown()
+
+
+def _orders(function: Callable[[Task], Result], tasks: Mapping[str, Task]) -> Iterator[tuple[str, bytes]]:
+    """Each task with its function as bytes: what comes out of them is a copy that may be written to, unlike Ray's."""
+    for name, task in tasks.items():
+        yield name, cloudpickle.dumps((function, task))
+
+
+def _work(name: str, order: bytes) -> tuple[str, bytes]:
+    """Carry out a task in another process of this machine."""
+    function, task = cloudpickle.loads(order)
+    outcome: bytes = cloudpickle.dumps(_attempt(function, task))
+    return name, outcome
+
+
+def _work_alone(name: str, order: bytes, code: str) -> bytes:
+    """Carry out a task on one core of a cluster's node."""
+    if code != code_hash():
+        advice = "has homeward of other code than this machine: install the same version on all nodes"
+        refusal: bytes = cloudpickle.dumps(_Failure(f"node {platform.node()} {advice}", ""))
+        return refusal
+    numba.set_num_threads(1)
+    return _work(name, order)[1]
+
+
+@dataclass(frozen=True)
+class _Failure:
+    message: str
+    trace: str
+
+
+def _attempt(function: Callable[[Task], Result], task: Task) -> Result | _Failure:
+    # Exceptions do not all survive pickling, and none keeps its traceback: they travel as text.
+    try:
+        return function(task)
+    except Exception as error:
+        return _Failure(f"{type(error).__name__}: {' '.join(str(error).split())}", traceback.format_exc())
+
+
+def _result(name: str, outcome: Result | _Failure) -> Result:
+    if isinstance(outcome, _Failure):
+        error = TaskError(f"{name}: {outcome.message}")
+        error.add_note(outcome.trace)
+        raise error
+    return outcome
+
+
+def _last_line(error: Exception) -> str:
+    return str(error).strip().rpartition("\n")[2]
+
+
+@functools.cache
+def code_hash() -> str:
+    """Hash of the package's source code, and of the versions of Python and NumPy beneath it."""
+    package = Path(homeward.__file__).parent
+    folders = (package, package / "envs", package / "agents")  # the last two are links, which a search does not enter
+    sources = sorted({source for folder in folders for source in folder.rglob("*.py")})
+    digest = hashlib.sha256(f"{platform.python_version()} {numpy.__version__}".encode())
+    for source in sources:
+        digest.update(source.relative_to(package).as_posix().encode() + source.read_bytes())
+    return digest.hexdigest()[:16]
