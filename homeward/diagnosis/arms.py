@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,7 +46,13 @@ def held_out(predict: Callable[[NDArray[np.bool_]], Array], fold: NDArray[np.int
     return predicted
 
 
-def black_box(runs: Runs, nominal: Array, chosen: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+def black_box(
+    runs: Runs,
+    nominal: Array,
+    chosen: NDArray[np.bool_],
+    rng: np.random.Generator,
+    channels: Collection[str] | None = None,
+) -> Array:
     """Prediction for all windows by boosted trees on the same channels: how much there is to gain from them.
 
     Args:
@@ -54,8 +60,10 @@ def black_box(runs: Runs, nominal: Array, chosen: NDArray[np.bool_], rng: np.ran
         nominal: What the refit predicts, one more feature, shape (windows,).
         chosen: Windows to fit to.
         rng: Source of the seed and of the windows that are taken where there are very many.
+        channels: Those that may be used; all by default.
     """
-    features = np.column_stack([nominal, *runs.context.values()])
+    used = [values for name, values in runs.context.items() if channels is None or name in channels]
+    features = np.column_stack([nominal, *used])
     rows = np.flatnonzero(chosen)
     if len(rows) > _MOST_FOR_TREES:
         rows = np.sort(rng.choice(rows, _MOST_FOR_TREES, replace=False))

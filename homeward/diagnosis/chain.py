@@ -14,13 +14,14 @@ from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_
 from homeward.diagnosis.blocks import FEWEST_BLOCKS, cut_folds
 from homeward.diagnosis.columns import Columns
 from homeward.diagnosis.correct import correct, range_change
-from homeward.diagnosis.describe import missing_physics
+from homeward.diagnosis.describe import missing_physics, where_at_work
 from homeward.diagnosis.empirical import Empirical, propose
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location, locate
 from homeward.diagnosis.modelling import Corrected
-from homeward.diagnosis.naming import Naming, name_missing, shifted_in_time
+from homeward.diagnosis.motion import follows_motion
+from homeward.diagnosis.naming import FOLDS, Naming, name_missing, shifted_in_time
 from homeward.diagnosis.quality import Finding, usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
@@ -193,6 +194,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     progress("locating")
     location = locate(found[0], runs) if found and found[0].found else None
     naming = name_missing(fitted, runs, block, seed, progress) if enough else Naming()
+    naming, location = _without_what_motion_tells(naming, location, fitted, runs, block, seed)
     empirical = None
     by_channel = location is not None and found[0].channel.name != "time_s"
     if location is not None and (not naming.named or (by_channel and naming.named[0].term.axis == "time")):
@@ -200,13 +202,13 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     if naming.named and empirical is not None:
         if empirical.held_out_gain > naming.named[0].held_out_gain:
             # A recorded channel says better when it happens than a schedule, which is for causes that none records.
-            naming = Naming(ranking=naming.ranking, absorbed=naming.absorbed)
+            naming = naming.nothing_named()
         else:
             empirical = None
     corrected = naming.corrected
     if corrected is not None and any(one.term.axis == "time" for one in naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
-        fold, held_out_by = block % 5, "block"
+        fold, held_out_by = block % FOLDS, "block"
     progress("proving")
     predicted = _predictions(fitted, corrected, empirical, nominal, runs, fold, seed)
     arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
@@ -219,6 +221,18 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         runs, fitted, block, predicted, known, tuple(found), location, naming, corrected, empirical, accuracy
     )
     return evidence, fit
+
+
+def _without_what_motion_tells(
+    naming: Naming, location: Location | None, fitted: Refit, runs: Runs, block: NDArray[np.intp], seed: int
+) -> tuple[Naming, Location | None]:
+    """Name nothing where motion alone explains what the first effect needs a schedule for, but say where that is."""
+    if naming.corrected is None or naming.named[0].term.axis == "steady":
+        return naming, location
+    first = naming.named[0]
+    if not follows_motion(fitted, runs, block % FOLDS, first.held_out_gain, seed):
+        return naming, location
+    return naming.nothing_named(), location or where_at_work(first.term, naming.corrected.contribution[0], runs)
 
 
 def _predictions(

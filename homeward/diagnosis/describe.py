@@ -8,7 +8,7 @@ from itertools import groupby
 import numpy as np
 
 from homeward.diagnosis.hypotheses import CATALOGUE, Term
-from homeward.diagnosis.location import Place, condition_of, places_of, stretch_words
+from homeward.diagnosis.location import AT_WORK, Location, Place, condition_of, places_of, stretch_words
 from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.naming import Named
 from homeward.diagnosis.replay import Runs
@@ -86,6 +86,13 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
     told = (condition_of(channels[name], contribution, runs) for name in SHOWN_BY.get(term.effect, ()))
     words = next((one for one in told if one is not None), None)
     return places_of(contribution, runs, words or _OTHERWISE.get(term.effect, "while driving"))
+
+
+def where_at_work(term: Term, contribution: Array, runs: Runs) -> Location:
+    """Where something was at work whose name does not hold: the same stretches, as a location."""
+    found = places(term, contribution, runs)
+    inside = np.abs(contribution) > AT_WORK * float(np.quantile(np.abs(contribution), 0.99))
+    return Location("in some stretches of time", inside, contribution, found)
 
 
 def condition(found: Sequence[Place]) -> str:

@@ -41,6 +41,7 @@ _TINY = 1e-6  # of the largest size: the response is linear there
 _COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
 _TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)
 _CLEARLY_APART = 4.0  # standard deviations
+_ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
 
 Shapes = Callable[[Runs], Iterator[dict[str, float]]]
@@ -55,6 +56,7 @@ _MAY_CHANGE: Mapping[str, tuple[Changes, bool]] = {  # and whether below the usu
     "ageing": ("between runs", False),
     "standby": ("once", False),
     "intermittent_load": ("repeatedly", False),
+    "internal_resistance": ("once", False),
     "sensor_offset": ("once", True),
     "sensor_gain": ("once", True),
 }
@@ -64,6 +66,7 @@ A load is put on where the robot stands and the ground changes where it moves: m
 between equals; the others are what the effect means.
 """
 
+_SELDOM_CHANGES = ("internal_resistance",)  # but for a connector that works loose
 _PREFERENCES = ("standing", "moving")
 _BY_PLACE = ("surface", "hidden_grade", "viscous")
 _ONLY_SCHEDULED = ("payload", "surface", "ageing", "standby", "intermittent_load", "sensor_offset", "sensor_gain")
@@ -138,13 +141,19 @@ def what_can_be_shown(absorbed: Mapping[str, float]) -> dict[str, float | None]:
 
 def missing_channels(effect: str, runs: Runs) -> tuple[str, ...]:
     """Channels that an effect needs to be seen and that no run has."""
-    given = set(runs.context) | {"time_s", "power_w", "distance_m"}
+    given = {*runs.context, *_ALWAYS_GIVEN}
     if runs.unit == "W":
         given |= {"voltage_v", "current_a"}
     if "wheel_difference_mps" in given:
         given.add("yaw_rate_radps")
     needed = {"ageing": (), "rate_capacity": (), "odometry_scale": ("base_distance_m",)}
     return tuple(name for name in needed.get(effect, CATALOGUE[effect].needs) if name not in given)
+
+
+def look_alike(one: str, other: str, runs: Runs) -> bool:
+    """Whether two effects are known to look alike and no channel of these runs shows the difference."""
+    known = other in CATALOGUE[one].confused_with or one in CATALOGUE[other].confused_with
+    return known and bool({*CATALOGUE[one].needs, *CATALOGUE[other].needs} - {*runs.context, *_ALWAYS_GIVEN})
 
 
 def _terms_of(effect: str, setting: Setting) -> Iterator[Term]:
@@ -162,8 +171,12 @@ def _terms_of(effect: str, setting: Setting) -> Iterator[Term]:
             yield from _steady(effect, setting)
             if effect == "heater":
                 yield from _thermostat(setting)
+            elif effect == "compute":
+                yield from _on_the_move(setting)
     if effect in _MAY_CHANGE:
         yield from _scheduled(effect, setting)
+    if effect == "sensor_offset":
+        yield _drift(runs)
 
 
 def _steady(effect: str, setting: Setting) -> Iterator[Term]:
@@ -213,6 +226,27 @@ def _thermostat(setting: Setting) -> Iterator[Term]:
             column = on * float(np.mean(below_c - temperature_c[on]))
             shape = {"on_below_c": float(below_c)}
             yield Term("heater", column[:, None], _bound(0.0), _bound(parameter.high), 2, shape, fixed=True)
+
+
+def _on_the_move(setting: Setting) -> Iterator[Term]:
+    """Computing that rests while the robot stands, as mapping does: the same at any sensing rate, or with the rate."""
+    parameter = CATALOGUE["compute"].parameters[0]
+    moving = np.abs(setting.runs.context["speed_mps"]) > _STANDS_MPS
+    if moving.all():
+        return
+    for share in (1.0, 0.0):
+        column = moving * setting.response("compute", _TINY * parameter.high, {"base_share": share})
+        yield Term(
+            "compute", column[:, None], _bound(0.0), _bound(parameter.high), 1, {"base_share": share}, fixed=True
+        )
+
+
+def _drift(runs: Runs) -> Term:
+    """A zero that creeps through all runs, taken in their order: per unit of what it comes to in the end."""
+    parameter = CATALOGUE["sensor_offset"].parameters[0]
+    passed = np.cumsum(runs.duration_s)
+    column = (passed / passed[-1])[:, None]
+    return Term("sensor_offset", column, _bound(parameter.low), _bound(parameter.high), fixed=True)
 
 
 def _worn_off(column: Array, windows: float, runs: Runs) -> Array:
@@ -349,6 +383,7 @@ def _scheduled(effect: str, setting: Setting) -> Iterator[Term]:
             natural = axis == "place" or _possible(how, schedule, runs)
             if not natural and how not in _PREFERENCES:
                 continue
+            natural = natural and effect not in _SELDOM_CHANGES
             rhythm, spread = _rhythm(effect, schedule, runs)
             low, high = _limits(effect, parameter, signed, schedule.levels - 1)
             # Noise with memory has no gaps between its levels, however many changes follow it.

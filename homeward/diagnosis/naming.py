@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.blocks import correlation_windows
-from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, terms
+from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, look_alike, terms
 from homeward.diagnosis.modelling import Corrected, fit_model
 from homeward.diagnosis.refit import Refit, WithEffects
 from homeward.diagnosis.regression import Products, products
@@ -25,13 +25,16 @@ from homeward.diagnosis.signals import Array
 SMALLEST_GAIN = 0.05
 """Share of the refit's held-out squared error that an effect must explain to be named."""
 
-_FOLDS = 5
+FOLDS = 5
+"""Of blocks, over which hypotheses are compared."""
+
 _MOST_EFFECTS = 3
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
 _MUST_PAY = 6.0  # difference of BIC: "strong" (Kass & Raftery, 1995)
 _NEARLY = 0.7  # of what a schedule explains
 _EQUAL = 1.1  # times the held-out error: no worse
 _ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
+_ALIKE_BY_NATURE = 0.5  # the same of one that is known to look alike, where no channel shows the difference
 _PLACEBOS = 19  # so that being better than all of them has p = 0.05
 _DRAWS = 2000
 _TRIED = 6  # hypotheses that are put to the proof, the best first
@@ -69,11 +72,16 @@ class Naming:
     ranking: tuple[Ranked, ...] = ()
     absorbed: Mapping[str, float] = field(default_factory=dict)
 
+    def nothing_named(self) -> Naming:
+        """How the hypotheses did, with none of them named."""
+        return Naming(ranking=self.ranking, absorbed=self.absorbed)
+
 
 @dataclass(frozen=True)
 class _Bench:
     """A set of columns with their products, on which any choice of hypotheses is compared."""
 
+    runs: Runs
     base: NDArray[np.intp]  # columns of the refit and of what is named already
     own: tuple[NDArray[np.intp], ...]  # columns of each hypothesis
     candidates: tuple[Term, ...]
@@ -81,7 +89,6 @@ class _Bench:
     low: Array  # of all columns
     high: Array
     target: Array
-    run: NDArray[np.intp]
     fold: NDArray[np.intp]
     products: Products
 
@@ -112,7 +119,7 @@ class _Bench:
         columns = self.with_base(*chosen)
         weights = self.products.fit(columns, self.low[columns], self.high[columns])
         left = self.target - self.columns[:, columns] @ weights
-        return max(len(left) / correlation_windows(left, self.run), 2.0)
+        return max(len(left) / correlation_windows(left, self.runs.run), 2.0)
 
     def predictions(self, columns: NDArray[np.intp]) -> Array:
         """What each fold is predicted to be by the others, shape (windows,)."""
@@ -135,7 +142,7 @@ def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, pro
         seed: Seed of placebos and intervals.
         progress: Called with what is being done.
     """
-    fold = np.asarray(block % _FOLDS)
+    fold = np.asarray(block % FOLDS)
     columns, (low, high) = fit.jacobian, fit.freedom()
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
     named: list[Named] = []
@@ -145,7 +152,7 @@ def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, pro
     while len(named) < _MOST_EFFECTS:
         progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named)))
-        bench = _bench(columns, low, high, candidates, setting.residual, runs.run, fold)
+        bench = _bench(columns, low, high, candidates, setting.residual, runs, fold)
         if corrected is None:
             ranking, absorbed = _rank(bench), _absorbed(bench)
         for found in _best(bench, block, seed):
@@ -165,12 +172,13 @@ def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, pro
 
 
 def _bench(
-    base: Array, low: Array, high: Array, candidates: tuple[Term, ...], target: Array, run: NDArray[np.intp],
+    base: Array, low: Array, high: Array, candidates: tuple[Term, ...], target: Array, runs: Runs,
     fold: NDArray[np.intp],
 ) -> _Bench:  # fmt: skip
     columns = np.column_stack([base, *(term.columns for term in candidates)])
     ends = np.cumsum([base.shape[1], *(term.columns.shape[1] for term in candidates)])
     return _Bench(
+        runs=runs,
         base=np.arange(base.shape[1]),
         own=tuple(np.arange(a, b) for a, b in pairwise(ends)),
         candidates=candidates,
@@ -178,7 +186,6 @@ def _bench(
         low=np.concatenate([low, *(term.low for term in candidates)]),
         high=np.concatenate([high, *(term.high for term in candidates)]),
         target=target,
-        run=run,
         fold=fold,
         products=products(columns, target, fold),
     )
@@ -293,7 +300,8 @@ def _rivals(bench: _Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
         other = bench.candidates[index]
         if other.effect == bench.candidates[chosen].effect or alone[index] < _MUST_PAY:
             continue
-        if before - bench.error(int(index)) >= _ALIKE * explained or alone[chosen] - alone[index] < _MUST_PAY:
+        share = _ALIKE_BY_NATURE if look_alike(other.effect, bench.candidates[chosen].effect, bench.runs) else _ALIKE
+        if before - bench.error(int(index)) >= share * explained or alone[chosen] - alone[index] < _MUST_PAY:
             found.setdefault(other.effect, other)
     return tuple(found.values())
 

@@ -25,7 +25,10 @@ FALSE_ALARM_RATE = 0.01
 """Rate at which a model without a fault is called faulty."""
 
 SMALLEST_GAIN = 0.05
-"""Share of the refit's held-out squared error that a dependence must explain to matter."""
+"""Share of the refit's held-out squared error that a dependence on a channel must explain to matter."""
+
+SMALLEST_GAIN_IN_TIME = 0.15
+"""The same for changes in time alone, for which a level per stretch also follows noise with a long memory."""
 
 _DRAWS = 8000
 _BINS = 10
@@ -88,7 +91,8 @@ class Dependence:
     @property
     def found(self) -> bool:
         """Whether the dependence is beyond chance and large enough to matter."""
-        return self.p_value <= FALSE_ALARM_RATE and self.held_out_gain >= SMALLEST_GAIN
+        least = SMALLEST_GAIN_IN_TIME if self.channel is _TIME else SMALLEST_GAIN
+        return self.p_value <= FALSE_ALARM_RATE and self.held_out_gain >= least
 
 
 @dataclass(frozen=True)

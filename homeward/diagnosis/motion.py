@@ -1,0 +1,38 @@
+"""Whether a schedule is needed at all: what recorded motion predicts, no unrecorded cause has to explain.
+
+A schedule of levels in time follows anything that comes and goes, also what a channel tells in a way that no effect of
+the catalogue has. Boosted trees on the motion alone cannot know of a load or of the ground. If they predict stretches
+that they have not seen as well as the schedule does, its cause was recorded, and the effect must not be named.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.arms import black_box, held_out
+from homeward.diagnosis.refit import Refit
+from homeward.diagnosis.replay import Runs
+
+MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
+"""Channels of what the robot does; those of where and when could stand for anything that changes."""
+
+AS_WELL = 0.95
+"""Share of what a schedule explains."""
+
+
+def follows_motion(fit: Refit, runs: Runs, fold: NDArray[np.intp], gain: float, seed: int) -> bool:
+    """Whether motion alone explains as much of the refit's held-out squared error as a schedule does.
+
+    Args:
+        fit: The refit.
+        runs: The runs.
+        fold: What is held out together, shape (windows,).
+        gain: Share of the squared error that the schedule explains.
+        seed: Seed of the trees.
+    """
+    rng = np.random.default_rng(seed)
+    without = held_out(lambda chosen: fit.on(chosen, runs.observed), fold)
+    trees = held_out(lambda chosen: black_box(runs, fit.on(chosen, runs.observed), chosen, rng, MOTION), fold)
+    before, after = (float(((runs.observed - one) ** 2).sum()) for one in (without, trees))
+    return after <= before * (1.0 - AS_WELL * gain)
