@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.batch import Batch, EnergyLedger, action_space, info_of, observation_space
-from homeward.envs.options import RenderModeError, parse_options
+from homeward.envs.options import parse_options
+from homeward.envs.viewer.viewer import FRAMES_PER_S, MODES, Viewer
 
 
 class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
@@ -17,7 +18,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
 
     Args:
         mission: `OutAndBack`, `Survey` or `Patrol`.
-        render_mode: `None` or `ansi`.
+        render_mode: `None`, `human` (a window), `rgb_array` (a picture) or `ansi` (lines of text).
         **options: See `homeward.envs.options.Options`.
 
     Raises:
@@ -32,16 +33,15 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         True
     """
 
-    metadata = {"render_modes": ["ansi"], "render_fps": 4}  # noqa: RUF012 (as Gymnasium has it)
+    metadata = {"render_modes": list(MODES), "render_fps": FRAMES_PER_S}  # noqa: RUF012 (as Gymnasium has it)
 
     def __init__(self, *, mission: str = "Survey", render_mode: str | None = None, **options: Any) -> None:
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise RenderModeError(f"render_mode = {render_mode!r} is not allowed; choose from None, ansi")
         self.render_mode = render_mode
         self.options = parse_options({"mission": mission, **options}, ("render_mode",))
         self.observation_space: Any = observation_space()
         self.action_space = action_space(self.options)
         self.batch = Batch(self.options, 1)
+        self._viewer = None if render_mode is None else Viewer(self.batch, render_mode)
         self._live = info_of(self.batch.records)
         self._first = np.ones(1, np.bool_)
         self._observation_shape = (1, *(self.observation_space.shape or ()))
@@ -57,6 +57,8 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             self.batch.generators = [self.np_random]
         observations = np.empty(self._observation_shape, np.float32)
         self.batch.reset(self._first, observations)
+        if self._viewer is not None:
+            self._viewer.begin()
         return observations[0], self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -71,6 +73,8 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             raise gym.error.ResetNeeded("the mission is over or has not begun; call reset() before step()")
         observations = np.empty(self._observation_shape, np.float32)
         batch.step(np.asarray(action)[None], observations, self._rewards, self._terminated, self._truncated)
+        if self._viewer is not None:
+            self._viewer.note()
         return (
             observations[0],
             self._rewards.item(),
@@ -79,16 +83,25 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             self._info(),
         )
 
-    def render(self) -> str | None:
-        """A line of text on where the robot is, in mode `ansi`."""
-        if self.render_mode is None:
+    def render(self) -> NDArray[np.uint8] | str | None:
+        """Show the mission as it is now, see `homeward.envs.viewer.Viewer.render`.
+
+        Raises:
+            gymnasium.error.ResetNeeded: No mission has begun.
+        """
+        if self._viewer is None:
+            gym.logger.warn(
+                "render() shows nothing without a render mode, as in gym.make(..., render_mode='rgb_array')"
+            )
             return None
-        m = self.batch.records[0]
-        state = "home" if m["home"] else "stranded" if m["depleted"] else "returning" if m["returning"] else "out"
-        return (
-            f"{state}: {m['position_m']:.0f} m from home after {m['time_s']:.0f} s, "
-            f"{100.0 * m['energy_j'] / m['capacity_j']:.0f} % charge, score {m['score']:.3g}"
-        )
+        if not self.batch.generators:
+            raise gym.error.ResetNeeded("no mission has begun; call reset() before render()")
+        return self._viewer.render()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_live": None}

@@ -122,8 +122,8 @@ def test_a_number_of_missions_that_is_none(count: Any) -> None:
 def test_modes_that_do_not_exist() -> None:
     with pytest.raises(OptionError, match="choose from NextStep, SameStep, Disabled"):
         HomewardVectorEnv(2, autoreset_mode="later")
-    with pytest.raises(OptionError, match="choose from None, ansi"):
-        HomewardEnv(render_mode="human")
+    with pytest.raises(OptionError, match="choose from None, human, rgb_array, ansi"):
+        HomewardEnv(render_mode="rgb")
     with pytest.raises(OptionError, match="render a scalar environment"):
         HomewardVectorEnv(2, render_mode="ansi")  # type: ignore[arg-type]
 

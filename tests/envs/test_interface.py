@@ -276,21 +276,15 @@ def test_what_is_returned_is_kept() -> None:
     assert dict(kept[4]["energy_j"]) == spent_j
 
 
-def test_rendering_says_where_the_robot_is() -> None:
-    env = HomewardEnv(mission="OutAndBack", difficulty="known", render_mode="ansi", decision_s=SHORT_S)
-    env.reset(seed=0)
-    env.step([4, 0, GO])
-    first = env.render()
-    assert first is not None and first.startswith("out: 300 m from home after 300 s, ")
-    env.step([4, 0, RETURN])
-    assert str(env.render()).startswith("home: 0 m from home")
-    assert HomewardEnv().render() is None
-
-
-def test_stable_baselines3_makes_its_own_vector_env() -> None:
-    """It asks for pictures first and goes on without them after a `TypeError`."""
+def test_stable_baselines3_makes_its_own_vector_env(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It asks for pictures and gets them; without pygame a `TypeError` tells it to go on without them."""
     sb3 = pytest.importorskip("stable_baselines3.common.env_util")
-    with pytest.warns(UserWarning, match="rgb_array"):  # Gymnasium's, of the first try
-        env = sb3.make_vec_env("homeward/Survey-v0", n_envs=2, seed=0)
+    pytest.importorskip("pygame")
+    env = sb3.make_vec_env("homeward/Survey-v0", n_envs=2, seed=0)
+    assert env.reset().shape == (2, *env.observation_space.shape)
+    assert env.render().shape == (2 * 540, 960, 3)
+    env.close()
+    monkeypatch.setattr("importlib.util.find_spec", lambda name, *rest: None)
+    env = sb3.make_vec_env("homeward/Survey-v0", n_envs=2, seed=0)
     assert env.reset().shape == (2, *env.observation_space.shape)
     env.close()

@@ -1,0 +1,110 @@
+"""The battery: where its energy went, what is left, and what of that the way home takes."""
+
+from __future__ import annotations
+
+from homeward import quantities
+from homeward.envs.viewer import palette
+from homeward.envs.viewer.canvas import Box, Canvas
+from homeward.envs.viewer.palette import Colour, mix
+from homeward.envs.viewer.scene import Scene
+
+COLOURS: dict[str, Colour] = {
+    "rolling": palette.BLUE,
+    "climbing": (213, 94, 0),
+    "air and wind": (86, 180, 233),
+    "payload": (204, 121, 167),
+    "drive losses": (136, 34, 85),
+    "sensing": palette.VIOLET,
+    "computer": palette.AMBER,
+    "electronics": (120, 128, 140),
+    "battery losses": (68, 170, 153),
+}
+_HATCHED_GREEN = mix(palette.DARK_GREEN, palette.GREEN, 0.6)
+_WORTH_SHOWING = 5e-4  # of a full battery
+
+
+def draw_battery(canvas: Canvas, box: Box, scene: Scene) -> None:
+    """Draw the battery as a column, with a legend."""
+    left, top, width, height = box
+    canvas.text((left + 12.0, top + 18.0), "Battery", 13, bold=True)
+    full = f"full: {quantities.energy(scene.full_j)}"
+    canvas.text((left + width - 12.0, top + 18.0), full, 12, palette.MUTED, align="right")
+    column = (left + 24.0, top + 46.0, 58.0, height - 62.0)
+    shown = _shown(scene)
+    _draw_column(canvas, column, scene, shown)
+    _draw_legend(canvas, (left + 102.0, top + 40.0, width - 114.0, height - 52.0), scene, shown)
+
+
+def _shown(scene: Scene) -> dict[str, float]:
+    """Uses that are large enough to be seen, J; what is left of them is not worth a row."""
+    return {name: used for name, used in scene.used_j.items() if abs(used) > _WORTH_SHOWING * scene.full_j}
+
+
+def _draw_column(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]) -> None:
+    left, top, width, height = box
+    canvas.box((left + 0.3 * width, top - 7.0, 0.4 * width, 9.0), palette.EDGE, radius=2.0)
+    canvas.box((left - 3.0, top - 3.0, width + 6.0, height + 6.0), palette.EDGE, radius=5.0)
+    canvas.box(box, palette.PANEL)
+
+    def height_of(joules: float) -> float:
+        return height * joules / scene.full_j
+
+    bottom = top + height
+    home_j = min(scene.home_j, scene.left_j)
+    canvas.box((left, bottom - height_of(scene.left_j), width, height_of(scene.left_j)), palette.GREEN)
+    for_home = (left, bottom - height_of(home_j), width, height_of(home_j))
+    canvas.box(for_home, palette.DARK_GREEN)
+    canvas.hatch(for_home, _HATCHED_GREEN, 8.0)
+    level = bottom - height_of(scene.left_j)
+    positive = {name: used for name, used in shown.items() if used > 0.0}
+    used_j = scene.full_j - scene.worn_j - scene.left_j
+    # Where a descent gave energy back, the others share what is gone.
+    per_j = used_j / sum(positive.values()) if positive else 0.0
+    for name, used in positive.items():
+        part = height_of(used * per_j)
+        canvas.box((left, level - part, width, part), COLOURS[name])
+        level -= part
+    if scene.worn_j > _WORTH_SHOWING * scene.full_j:
+        canvas.box((left, top, width, height_of(scene.worn_j)), palette.GRID)
+        canvas.hatch((left, top, width, height_of(scene.worn_j)), palette.FAINT)
+    if scene.home_j > scene.left_j and not scene.over:
+        y = max(bottom - height_of(scene.home_j), top)
+        canvas.dashes((left - 4.0, y), (left + width + 4.0, y), palette.RED, 2.0)
+    gauge = bottom - height_of(scene.gauge_j)
+    canvas.polygon([(left - 4.0, gauge), (left - 13.0, gauge - 5.0), (left - 13.0, gauge + 5.0)], palette.INK)
+
+
+def _draw_legend(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]) -> None:
+    left, top, width, height = box
+    y = top + 6.0
+    step = 18.0
+
+    def row(name: str, joules: float, colour: Colour | None, bold: bool = False, hatched: Colour | None = None) -> None:
+        nonlocal y
+        if colour is not None:
+            canvas.box((left, y - 5.5, 11.0, 11.0), colour, radius=2.0)
+            if hatched is not None:
+                canvas.hatch((left, y - 5.5, 11.0, 11.0), hatched, 5.0)
+        share = 100.0 * joules / scene.full_j
+        canvas.text((left + 18.0, y), name, 12, palette.INK if bold else palette.MUTED, bold=bold)
+        canvas.text((left + width, y), f"{share:.1f} %".replace("-", "−"), 12, palette.INK, bold=bold, align="right")
+        y += step
+
+    if scene.worn_j > _WORTH_SHOWING * scene.full_j:
+        row("worn, hidden", scene.worn_j, palette.GRID, hatched=palette.FAINT)
+        y += 4.0
+    for name, used in reversed(shown.items()):
+        row(name, used, COLOURS[name])
+    if not shown:
+        canvas.text((left, y), "nothing used yet", 12, palette.FAINT)
+        y += step
+    y = max(y + 4.0, top + height - 5.4 * step)
+    canvas.line([(left, y - 12.0), (left + width, y - 12.0)], palette.GRID)
+    row("left", scene.left_j, None, bold=True)
+    canvas.polygon([(left + 11.0, y), (left + 2.0, y - 5.0), (left + 2.0, y + 5.0)], palette.INK)
+    row("gauge reads", scene.gauge_j, None)
+    canvas.text((left, y), "by the robot's own model:", 11, palette.FAINT)
+    y += step - 1.0
+    row("way home", scene.home_j, palette.DARK_GREEN, hatched=_HATCHED_GREEN)
+    spare = scene.spare_j
+    row("to spare" if spare >= 0.0 else "short of home", spare, palette.GREEN if spare >= 0.0 else palette.RED)

@@ -1,0 +1,90 @@
+"""How far the battery still takes the robot, by its own model: the point of no return."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.envs.difficulty import KNOWN
+from homeward.envs.options import Setting
+from homeward.envs.state import PATROL
+from homeward.physics import ancillary_power, d_max
+
+_SINES = np.linspace(-0.7, 0.7, 57)
+_IN_SIGHT = 2  # places ahead whose slope the robot sees
+_HOPELESS_J_PER_M = 1e12  # of a slope that the robot cannot climb on any battery
+
+
+class Outlook:
+    """What ground costs by the robot's own model, and what follows from it for a mission.
+
+    Ground that was driven has the cost that the environment notes there. For ground ahead Eq. 8 gives the energy per
+    metre at cruise, nothing sensed, on the slope that the robot knows of: that of each place where the route is known,
+    else that of the next two places and beyond them the mean.
+
+    Args:
+        setting: Constants of the environment.
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self._setting = setting
+        s = setting.shared[0]
+        range_m = np.asarray(d_max(setting.robot, float(s["cruise_mps"]), np.arcsin(_SINES)))
+        with np.errstate(divide="ignore"):
+            self._j_per_m = np.minimum(s["usable_j"] / range_m, _HOPELESS_J_PER_M)
+        self._pit_stops_j = 2.0 * float(s["pit_stop_s"] * ancillary_power(setting.robot, 0.0))
+
+    def no_return_m(self, m: Any, places: NDArray[np.void], spare_j: float) -> float | None:
+        """Furthest point from which the robot, driving on and turning there, still gets home.
+
+        Behind the robot, where it should have turned, once the energy no longer suffices.
+
+        Args:
+            m: Mission record.
+            places: Its route, `PLACE_DTYPE`, shape (places,).
+            spare_j: Energy by the gauge beyond what the way home costs, J.
+
+        Returns:
+            Distance along the route, m; None where it lies beyond the end of the route.
+        """
+        s = self._setting.shared[0]
+        there_and_back = self._cost(self._known_sines(m, places)) + self._cost(-self._known_sines(m, places))
+        edges = np.arange(len(places) + 1) * float(s["place_m"])
+        needed = np.concatenate(([0.0], np.cumsum(there_and_back * float(s["place_m"]))))
+        found = float(np.interp(m["position_m"], edges, needed)) + spare_j
+        return None if found >= needed[-1] else float(np.interp(found, needed, edges))
+
+    def runs_out_m(self, m: Any, places: NDArray[np.void], spare_j: float) -> float | None:
+        """Place on the way home where the battery will be empty, by the robot's own model; None if it gets home.
+
+        Arguments as in `no_return_m`.
+        """
+        if spare_j >= 0.0:
+            return None
+        driven = places[: int(m["mapped"])]
+        edges = np.arange(len(driven) + 1) * float(self._setting.shared[0]["place_m"])
+        last = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
+        # What the battery does not pay for is left when it is empty.
+        return float(np.interp(-spare_j, np.append(driven["home_cost_j"], last), edges))
+
+    def laps_left(self, m: Any, places: NDArray[np.void], spare_j: float) -> float:
+        """Laps of a patrol that the spare energy pays for; arguments as in `no_return_m`."""
+        s = self._setting.shared[0]
+        sines = self._known_sines(m, places)
+        lap_j = float((self._cost(sines) + self._cost(-sines)).sum() * s["place_m"]) + self._pit_stops_j
+        return max(spare_j, 0.0) / lap_j
+
+    def is_patrol(self) -> bool:
+        """Whether the mission goes to and fro, so that no point of the route is one of no return."""
+        return bool(self._setting.shared[0]["mission"] == PATROL)
+
+    def _known_sines(self, m: Any, places: NDArray[np.void]) -> NDArray[np.float64]:
+        sines = places["sin_grade"].astype(np.float64)
+        if self._setting.shared[0]["difficulty"] != KNOWN:
+            sines[max(int(m["mapped"]), int(m["place"]) + 1 + _IN_SIGHT) :] = m["mean_grade"]
+        return sines
+
+    def _cost(self, sines: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.interp(sines, _SINES, self._j_per_m))

@@ -1,0 +1,72 @@
+"""One picture of a mission: heading, route, battery and dials."""
+
+from __future__ import annotations
+
+from homeward import quantities
+from homeward.envs.viewer import palette
+from homeward.envs.viewer.battery import draw_battery
+from homeward.envs.viewer.canvas import WIDTH, Box, Canvas
+from homeward.envs.viewer.dials import dials_of, draw_dial
+from homeward.envs.viewer.palette import Colour
+from homeward.envs.viewer.profile import draw_interest, draw_profile
+from homeward.envs.viewer.scene import Scene
+
+STATE_COLOURS: dict[str, Colour] = {
+    "ready": palette.MUTED,
+    "out": palette.BLUE,
+    "back": palette.BLUE,
+    "stopped": palette.AMBER,
+    "pit stop": palette.AMBER,
+    "returning": palette.DARK_GREEN,
+    "home": palette.DARK_GREEN,
+    "stranded": palette.RED,
+    "out of time": palette.RED,
+}
+
+_TITLES = {"OutAndBack": "Out and back", "Survey": "Survey", "Patrol": "Patrol"}
+_MARGIN, _GAP = 12.0, 8.0
+_TOP, _MIDDLE, _BOTTOM = 52.0, 436.0, 528.0
+_SPLIT = 676.0
+_INTEREST_TOP = 330.0
+
+
+def draw(canvas: Canvas, scene: Scene) -> None:
+    """Draw a scene.
+
+    Args:
+        canvas: Drawn over.
+        scene: What there is to see.
+    """
+    canvas.clear()
+    _heading(canvas, scene)
+    survey = scene.mission == "Survey"
+    left, right = _SPLIT - _GAP - _MARGIN, WIDTH - _MARGIN - _SPLIT
+    foot = _INTEREST_TOP if survey else _MIDDLE
+    draw_profile(canvas, _panel(canvas, (_MARGIN, _TOP, left, foot - _GAP - _TOP)), scene, STATE_COLOURS[scene.state])
+    if survey:
+        draw_interest(canvas, _panel(canvas, (_MARGIN, foot, left, _MIDDLE - _GAP - foot)), scene)
+    draw_battery(canvas, _panel(canvas, (_SPLIT, _TOP, right, _MIDDLE - _GAP - _TOP)), scene)
+    dials = dials_of(scene)
+    width = (WIDTH - 2.0 * _MARGIN - (len(dials) - 1) * _GAP) / len(dials)
+    for index, dial in enumerate(dials):
+        box = (_MARGIN + index * (width + _GAP), _MIDDLE, width, _BOTTOM - _MIDDLE)
+        draw_dial(canvas, _panel(canvas, box), dial)
+
+
+def _panel(canvas: Canvas, box: Box) -> Box:
+    canvas.box(box, palette.PANEL, radius=6.0, edge=palette.EDGE)
+    return box
+
+
+def _heading(canvas: Canvas, scene: Scene) -> None:
+    title = _TITLES[scene.mission]
+    width = canvas.text((_MARGIN + 2.0, 27.0), title, 20, bold=True)
+    canvas.text((_MARGIN + 14.0 + width, 29.0), scene.heading, 13, palette.MUTED)
+    label, colour = scene.state.upper(), STATE_COLOURS[scene.state]
+    pill = canvas.width_of(label, 13, bold=True) + 26.0
+    canvas.box((WIDTH - _MARGIN - pill, 13.0, pill, 28.0), colour, radius=14.0)
+    canvas.text((WIDTH - _MARGIN - pill / 2.0, 27.0), label, 13, palette.PANEL, bold=True, align="centre")
+    when = f"decision {scene.decision} of at most {scene.max_decisions}"
+    right = WIDTH - _MARGIN - pill - 14.0
+    right -= canvas.text((right, 28.0), quantities.duration(scene.time_s), 15, bold=True, align="right") + 12.0
+    canvas.text((right, 29.0), when, 12, palette.MUTED, align="right")

@@ -1,0 +1,220 @@
+"""The route: hills, the robot on them, how far it may go, and what there was to find and was sensed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from homeward import quantities
+from homeward.envs.viewer import palette
+from homeward.envs.viewer.canvas import Box, Canvas, Point
+from homeward.envs.viewer.palette import Colour, mix
+from homeward.envs.viewer.scene import Scene
+
+_LEFT, _RIGHT = 54.0, 20.0  # margins inside the panels, so that both share their horizontal axis
+_LIGHT_VIOLET = mix(palette.VIOLET, palette.PANEL, 0.72)
+_APRON = 26.0
+"""Flat ground before home and behind the end of the route, so that a robot there is seen whole."""
+_LOWLANDS = 0.68  # of the height of the picture for the hills; above them is room for words
+_FLATTEST = 0.02  # least height of the picture over its length: flat ground is to look flat
+
+
+def draw_profile(canvas: Canvas, box: Box, scene: Scene, colour: Colour) -> None:
+    """Draw the hill profile with the robot on it."""
+    left, top, width, height = box
+    plot = (left + _LEFT, top + 32.0, width - _LEFT - _RIGHT, height - 32.0 - 30.0)
+    canvas.text((left + 12.0, top + 18.0), "Route", 13, bold=True)
+    canvas.text((left + width - _RIGHT, top + 18.0), _weather(scene), 12, palette.MUTED, align="right")
+    canvas.box(plot, palette.SKY)
+    to_x, to_y = _scales(plot, scene)
+    _draw_axes(canvas, plot, scene, to_x, to_y)
+    _draw_ground(canvas, plot, scene, to_x, to_y)
+    foot = (to_x(scene.position_m), to_y(_elevation(scene, scene.position_m)))
+    _draw_home(canvas, (to_x(0.0), to_y(0.0)))
+    _draw_limit(canvas, plot, scene, to_x, to_y)
+    _draw_robot(canvas, foot, _slope(scene, to_x, to_y), scene, colour)
+    if scene.over:
+        _draw_ending(canvas, plot, scene, colour)
+
+
+def draw_interest(canvas: Canvas, box: Box, scene: Scene) -> None:
+    """Draw the information to be found along the route, and how much of it was."""
+    left, top, width, height = box
+    plot = (left + _LEFT, top + 32.0, width - _LEFT - _RIGHT, height - 32.0 - 10.0)
+    canvas.text((left + 12.0, top + 18.0), "Information", 13, bold=True)
+    x = left + width - _RIGHT
+    for label, colour in (("gathered", palette.VIOLET), ("to be found per metre", _LIGHT_VIOLET)):
+        x -= canvas.text((x, top + 18.0), label, 12, palette.MUTED, align="right") + 16.0
+        canvas.box((x, top + 12.5, 11.0, 11.0), colour, radius=2.0)
+        x -= 14.0
+    to_x, _ = _scales(plot, scene)
+    bottom = plot[1] + plot[3]
+    scale = plot[3] / max(float(scene.interest.max()), 1e-9)
+    for k, interest in enumerate(scene.interest):
+        start, end = to_x(scene.edges_m[k]), to_x(scene.edges_m[k + 1])
+        canvas.box((start, bottom - scale * interest, end - start + 0.5, scale * interest), _LIGHT_VIOLET)
+    for start_m, end_m, share in scene.sensed:
+        for k in range(*_places(scene, start_m, end_m)):
+            start = to_x(max(start_m, scene.edges_m[k]))
+            end = to_x(min(end_m, scene.edges_m[k + 1]))
+            found = scale * share * float(scene.interest[k])
+            canvas.box((start, bottom - found, end - start + 0.5, found), palette.VIOLET)
+    canvas.line([(plot[0], bottom), (plot[0] + plot[2], bottom)], palette.FAINT)
+    x = to_x(scene.position_m)
+    canvas.line([(x, plot[1]), (x, bottom)], palette.INK, 1.5)
+    if scene.no_return_m is not None:
+        x = to_x(scene.no_return_m)
+        canvas.dashes((x, plot[1]), (x, bottom), palette.RED, 1.5)
+    canvas.text((plot[0] - 8.0, bottom - scale * float(scene.interest.max()) + 5.0),
+                f"{scene.interest.max():.1f}", 11, palette.MUTED, align="right")  # fmt: skip
+    canvas.text((plot[0] - 8.0, bottom - 4.0), "0", 11, palette.MUTED, align="right")
+
+
+def _places(scene: Scene, start_m: float, end_m: float) -> tuple[int, int]:
+    place_m = scene.edges_m[1]
+    return int(start_m / place_m), min(int(np.ceil(end_m / place_m)), len(scene.interest))
+
+
+def _weather(scene: Scene) -> str:
+    wind = scene.headwind_mps
+    blowing = "no wind" if abs(wind) < 0.05 else f"{'headwind' if wind > 0.0 else 'tailwind'} {abs(wind):.1f} m/s"
+    return f"{blowing}, {scene.temperature_c:.0f} °C".replace("-", "−")
+
+
+def _scales(plot: Box, scene: Scene) -> tuple[Callable[[float], float], Callable[[float], float]]:
+    left, top, width, height = plot
+    low, high = float(scene.elevation_m.min()), float(scene.elevation_m.max())
+    spread = max(high - low, _FLATTEST * scene.length_m)
+    middle, bottom = 0.5 * (low + high), top + 0.88 * height
+    per_m = (_LOWLANDS - 0.12) * height / spread
+    ground = bottom if high - low < spread else top + 0.88 * height
+    return (
+        lambda metres: left + _APRON + (width - 2.0 * _APRON) * metres / scene.length_m,
+        lambda metres: ground - per_m * (metres - middle + 0.5 * spread),
+    )
+
+
+def _elevation(scene: Scene, position_m: float) -> float:
+    return float(np.interp(position_m, scene.edges_m, scene.elevation_m))
+
+
+def _slope(scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float], float]) -> float:
+    """Angle of the ground under the robot as it is drawn, rad."""
+    k = min(int(scene.position_m / scene.edges_m[1]), len(scene.interest) - 1)
+    rise = to_y(scene.elevation_m[k]) - to_y(scene.elevation_m[k + 1])
+    return float(np.arctan2(rise, to_x(scene.edges_m[k + 1]) - to_x(scene.edges_m[k])))
+
+
+def _draw_axes(
+    canvas: Canvas, plot: Box, scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float], float]
+) -> None:
+    left, top, width, height = plot
+    bottom = top + height
+    for metres in _ticks(0.0, scene.length_m, 7):
+        x = to_x(metres)
+        canvas.line([(x, top), (x, bottom)], palette.GRID)
+        label = "home" if metres == 0.0 else f"{metres:g} m" if scene.length_m < 2000.0 else f"{metres / 1000.0:g} km"
+        canvas.text((x, bottom + 13.0), label, 11, palette.MUTED, align="centre")
+    low, high = float(scene.elevation_m.min()), float(scene.elevation_m.max())
+    for metres in _ticks(low, high, 3):
+        y = to_y(metres)
+        canvas.line([(left, y), (left + width, y)], palette.GRID)
+        canvas.text((left - 8.0, y), f"{metres:g} m".replace("-", "−"), 11, palette.MUTED, align="right")
+
+
+def _ticks(low: float, high: float, most: int) -> list[float]:
+    """Round numbers between two."""
+    raw = max(high - low, 1e-9) / most
+    size = 10.0 ** np.floor(np.log10(raw))
+    step = next(size * factor for factor in (1.0, 2.0, 5.0, 10.0) if size * factor >= raw)
+    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
+    return [float(f"{k * step:.6g}") for k in range(first, last + 1)]
+
+
+def _draw_ground(
+    canvas: Canvas, plot: Box, scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float], float]
+) -> None:
+    bottom = plot[1] + plot[3]
+
+    def surface(start_m: float, end_m: float) -> list[Point]:
+        inner = scene.edges_m[(scene.edges_m > start_m) & (scene.edges_m < end_m)]
+        return [(to_x(at), to_y(_elevation(scene, at))) for at in (start_m, *inner.tolist(), end_m)]
+
+    whole = surface(0.0, scene.length_m)
+    whole = [(plot[0], whole[0][1]), *whole, (plot[0] + plot[2], whole[-1][1])]
+    driven = surface(0.0, scene.furthest_m) if scene.furthest_m > 0.0 else []
+    for ground, fill in ((whole, palette.GROUND), (driven, palette.DRIVEN)):
+        if ground:
+            canvas.polygon([(ground[0][0], bottom), *ground, (ground[-1][0], bottom)], fill)
+    canvas.line(whole, mix(palette.GROUND, palette.INK, 0.35), 1.5)
+    for k in np.flatnonzero(scene.rough > 0.01):
+        shade = mix(palette.GROUND, palette.ROUGH, min(0.3 + float(scene.rough[k]), 1.0))
+        points = surface(scene.edges_m[k], scene.edges_m[k + 1])
+        canvas.line([(x, y + 2.0) for x, y in points], shade, 5.0)
+    if scene.rough.max() > 0.01:
+        canvas.line([(plot[0] + 6.0, bottom - 9.0), (plot[0] + 24.0, bottom - 9.0)], palette.ROUGH, 5.0)
+        canvas.text((plot[0] + 32.0, bottom - 9.5), "rough ground", 11, mix(palette.MUTED, palette.INK, 0.4))
+
+
+def _draw_home(canvas: Canvas, foot: Point) -> None:
+    x, y = foot
+    canvas.line([(x, y), (x, y - 30.0)], palette.INK, 1.5)
+    canvas.polygon([(x, y - 30.0), (x + 15.0, y - 25.5), (x, y - 21.0)], palette.INK)
+
+
+def _draw_limit(
+    canvas: Canvas, plot: Box, scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float], float]
+) -> None:
+    """Mark the point of no return, or on the way home where the battery will be empty."""
+    if scene.runs_out_m is not None:
+        at, words = scene.runs_out_m, "battery empty here, by its own model"
+    elif scene.no_return_m is not None:
+        at, words = scene.no_return_m, "point of no return"
+    else:
+        return
+    x, label = to_x(at), f"{words} {quantities.distance(at)}"
+    width = canvas.width_of(label, 12, bold=True) + 14.0
+    left = min(max(x - 0.5 * width, plot[0] + 4.0), plot[0] + plot[2] - width - 4.0)
+    canvas.dashes((x, plot[1] + 26.0), (x, to_y(_elevation(scene, at))), palette.RED, 2.0)
+    canvas.box((left, plot[1] + 6.0, width, 20.0), palette.RED, radius=4.0)
+    canvas.text((left + 0.5 * width, plot[1] + 16.0), label, 12, palette.PANEL, bold=True, align="centre")
+
+
+def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour: Colour) -> None:
+    cosine, sine = float(np.cos(slope)), float(np.sin(slope))
+    facing = 1.0 if scene.direction >= 0.0 else -1.0
+
+    def at(along: float, above: float) -> Point:
+        along *= facing
+        return foot[0] + along * cosine - above * sine, foot[1] - along * sine - above * cosine
+
+    body = [(-13.0, 6.0), (13.0, 6.0), (13.0, 11.0), (9.0, 16.0), (-13.0, 16.0)]
+    canvas.polygon([at(*point) for point in body], colour)
+    canvas.line([at(-7.0, 16.0), at(-7.0, 23.0)], palette.INK, 1.5)
+    canvas.circle(at(-7.0, 24.0), 2.2, palette.INK)
+    for along in (-8.0, 8.0):
+        canvas.circle(at(along, 5.0), 5.0, palette.INK)
+        canvas.circle(at(along, 5.0), 2.0, palette.PANEL)
+    if scene.sensing_hz > 0.0 and not scene.over:
+        strength = scene.sensing_hz / scene.max_sensing_hz
+        middle = np.degrees(slope) if facing > 0.0 else 180.0 + np.degrees(slope)
+        for ring in range(1 + round(3.0 * strength)):
+            canvas.arc(at(12.0, 12.0), 8.0 + 5.0 * ring, middle - 38.0, middle + 38.0, palette.VIOLET, 1.8)
+    if scene.sending and not scene.over:
+        for ring in range(2):
+            canvas.arc(at(-7.0, 24.0), 6.0 + 4.5 * ring, 50.0, 130.0, colour, 1.5)
+    if scene.position_m > 0.0:
+        canvas.text((foot[0], foot[1] - 47.0), quantities.distance(scene.position_m), 12, colour, bold=True,
+                    align="centre")  # fmt: skip
+
+
+def _draw_ending(canvas: Canvas, plot: Box, scene: Scene, colour: Colour) -> None:
+    unit = {"OutAndBack": " m", "Survey": "", "Patrol": " laps"}[scene.mission]
+    where = "" if scene.state == "home" else f", {quantities.distance(scene.position_m)} from home"
+    score = scene.score if scene.state == "home" else 0.0
+    words = f"{scene.state.capitalize()}{where}: score {quantities.count(score)}{unit}"
+    width = canvas.width_of(words, 17, bold=True) + 40.0
+    left = plot[0] + 0.5 * (plot[2] - width)
+    canvas.box((left, plot[1] + 8.0, width, 36.0), colour, radius=18.0)
+    canvas.text((left + 0.5 * width, plot[1] + 26.0), words, 17, palette.PANEL, bold=True, align="centre")

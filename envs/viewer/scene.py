@@ -1,0 +1,226 @@
+"""What there is to see of a mission: everything a picture or a text of it is made from, read from its records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.envs.batch import Batch
+from homeward.envs.difficulty import KNOWN
+from homeward.envs.features import gauge_energy, home_cost
+from homeward.envs.missions import information
+from homeward.envs.viewer.outlook import Outlook
+from homeward.physics.kernel import CAUSES
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "rolling": ("rolling", "surface"),
+    "climbing": ("grade", "hidden_grade"),
+    "air and wind": ("drag", "wind"),
+    "payload": ("payload",),
+    "drive losses": (
+        "turning", "inertia", "breakaway", "viscous", "slip", "regeneration", "braking", "copper_loss", "no_load",
+        "motor_heating",
+    ),
+    "sensing": ("sensing",),
+    "computer": ("computer", "compute"),
+    "electronics": ("controller", "communication", "radio", "standby", "heater", "intermittent_load"),
+    "battery losses": ("internal_resistance", "rate_capacity", "ageing", "cold_battery"),
+}  # fmt: skip
+"""Causes of the energy ledger under the names that the viewer shows; each cause is in one group."""
+
+_COLUMNS = {name: [CAUSES.index(cause) for cause in causes] for name, causes in GROUPS.items()}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A moment of a mission. The viewer shows the truth; what the robot believes is said to be so.
+
+    Attributes:
+        heading: Mission, difficulty and robot.
+        mission: `OutAndBack`, `Survey` or `Patrol`.
+        state: `ready`, `out`, `back` (of a patrol), `stopped`, `pit stop`, `returning`, `home`, `stranded` or
+            `out of time`.
+        over: Whether the mission is over.
+        decision: Decisions taken.
+        max_decisions: Decisions until the time limit.
+        time_s: Time since the start, s.
+        edges_m: Ends of the route's places, shape (places + 1,).
+        elevation_m: Elevation above home there, m, shape (places + 1,).
+        rough: Share by which the ground rolls harder than the robot's file says, shape (places,).
+        interest: Weight of the information to be found, shape (places,).
+        sensed: Stretches in which new ground was reached: from (m), to (m), share of the information that the sensing
+            rate yields there; shape (stretches, 3).
+        driven_m: How far the ground is known from driving it, m.
+        position_m: Distance from home along the route, m.
+        furthest_m: The furthest so far, m.
+        direction: 1 away from home, -1 towards it.
+        no_return_m: Point of no return by the robot's own model, m; None where there is none, see `Outlook`.
+        runs_out_m: Where the battery will be empty on the way home by the robot's own model; None if it gets home.
+        laps_left: Laps that a patrol may add by the robot's own model, None for other missions.
+        full_j: Energy of a full battery as the robot believes, J.
+        worn_j: What the battery really holds less than that, J.
+        left_j: Energy left, J.
+        gauge_j: Energy left by the fuel gauge, J.
+        home_j: Energy of the way home by the robot's own model, J.
+        used_j: Energy used, J, by the names of `GROUPS`.
+        power_w: Mean power over the last decision, W.
+        speed_mps: Speed of the last decision, m/s; 0 once the mission is over, like the rate below.
+        max_speed_mps: The fastest, m/s.
+        sensing_hz: Sensing rate of the last decision, Hz.
+        max_sensing_hz: The fastest, Hz.
+        memory: Share of the memory that samples on board take.
+        on_board: Information in them.
+        delivered: Information sent home by radio.
+        lost: Information that did not fit on board.
+        sending: Whether the radio sent anything in the last decision.
+        score: Score if the robot were home now.
+        good_score: Score of a good mission.
+        headwind_mps: Wind against the direction of travel, m/s.
+        temperature_c: Air temperature, C.
+    """
+
+    heading: str
+    mission: str
+    state: str
+    over: bool
+    decision: int
+    max_decisions: int
+    time_s: float
+    edges_m: NDArray[np.float64]
+    elevation_m: NDArray[np.float64]
+    rough: NDArray[np.float64]
+    interest: NDArray[np.float64]
+    sensed: NDArray[np.float64]
+    driven_m: float
+    position_m: float
+    furthest_m: float
+    direction: float
+    no_return_m: float | None
+    runs_out_m: float | None
+    laps_left: float | None
+    full_j: float
+    worn_j: float
+    left_j: float
+    gauge_j: float
+    home_j: float
+    used_j: Mapping[str, float]
+    power_w: float
+    speed_mps: float
+    max_speed_mps: float
+    sensing_hz: float
+    max_sensing_hz: float
+    memory: float
+    on_board: float
+    delivered: float
+    lost: float
+    sending: bool
+    score: float
+    good_score: float
+    headwind_mps: float
+    temperature_c: float
+
+    @property
+    def length_m(self) -> float:
+        """Length of the route, m."""
+        return float(self.edges_m[-1])
+
+    @property
+    def spare_j(self) -> float:
+        """Energy by the gauge beyond what the way home costs, J: the d_max margin."""
+        return self.gauge_j - self.home_j
+
+
+def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 0) -> Scene:
+    """See one mission of a batch as it is now.
+
+    Args:
+        batch: The missions; they are only read.
+        states: The mission's record after its reset and after every decision since, `MISSION_DTYPE`, shape (states,).
+        outlook: Made for the setting of the batch.
+        index: Which mission.
+    """
+    # As records with attributes, which the formulas of the environment take.
+    m, s = batch.records.view(np.recarray)[index], batch.setting.shared.view(np.recarray)[0]
+    places = batch.routes["places"][index, : int(s.places)]
+    robot = batch.robots[index] if s.difficulty > KNOWN else batch.setting.robot.record()[0]
+    spare_j = gauge_energy(m, s) - home_cost(m, s)
+    state = _state(m)
+    going = not m.over and not outlook.is_patrol()
+    return Scene(
+        heading=f"{batch.options.difficulty}, {batch.setting.robot.name}",
+        mission=batch.options.mission,
+        state=state,
+        over=bool(m.over),
+        decision=int(m.decisions),
+        max_decisions=int(s.max_decisions),
+        time_s=float(m.time_s),
+        edges_m=np.linspace(0.0, len(places) * float(s.place_m), len(places) + 1),
+        elevation_m=np.concatenate(([0.0], np.cumsum(places["sin_grade"] * float(s.place_m)))),
+        rough=places["roughness"] * float(robot["surface_gain"]),
+        interest=places["interest"].astype(np.float64),
+        sensed=_sensed(states, float(s.saturation_per_m), float(s.min_speed_mps)),
+        driven_m=float(m.mapped * s.place_m),
+        position_m=float(m.position_m),
+        furthest_m=float(m.furthest_m),
+        direction=float(m.direction),
+        no_return_m=outlook.no_return_m(m, places, spare_j) if going and not m.returning else None,
+        runs_out_m=outlook.runs_out_m(m, places, spare_j) if going and m.returning else None,
+        laps_left=outlook.laps_left(m, places, spare_j) if outlook.is_patrol() else None,
+        full_j=float(s.usable_j),
+        worn_j=max(float(s.usable_j - m.capacity_j), 0.0),
+        left_j=float(m.energy_j),
+        gauge_j=float(gauge_energy(m, s)),
+        home_j=float(home_cost(m, s)),
+        used_j={name: float(m.ledger_j[columns].sum()) for name, columns in _COLUMNS.items()},
+        power_w=_power(states),
+        speed_mps=0.0 if m.over else float(m.speed_mps),
+        max_speed_mps=float(s.max_speed_mps),
+        sensing_hz=0.0 if m.over else float(m.sensing_hz),
+        max_sensing_hz=float(s.max_sensing_hz),
+        memory=float(m.backlog / s.backlog_limit),
+        on_board=float(m.backlog_information),
+        delivered=float(m.delivered),
+        lost=float(m.lost),
+        sending=bool(np.diff(states["delivered"][-2:]).sum() > 0.0),
+        score=float(m.score),
+        good_score=float(s.score_scale),
+        headwind_mps=float(m.direction * m.here.headwind_mps),
+        temperature_c=float(m.temperature_c),
+    )
+
+
+def _state(m: Any) -> str:
+    for name, holds in (
+        ("home", m.home),
+        ("stranded", m.depleted),
+        ("out of time", m.over),
+        ("ready", m.decisions == 0),
+        ("pit stop", m.dwell_s > 0.0),
+        ("stopped", m.speed_mps == 0.0),
+        ("returning", m.returning),
+        ("out", m.direction > 0.0),
+    ):
+        if holds:
+            return name
+    return "back"
+
+
+def _sensed(states: NDArray[np.void], half_per_m: float, slowest_mps: float) -> NDArray[np.float64]:
+    before, after = states["furthest_m"][:-1], states["furthest_m"][1:]
+    reached = np.flatnonzero(after > before)
+    # At the end of the route a decision ends standing.
+    per_m = states["sensing_hz"][1:][reached] / np.maximum(states["speed_mps"][1:][reached], slowest_mps)
+    shares = [information(1.0, 1.0, samples, 1.0, half_per_m) for samples in per_m]
+    return np.stack((before[reached], after[reached], np.array(shares)), axis=-1)
+
+
+def _power(states: NDArray[np.void]) -> float:
+    if len(states) < 2:
+        return 0.0
+    before, after = states[-2], states[-1]
+    passed_s = float(after["time_s"] - before["time_s"])
+    return float(before["energy_j"] - after["energy_j"]) / passed_s if passed_s > 0.0 else 0.0

@@ -1,0 +1,99 @@
+"""The render modes of an environment: a picture as an array, a window, or a few lines of text."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.envs.batch import Batch
+from homeward.envs.options import RenderModeError
+from homeward.envs.state import MISSION_DTYPE
+from homeward.envs.viewer.outlook import Outlook
+from homeward.envs.viewer.scene import Scene, look
+from homeward.envs.viewer.text import describe
+
+MODES = ("human", "rgb_array", "ansi")
+FRAMES_PER_S = 15
+"""Frames per second, one a decision: a mission takes a quarter of a minute."""
+
+
+class Viewer:
+    """Shows one mission of a batch, and remembers its decisions as long as it lasts.
+
+    Args:
+        batch: The missions; they are only read.
+        mode: `human`, `rgb_array` or `ansi`.
+        index: Which mission.
+
+    Raises:
+        RenderModeError: There is no such mode, or pygame is missing that it needs.
+    """
+
+    def __init__(self, batch: Batch, mode: str, index: int = 0) -> None:
+        if mode not in MODES:
+            raise RenderModeError(f"render_mode = {mode!r} is not allowed; choose from None, {', '.join(MODES)}")
+        if mode != "ansi" and importlib.util.find_spec("pygame") is None:
+            raise RenderModeError(f"render_mode = {mode!r} needs pygame: pip install 'homeward[view]'")
+        self.mode = mode
+        self._batch, self._index = batch, index
+        self._trail: list[bytes] = []
+        self._outlook: Outlook | None = None
+        self._canvas: Any = None
+        self._window: Any = None
+
+    def begin(self) -> None:
+        """Forget the mission before and remember the new one, after a reset."""
+        self._trail.clear()
+        self.note()
+
+    def note(self) -> None:
+        """Remember the mission as it is now, after a decision; in mode `human` it is shown as well."""
+        self._trail.append(self._batch.records[self._index : self._index + 1].tobytes())
+        if self.mode == "human":
+            self.render()
+
+    def scene(self) -> Scene:
+        """What there is to see now."""
+        if self._outlook is None:
+            self._outlook = Outlook(self._batch.setting)
+        states = np.frombuffer(b"".join(self._trail), MISSION_DTYPE)
+        return look(self._batch, states, self._outlook, self._index)
+
+    def render(self) -> NDArray[np.uint8] | str | None:
+        """Show the mission as it is now.
+
+        Returns:
+            In mode `rgb_array` the picture, shape (540, 960, 3); in mode `ansi` lines of text; in mode `human` nothing:
+            the picture is in a window, and the call takes as long as a frame lasts. Once a user has closed the window
+            the mission goes on unseen.
+        """
+        if self.mode == "ansi":
+            return describe(self.scene())
+        from homeward.envs.viewer.canvas import Canvas
+        from homeward.envs.viewer.picture import draw
+        from homeward.envs.viewer.window import Window
+
+        if self._canvas is None:
+            self._canvas = Canvas()
+        if self.mode == "rgb_array":
+            draw(self._canvas, self.scene())
+            pixels: NDArray[np.uint8] = self._canvas.pixels()
+            return pixels
+        if self._window is None:
+            self._window = Window(FRAMES_PER_S)
+        if self._window.is_open:
+            draw(self._canvas, self.scene())
+            self._window.show(self._canvas.shrunk())
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Surfaces do not travel; they are made anew.
+        return self.__dict__ | {"_canvas": None, "_window": None}
