@@ -32,6 +32,14 @@ class Arm:
     rmse_ci95: tuple[float, float]
 
 
+@dataclass(frozen=True)
+class Gain:
+    """Share of a squared held-out error that is explained."""
+
+    share: float
+    ci95: tuple[float, float]
+
+
 def held_out(predict: Callable[[NDArray[np.bool_]], Array], fold: NDArray[np.intp]) -> Array:
     """Prediction of each window by a fit to the other folds, shape (windows,).
 
@@ -78,6 +86,23 @@ def black_box(
         trees.fit(features[rows], (runs.observed - nominal)[rows])
         predicted: Array = nominal + trees.predict(features)
     return predicted
+
+
+def gain(observed: Array, before: Array, after: Array, block: NDArray[np.intp], seed: int) -> Gain:
+    """Share of the squared held-out error that a prediction takes from another, its interval by bootstrap over blocks.
+
+    Args:
+        observed: What was recorded, shape (windows,).
+        before: Predicted of what was held out by the plainer model.
+        after: By the other.
+        block: Stretches that count as independent.
+        seed: Seed of the bootstrap.
+    """
+    sums = np.stack([np.bincount(block, (observed - one) ** 2) for one in (before, after)])
+    drawn = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
+    without, with_it = sums[:, drawn].sum(axis=2)
+    low, high = np.quantile(1.0 - with_it / np.maximum(without, 1e-300), [0.025, 0.975])
+    return Gain(1.0 - float(sums[1].sum() / max(sums[0].sum(), 1e-300)), (float(low), float(high)))
 
 
 def range_accuracy_pct(predicted: Array, runs: Runs, fold: NDArray[np.intp]) -> float | None:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from homeward.diagnosis import wording
 from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_pct, score
 from homeward.diagnosis.blocks import FEWEST_BLOCKS, cut_folds
+from homeward.diagnosis.charge import USABLE_ENERGY, Charge, weigh_charge
 from homeward.diagnosis.columns import Columns
-from homeward.diagnosis.correct import correct, range_change
-from homeward.diagnosis.describe import missing_physics, where_at_work
+from homeward.diagnosis.correct import correct, of_capacity, range_change
+from homeward.diagnosis.describe import ageing, missing_physics, where_at_work
 from homeward.diagnosis.empirical import Empirical, propose
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.hypotheses import what_can_be_shown
@@ -58,6 +59,18 @@ class Evidence:
     corrected: Corrected | None  # the fitted model, where effects were named
     empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
     range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
+    charge: Charge | None = None  # of the battery beside the drive, where its state was recorded
+
+    @property
+    def fades(self) -> bool:
+        """Whether the recorded state of charge shows a battery that ages."""
+        return self.charge is not None and self.charge.fading is not None
+
+    @property
+    def contributions(self) -> tuple[Array, ...]:
+        """What each named effect adds, in the order of the diagnosis, shape (windows,) each."""
+        found = () if self.corrected is None else self.corrected.contribution
+        return (*found, self.charge.wasted(self.runs)) if self.charge is not None and self.fades else found
 
     @property
     def left(self) -> Array:
@@ -135,12 +148,17 @@ def analyse(
     evidence, fit = _weigh(average(usable), robot, seed, progress)
     verdict, off = _conclude(evidence)
     effects = evidence.corrected.effects() if evidence.corrected is not None else {}
-    corrected = correct(robot, evidence.estimates, evidence.runs.unit, verdict, effects)
     found = (
         ()
         if evidence.corrected is None
         else missing_physics(evidence.corrected, evidence.naming.named, evidence.runs, _drives(evidence))
     )
+    if evidence.charge is not None and evidence.charge.fading is not None:
+        found = (*found, ageing(evidence.charge.fading, evidence.contributions[-1], evidence.runs))
+        effects = {**effects, "ageing": {"lost_share": evidence.charge.fading.lost_share.value}}
+    corrected = correct(robot, evidence.estimates, evidence.runs.unit, verdict, effects)
+    if evidence.charge is not None and evidence.charge.off and verdict != "unknown_physics":
+        corrected = of_capacity(corrected, evidence.charge.fitted_j / evidence.charge.assumed_j)
     where = evidence.location.places if evidence.location is not None else ()
     diagnosis = Diagnosis(
         robot.name,
@@ -209,6 +227,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     if corrected is not None and any(one.term.axis == "time" for one in naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
+    charge = weigh_charge(runs, robot, block, seed) if enough else None
     progress("proving")
     predicted = _predictions(fitted, corrected, empirical, nominal, runs, fold, seed)
     arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
@@ -218,7 +237,18 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     groups = fitted if corrected is None else corrected.groups
     known = tuple(estimates(groups, runs, block, None if corrected is None else corrected.beside))
     evidence = Evidence(
-        runs, fitted, block, predicted, known, tuple(found), location, naming, corrected, empirical, accuracy
+        runs,
+        fitted,
+        block,
+        predicted,
+        known,
+        tuple(found),
+        location,
+        naming,
+        corrected,
+        empirical,
+        accuracy,
+        charge,
     )
     return evidence, fit
 
@@ -269,9 +299,12 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[ParameterOff, ...]]:
         for one in evidence.estimates
         if one.off and one.assumed is not None and one.fitted is not None and one.ci95 is not None
     )
+    if evidence.charge is not None and evidence.charge.off:
+        charge = evidence.charge
+        off = (*off, ParameterOff(USABLE_ENERGY, charge.assumed_j, charge.fitted_j, charge.ci95, "J"))
     if int(evidence.block.max()) + 1 < FEWEST_BLOCKS:
         return "not_testable", ()
-    if evidence.naming.named:
+    if evidence.naming.named or evidence.fades:
         return "missing_physics", off
     if evidence.location is not None:
         return "unknown_physics", off
@@ -280,6 +313,8 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[ParameterOff, ...]]:
     if evidence.nominal is None:
         return "no_mismatch", ()
     p_value = better(evidence.refit, evidence.nominal, evidence.runs.observed, evidence.block)
+    if p_value > FALSE_ALARM_RATE and evidence.charge is not None and evidence.charge.off:
+        return "parameters_off", off[-1:]
     if p_value > FALSE_ALARM_RATE:
         return "no_mismatch", ()
     if any(one.status == "at bound" for one in evidence.estimates):

@@ -57,12 +57,18 @@ def correct(
     return dataclasses.replace(robot, **rounded)
 
 
+def of_capacity(robot: Robot, factor: float) -> Robot:
+    """The robot with a battery that holds so many times what its file says."""
+    return dataclasses.replace(robot, rated_energy_j=float(f"{robot.rated_energy_j * factor:.6g}"))
+
+
 def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:
     """Comment for each field of the robot file that was changed: what it was, and under which assumption it holds."""
     held = {
         "rolling_resistance": "from C_rr m / Gamma, losses kept as assumed",
         "mass_kg": "from m / Gamma, losses kept as assumed",
         "drag_ns2_per_m2": "from c / Gamma, losses kept as assumed",
+        "rated_energy_j": "from the recorded state of charge against the energy drawn",
     }
     if not any(one.group.name == "mass" and one.fitted is not None for one in estimates):
         held["rolling_resistance"] = "from C_rr m / Gamma, mass and losses kept as assumed"

@@ -7,6 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
+from homeward.diagnosis.charge import Fading
 from homeward.diagnosis.hypotheses import CATALOGUE, Term
 from homeward.diagnosis.location import AT_WORK, Location, Place, condition_of, places_of, stretch_words
 from homeward.diagnosis.modelling import Corrected
@@ -49,6 +50,12 @@ _OTHERWISE: Mapping[str, str] = {
 }
 
 
+_FULL_DISCHARGE = (
+    "Discharge the battery from full to empty at its usual load and at room temperature, and count the energy: "
+    "what is gone then is gone by age."
+)
+
+
 def missing_physics(
     corrected: Corrected, named: Sequence[Named], runs: Runs, to_tell_apart: Sequence[str]
 ) -> tuple[MissingPhysics, ...]:
@@ -86,6 +93,23 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
     told = (condition_of(channels[name], contribution, runs) for name in SHOWN_BY.get(term.effect, ()))
     words = next((one for one in told if one is not None), None)
     return places_of(contribution, runs, words or _OTHERWISE.get(term.effect, "while driving"))
+
+
+def ageing(fading: Fading, wasted: Array, runs: Runs) -> MissingPhysics:
+    """The fading of a battery, which its gauge shows and no power does."""
+    entry = CATALOGUE["ageing"]
+    return MissingPhysics(
+        effect="ageing",
+        name="ageing",
+        sentence=entry.sentence,
+        equation=entry.equation,
+        source=entry.source,
+        parameters={"lost_share": fading.lost_share},
+        where=stretch_words(places_of(wasted, runs, "", wasted > 0.0), runs),
+        evidence=Evidence(fading.delta_bic, fading.held_out_gain, fading.p_value),
+        confused_with=fading.rivals,
+        to_tell_apart=_FULL_DISCHARGE if fading.rivals else "",
+    )
 
 
 def where_at_work(term: Term, contribution: Array, runs: Runs) -> Location:

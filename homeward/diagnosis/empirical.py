@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
-from homeward.diagnosis.arms import held_out
+from homeward.diagnosis.arms import gain, held_out
 from homeward.diagnosis.blocks import correlation_windows, noise_of
 from homeward.diagnosis.formulas import Candidate, Library, candidates
 from homeward.diagnosis.groups import constants
@@ -29,7 +29,6 @@ from homeward.diagnosis.signals import Array
 _MOST_TERMS = 2
 _MUST_PAY = 10.0  # difference of BIC: "very strong" (Kass & Raftery, 1995)
 _PLACEBOS = 19  # so that being better than all of them has p = 0.05
-_DRAWS = 2000
 _MOST_SEARCHED = 20_000  # windows; of more the search takes every second, third, ...
 _MOST_ALTERNATIVES = 3
 _RIDGE = 1e-8
@@ -105,8 +104,8 @@ def _propose(fit: Refit, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.i
         best = _best(scores)
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
         pays = _pays(before, after, runs) - library.cost()[best[0]][best[1:]]
-        gain, interval = _gain(before, after, runs, block, seed)
-        if pays < _MUST_PAY or gain < SMALLEST_GAIN or interval[0] <= 0.0:
+        gained = gain(runs.observed, before, after, block, seed)
+        if pays < _MUST_PAY or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value = _placebo_p_value(search, chosen, scores[best[0]][best[1:]], seed)
         if p_value > 1.0 / (_PLACEBOS + 1):
@@ -118,7 +117,7 @@ def _propose(fit: Refit, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.i
         return None
     chosen, alternatives = _reconsidered(search, chosen)
     columns = library.columns(chosen)
-    gain, interval = _gain(search.held_out([]), search.held_out(chosen), runs, block, seed)
+    gained = gain(runs.observed, search.held_out([]), search.held_out(chosen), block, seed)
     sizes, intervals = _coefficients(fit, runs, block, columns)
     terms = tuple(
         EmpiricalTerm(library.text(one), size, wide, library.bases[one[0]].unit, others)
@@ -127,7 +126,7 @@ def _propose(fit: Refit, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.i
     texts = " ".join(one.text for one in terms)
     return Empirical(
         "P" if runs.unit == "W" else "I", terms, constants(texts, fit.parameters.nominal, runs), columns,
-        columns * np.array(sizes), paid, gain, interval, max(p_values),
+        columns * np.array(sizes), paid, gained.share, gained.ci95, max(p_values),
     )  # fmt: skip
 
 
@@ -280,17 +279,6 @@ def _pays(before: Array, after: Array, runs: Runs) -> float:
     without, with_it = (float(((runs.observed - one) ** 2).sum()) for one in (before, after))
     independent = max(len(after) / correlation_windows(runs.observed - after, runs.run), 2.0)
     return float(independent * np.log(max(without, 1e-300) / max(with_it, 1e-300)) - np.log(independent))
-
-
-def _gain(
-    before: Array, after: Array, runs: Runs, block: NDArray[np.intp], seed: int
-) -> tuple[float, tuple[float, float]]:
-    """Share of the held-out squared error that is gained, and its interval by bootstrap over blocks."""
-    sums = np.stack([np.bincount(block, (runs.observed - one) ** 2) for one in (before, after)])
-    drawn = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
-    without, with_it = sums[:, drawn].sum(axis=2)
-    low, high = np.quantile(1.0 - with_it / np.maximum(without, 1e-300), [0.025, 0.975])
-    return 1.0 - float(sums[1].sum() / max(sums[0].sum(), 1e-300)), (float(low), float(high))
 
 
 def _placebo_p_value(search: Search, present: Sequence[Candidate], score: float, seed: int) -> float:

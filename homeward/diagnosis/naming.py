@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.diagnosis.arms import gain
 from homeward.diagnosis.blocks import correlation_windows
 from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, look_alike, terms
 from homeward.diagnosis.modelling import Corrected, fit_model
@@ -25,18 +26,19 @@ from homeward.diagnosis.signals import Array
 SMALLEST_GAIN = 0.05
 """Share of the refit's held-out squared error that an effect must explain to be named."""
 
+MUST_PAY = 6.0
+"""Difference of BIC that an effect must bring: "strong" (Kass & Raftery, 1995)."""
+
 FOLDS = 5
 """Of blocks, over which hypotheses are compared."""
 
 _MOST_EFFECTS = 3
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
-_MUST_PAY = 6.0  # difference of BIC: "strong" (Kass & Raftery, 1995)
 _NEARLY = 0.7  # of what a schedule explains
 _EQUAL = 1.1  # times the held-out error: no worse
 _ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
 _ALIKE_BY_NATURE = 0.5  # the same of one that is known to look alike, where no channel shows the difference
 _PLACEBOS = 19  # so that being better than all of them has p = 0.05
-_DRAWS = 2000
 _TRIED = 6  # hypotheses that are put to the proof, the best first
 _PAIRED = 12  # single hypotheses that are tried in pairs
 
@@ -235,7 +237,7 @@ def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Iterator[Named]:
         for other in order[position + 1 : _PAIRED]:
             if bench.candidates[one].effect != bench.candidates[other].effect:
                 both = score(bench.error(int(one), int(other)), int(one), int(other))
-                if both > best + _MUST_PAY:
+                if both > best + MUST_PAY:
                     best, first = both, int(one)
     told = _likeliest(bench, _told_by_a_channel(bench, first, errors, before), alone)
     for index in dict.fromkeys([told, first, *order[:_TRIED].tolist()]):
@@ -276,18 +278,19 @@ def _likeliest(bench: _Bench, chosen: int, alone: Array) -> int:
 
 
 def _proven(bench: _Bench, chosen: int, alone: Array, block: NDArray[np.intp], seed: int) -> Named | None:
-    before, after = bench.error(), bench.error(chosen)
-    gain = 1.0 - after / max(before, 1e-300)
-    if bench.delta_bic(chosen) < _MUST_PAY or gain < SMALLEST_GAIN:
+    after = bench.error(chosen)
+    share = 1.0 - after / max(bench.error(), 1e-300)
+    if bench.delta_bic(chosen) < MUST_PAY or share < SMALLEST_GAIN:
         return None
-    interval = _gain_interval(bench, chosen, block, seed)
+    without, with_it = (bench.predictions(columns) for columns in (bench.base, bench.with_base(chosen)))
+    interval = gain(bench.target, without, with_it, block, seed).ci95
     if interval[0] <= 0.0:
         return None
     p_value = _placebo_p_value(bench, chosen, after, seed)
     if p_value > 1.0 / (_PLACEBOS + 1):
         return None
     return Named(
-        bench.candidates[chosen], bench.delta_bic(chosen), gain, interval, p_value, _rivals(bench, chosen, alone)
+        bench.candidates[chosen], bench.delta_bic(chosen), share, interval, p_value, _rivals(bench, chosen, alone)
     )
 
 
@@ -298,24 +301,12 @@ def _rivals(bench: _Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
     found: dict[str, Term] = {}
     for index in np.argsort(-alone, kind="stable"):
         other = bench.candidates[index]
-        if other.effect == bench.candidates[chosen].effect or alone[index] < _MUST_PAY:
+        if other.effect == bench.candidates[chosen].effect or alone[index] < MUST_PAY:
             continue
         share = _ALIKE_BY_NATURE if look_alike(other.effect, bench.candidates[chosen].effect, bench.runs) else _ALIKE
-        if before - bench.error(int(index)) >= share * explained or alone[chosen] - alone[index] < _MUST_PAY:
+        if before - bench.error(int(index)) >= share * explained or alone[chosen] - alone[index] < MUST_PAY:
             found.setdefault(other.effect, other)
     return tuple(found.values())
-
-
-def _gain_interval(bench: _Bench, chosen: int, block: NDArray[np.intp], seed: int) -> tuple[float, float]:
-    """Interval of the gain by bootstrap over blocks."""
-    sums = np.stack([
-        np.bincount(block, (bench.target - bench.predictions(columns)) ** 2)
-        for columns in (bench.base, bench.with_base(chosen))
-    ])  # fmt: skip
-    drawn = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
-    without, with_it = sums[:, drawn].sum(axis=2)
-    low, high = np.quantile(1.0 - with_it / np.maximum(without, 1e-300), [0.025, 0.975])
-    return float(low), float(high)
 
 
 def _placebo_p_value(bench: _Bench, chosen: int, error: float, seed: int) -> float:

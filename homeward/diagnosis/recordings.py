@@ -7,7 +7,7 @@ import gzip
 import hashlib
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from homeward.diagnosis.bags.files import is_bag, sha256
 from homeward.diagnosis.channels import CHANNELS, MOTION, POWER, Channel
 from homeward.diagnosis.columns import Columns, RecordingError, load_columns
 
@@ -55,14 +56,18 @@ def read_recording(path: str | Path, columns: str | Path | Columns | None = None
     """Read a recording in the project's schema, or a foreign one through a mapping.
 
     Args:
-        path: A .csv, .csv.gz or .parquet file; one file is one run.
-        columns: Mapping for foreign files: shipped name, TOML path or `Columns`.
+        path: A .csv, .csv.gz or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag. One file or
+            folder is one run.
+        columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag it names topics, see
+            `homeward.diagnosis.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
 
     Raises:
         RecordingError: The file is missing, empty, cut off, not what its name says, lacks channels, or holds times that
             do not increase or values in another unit.
     """
     path = Path(path)
+    if path.exists() and is_bag(path):
+        return _read_bag(path, columns)
     mapping = None if columns is None else load_columns(columns)
     suffix = next((s for s in _SUFFIXES if path.name.lower().endswith(s)), None)
     if not path.exists():
@@ -70,7 +75,7 @@ def read_recording(path: str | Path, columns: str | Path | Columns | None = None
     if not path.is_file():
         raise RecordingError(f"{path}: is a folder; give the files of the runs in it")
     if suffix is None:
-        raise RecordingError(f"{path}: unknown kind of file; a recording is {', '.join(_SUFFIXES)}")
+        raise RecordingError(f"{path}: unknown kind of file; a recording is {', '.join(_SUFFIXES)} or a bag")
     try:
         if path.stat().st_size == 0:
             raise RecordingError(f"{path}: is empty")
@@ -83,6 +88,22 @@ def read_recording(path: str | Path, columns: str | Path | Columns | None = None
     if mapping is not None:
         table = mapping.apply(table)
     return _checked(str(path), sha256, table)
+
+
+def _read_bag(path: Path, mapping: str | Path | Columns | None) -> Recording:
+    if isinstance(mapping, Columns):
+        raise RecordingError(f"{path}: a bag takes a mapping of topics, not of columns")
+    try:
+        from homeward.diagnosis.bags.reading import read_bag  # only now: it needs a further package
+    except ImportError:
+        raise RecordingError(f"{path}: a bag needs rosbags; install it with pip install 'homeward[logs]'") from None
+    try:
+        table, notes = read_bag(path, mapping)
+        digest = sha256(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+    recording = _checked(str(path), digest, table)
+    return replace(recording, notes=(*notes, *recording.notes))
 
 
 def _read_csv(path: Path, mapping: Columns | None) -> pd.DataFrame:

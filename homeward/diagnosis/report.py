@@ -162,8 +162,8 @@ class Stretches:
 def _where(analysis: Analysis) -> list[Stretches]:
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
     found = []
-    if diagnosis.missing_physics and evidence is not None and evidence.corrected is not None:
-        for one, added in zip(diagnosis.missing_physics, evidence.corrected.contribution, strict=True):
+    if diagnosis.missing_physics and evidence is not None:
+        for one, added in zip(diagnosis.missing_physics, evidence.contributions, strict=True):
             found.append(_stretches(one.name, one.where, total_share(added, evidence.runs)))
     elif diagnosis.where:
         found.append(_stretches("The mismatch", diagnosis.where, None))

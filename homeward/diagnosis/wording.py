@@ -7,6 +7,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from homeward.diagnosis.blocks import FEWEST_BLOCKS
+from homeward.diagnosis.charge import USABLE_ENERGY
 from homeward.diagnosis.describe import condition, total_share
 from homeward.diagnosis.location import WHOLE_RUN, Location
 from homeward.diagnosis.quality import Finding
@@ -68,18 +69,26 @@ def _not_testable(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> 
 
 
 def _missing_physics(evidence: Evidence, fit: Fit, found: Sequence[MissingPhysics]) -> str:
-    assert evidence.corrected is not None
     told = []
-    for one, added in zip(found, evidence.corrected.contribution, strict=True):
+    for one, added in zip(found, evidence.contributions, strict=True):
         share = total_share(added, evidence.runs)
         rivals = f" (or {', '.join(one.confused_with)}: these recordings cannot tell)" if one.confused_with else ""
         what = "energy" if fit.unit == "W" else "charge"
         told.append(f"{one.name}{rivals}, {condition(one.where)}, {share:.0%} of the recorded {what}")
-    before, after = fit.arms["refit"].rmse, fit.arms["corrected"].rmse
     plain = " ".join(one.sentence for one in found)
+    proof = ""
+    if "corrected" in fit.arms:
+        before, after = fit.arms["refit"].rmse, fit.arms["corrected"].rmse
+        proof = f" Held out, the error falls from {before:.3g} (refit) to {after:.3g} {fit.unit}."
+    if evidence.charge is not None and evidence.charge.fading is not None:
+        fading = evidence.charge.fading
+        proof += (
+            f" The state of charge falls faster from run to run than the energy drawn says: in the last run "
+            f"{fading.lost_share.value:.0%} of the usable energy is gone, which explains {fading.held_out_gain:.0%} of "
+            "the gauge's held-out squared error."
+        )
     return (
-        f"{'What the simulator lacks' if len(told) == 1 else 'The simulator lacks'}: {'; '.join(told)}. {plain} "
-        f"Held out, the error falls from {before:.3g} (refit) to {after:.3g} {fit.unit}."
+        f"{'What the simulator lacks' if len(told) == 1 else 'The simulator lacks'}: {'; '.join(told)}. {plain}{proof}"
     )
 
 
@@ -134,6 +143,11 @@ def _condition(location: Location) -> str:
 def _parameters_off(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:
     told = ", ".join(f"{one.group} is {one.fitted:.3g} {one.unit}, not {one.assumed:.3g}" for one in off)
     told = told or "which of them, these recordings cannot tell"
+    if [one.group for one in off] == [USABLE_ENERGY]:
+        return (
+            f"The robot file explains the recorded {_MEASURED[fit.unit]}, but not how fast the state of charge falls: "
+            f"{told}."
+        )
     before, after = fit.arms["nominal"].rmse, fit.arms["refit"].rmse
     return (
         f"The model's structure fits but its parameters are off: {told}. Held out, the error falls from "
