@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location, locate
 from homeward.diagnosis.modelling import Corrected
-from homeward.diagnosis.motion import follows_motion
+from homeward.diagnosis.motion import explained, follows_motion
 from homeward.diagnosis.naming import FOLDS, Naming, name_missing, shifted_in_time
 from homeward.diagnosis.quality import Finding, usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
@@ -33,6 +33,8 @@ from homeward.diagnosis.structure import FALSE_ALARM_RATE, Dependence, dependenc
 from homeward.physics import Robot, load_robot
 
 Progress = Callable[[str], None]
+
+_MOST_OF = 0.7  # what effects without a schedule must explain of what one with a schedule does
 
 STAGES = (
     "reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving",
@@ -212,7 +214,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     progress("locating")
     location = locate(found[0], runs) if found and found[0].found else None
     naming = name_missing(fitted, runs, block, seed, progress) if enough else Naming()
-    naming, location = _without_what_motion_tells(naming, location, fitted, runs, block, seed)
+    naming, location = _without_what_motion_tells(naming, location, fitted, runs, block, seed, progress)
     empirical = None
     by_channel = location is not None and found[0].channel.name != "time_s"
     if location is not None and (not naming.named or (by_channel and naming.named[0].term.axis == "time")):
@@ -254,14 +256,26 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
 
 
 def _without_what_motion_tells(
-    naming: Naming, location: Location | None, fitted: Refit, runs: Runs, block: NDArray[np.intp], seed: int
+    naming: Naming,
+    location: Location | None,
+    fitted: Refit,
+    runs: Runs,
+    block: NDArray[np.intp],
+    seed: int,
+    progress: Progress,
 ) -> tuple[Naming, Location | None]:
-    """Name nothing where motion alone explains what the first effect needs a schedule for, but say where that is."""
+    """Name nothing that needs a schedule where motion alone explains what the first effect needs one for.
+
+    Where no other effect explains it either, say where it is.
+    """
     if naming.corrected is None or naming.named[0].term.axis == "steady":
         return naming, location
-    first = naming.named[0]
-    if not follows_motion(fitted, runs, block % FOLDS, first.held_out_gain, seed):
+    first, fold = naming.named[0], block % FOLDS
+    if not follows_motion(fitted, runs, fold, first.held_out_gain, seed):
         return naming, location
+    again = name_missing(fitted, runs, block, seed, progress, schedules=False)
+    if again.corrected is not None and explained(fitted, again.corrected, runs, fold) >= _MOST_OF * first.held_out_gain:
+        return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
     return naming.nothing_named(), location or where_at_work(first.term, naming.corrected.contribution[0], runs)
 
 

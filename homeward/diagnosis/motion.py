@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.arms import black_box, held_out
+from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.refit import Refit
 from homeward.diagnosis.replay import Runs
 
@@ -19,6 +20,16 @@ MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "
 
 AS_WELL = 0.95
 """Share of what a schedule explains."""
+
+
+def explained(fit: Refit, corrected: Corrected, runs: Runs, fold: NDArray[np.intp]) -> float:
+    """Share of the refit's held-out squared error that a fitted model explains."""
+    return 1.0 - _held_out_error(corrected, runs, fold) / max(_held_out_error(fit, runs, fold), 1e-300)
+
+
+def _held_out_error(model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> float:
+    left = runs.observed - held_out(lambda chosen: model.on(chosen, runs.observed), fold)
+    return float(left @ left)
 
 
 def follows_motion(fit: Refit, runs: Runs, fold: NDArray[np.intp], gain: float, seed: int) -> bool:
@@ -32,7 +43,6 @@ def follows_motion(fit: Refit, runs: Runs, fold: NDArray[np.intp], gain: float, 
         seed: Seed of the trees.
     """
     rng = np.random.default_rng(seed)
-    without = held_out(lambda chosen: fit.on(chosen, runs.observed), fold)
     trees = held_out(lambda chosen: black_box(runs, fit.on(chosen, runs.observed), chosen, rng, MOTION), fold)
-    before, after = (float(((runs.observed - one) ** 2).sum()) for one in (without, trees))
-    return after <= before * (1.0 - AS_WELL * gain)
+    after = float(((runs.observed - trees) ** 2).sum())
+    return after <= _held_out_error(fit, runs, fold) * (1.0 - AS_WELL * gain)

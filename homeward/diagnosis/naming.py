@@ -8,8 +8,8 @@ which have the same freedom and the same spectrum but no cause.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,10 @@ class _Bench:
         """Columns of the base and of these hypotheses."""
         return np.concatenate([self.base, *(self.own[one] for one in chosen)])
 
+    def beside(self, other: int) -> _Bench:
+        """The same with a hypothesis in the base."""
+        return replace(self, base=self.with_base(other))
+
     def error(self, *chosen: int) -> float:
         """Held-out squared error of the base with these hypotheses."""
         columns = self.with_base(*chosen)
@@ -134,7 +138,14 @@ class _Bench:
         return result
 
 
-def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, progress: Callable[[str], None]) -> Naming:
+def name_missing(
+    fit: Refit,
+    runs: Runs,
+    block: NDArray[np.intp],
+    seed: int,
+    progress: Callable[[str], None],
+    schedules: bool = True,
+) -> Naming:
     """Name the effects that the recordings ask for beyond the refit.
 
     Args:
@@ -143,6 +154,7 @@ def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, pro
         block: Stretches that count as independent, shape (windows,).
         seed: Seed of placebos and intervals.
         progress: Called with what is being done.
+        schedules: Whether effects whose size changes for no recorded reason may be named.
     """
     fold = np.asarray(block % FOLDS)
     columns, (low, high) = fit.jacobian, fit.freedom()
@@ -153,17 +165,18 @@ def name_missing(fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, pro
     corrected: Corrected | None = None
     while len(named) < _MOST_EFFECTS:
         progress("naming")
-        candidates = tuple(terms(setting, tuple(one.term.effect for one in named)))
+        possible = terms(setting, tuple(one.term.effect for one in named))
+        candidates = tuple(term for term in possible if schedules or term.axis == "steady")
         bench = _bench(columns, low, high, candidates, setting.residual, runs, fold)
         if corrected is None:
             ranking, absorbed = _rank(bench), _absorbed(bench)
         for found in _best(bench, block, seed):
-            fitted = fit_model(fit, [one.term for one in (*named, found)], runs, block)
+            fitted = fit_model(fit, [one.term for one in (*named, *found)], runs, block)
             if fitted.all_at_work():
                 break
         else:
             break  # nothing passes that has, beside the others, a size that is sure to differ from zero
-        named.append(found)
+        named += found
         corrected = fitted
         columns, (low, high) = corrected.jacobian, corrected.freedom()
         within = corrected.model.within(runs, corrected.values)
@@ -217,9 +230,9 @@ def _absorbed(bench: _Bench) -> dict[str, float]:
     return shares
 
 
-def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Iterator[Named]:
-    """The hypotheses that pass the proof, first the one that explains most for its freedom, alone or as the stronger
-    half of the best pair."""
+def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Iterator[tuple[Named, ...]]:
+    """What passes the proof, first the hypothesis that explains most for its freedom, alone or as the stronger half of
+    the best pair; then the pair, where neither half is anything without the other; then the next best alone."""
     if not bench.candidates:
         return
     errors = np.array([bench.error(index) for index in range(len(bench.candidates))])
@@ -232,18 +245,32 @@ def _best(bench: _Bench, block: NDArray[np.intp], seed: int) -> Iterator[Named]:
 
     alone = np.array([score(error, index) for index, error in enumerate(errors)])
     order = np.argsort(-alone, kind="stable")
-    best, first = float(alone[order[0]]), int(order[0])
-    for position, one in enumerate(order[:_PAIRED]):
-        for other in order[position + 1 : _PAIRED]:
-            if bench.candidates[one].effect != bench.candidates[other].effect:
-                both = score(bench.error(int(one), int(other)), int(one), int(other))
-                if both > best + MUST_PAY:
-                    best, first = both, int(one)
-    told = _likeliest(bench, _told_by_a_channel(bench, first, errors, before), alone)
-    for index in dict.fromkeys([told, first, *order[:_TRIED].tolist()]):
+    best = float(alone[order[0]])
+    pair: tuple[int, ...] = (int(order[0]),)
+    for one, other in combinations(_worth_pairing(order, errors), 2):
+        if bench.candidates[one].effect != bench.candidates[other].effect:
+            both = score(bench.error(one, other), one, other)
+            if both > best + MUST_PAY:
+                best, pair = both, (one, other)
+    told = _likeliest(bench, _told_by_a_channel(bench, pair[0], errors, before), alone)
+    for index in dict.fromkeys([told, pair[0]]):
         found = _proven(bench, index, alone, block, seed)
         if found is not None:
-            yield found
+            yield (found,)
+    if len(pair) == 2:
+        halves = tuple(_proven(bench.beside(other), one, alone, block, seed) for one, other in (pair, pair[::-1]))
+        if halves[0] is not None and halves[1] is not None:
+            yield halves[0], halves[1]
+    for index in order[:_TRIED].tolist():
+        found = _proven(bench, index, alone, block, seed)
+        if found is not None:
+            yield (found,)
+
+
+def _worth_pairing(order: NDArray[np.intp], errors: Array) -> list[int]:
+    """The best for their freedom, then those that explain most: half of a pair may be worth little alone."""
+    most = np.argsort(errors, kind="stable")
+    return list(dict.fromkeys([*order[:_PAIRED].tolist(), *most[:_PAIRED].tolist()]))
 
 
 def _told_by_a_channel(bench: _Bench, chosen: int, errors: Array, before: float) -> int:

@@ -134,3 +134,55 @@ def test_turning_of_a_robot_without_a_known_track_is_not_named(drive: Drive, hus
     assert unknown.track_m == 0.0
     diagnosis = diagnose(drive(unknown, runs=3), unknown)
     assert "turning" not in {one.effect for one in diagnosis.missing_physics}
+
+
+def test_what_motion_tells_is_not_given_the_name_of_a_schedule(drive: Drive, husky: Robot) -> None:
+    """A drive that chatters in a band of speeds: no effect of the catalogue, though a schedule would follow it."""
+    runs = [
+        dataclasses.replace(
+            run,
+            channels={
+                **run.channels,
+                "power_w": run.channels["power_w"] + 60.0 * (np.abs(run.channels["speed_mps"] - 0.55) < 0.1),
+            },
+        )
+        for run in drive(husky, runs=4)
+    ]
+    diagnosis = diagnose(runs, husky)
+    assert diagnosis.verdict == "unknown_physics"
+    assert diagnosis.where
+
+
+def test_computing_that_rests_with_the_robot_is_named(drive: Drive, husky: Robot) -> None:
+    runs = [
+        dataclasses.replace(
+            run,
+            channels={
+                **run.channels,
+                "power_w": run.channels["power_w"]
+                + 25.0 * (run.channels["sensing_hz"] > 0.0) * (np.abs(run.channels["speed_mps"]) > 0.05),
+            },
+        )
+        for run in drive(husky, runs=4)
+    ]
+    diagnosis = diagnose(runs, husky)
+    assert diagnosis.missing_physics[0].effect == "compute"
+    assert diagnosis.missing_physics[0].parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
+
+
+def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(drive: Drive, husky: Robot) -> None:
+    plain = drive(husky, runs=4)
+    creeping = [
+        dataclasses.replace(
+            run,
+            channels={
+                **run.channels,
+                "power_w": run.channels["power_w"]
+                + 10.0 * (index + np.linspace(0.0, 1.0, len(run.channels["time_s"]))),
+            },
+        )
+        for index, run in enumerate(plain)
+    ]
+    diagnosis = diagnose(creeping, husky)
+    assert diagnosis.missing_physics[0].effect == "sensor_offset"
+    assert diagnosis.missing_physics[0].parameters["offset"].value == pytest.approx(40.0, rel=0.1)
