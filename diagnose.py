@@ -1,7 +1,8 @@
 """Say which physics a robot's simulator lacks, from recordings of the robot.
 
 `python diagnose.py RUN... --robot PRESET_OR_TOML [--columns MAP] --out DIR` writes DIR/diagnosis.json, DIR/report.html
-and DIR/corrected.toml. Without RUN it diagnoses the recording that ships with the project.
+and DIR/corrected.toml. RUN is a table or a ROS bag, read without ROS. Without RUN it diagnoses the recording that
+ships with the project.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from homeward import cli
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
 from homeward.diagnosis import Analysis, RecordingError, analyse, terminal
+from homeward.diagnosis.bags.files import is_bag
 from homeward.diagnosis.chain import STAGES
 from homeward.diagnosis.report import check_writable, write_outputs
 from homeward.physics import RobotError
@@ -28,11 +30,12 @@ class Args:
     """What to diagnose."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Recordings (.csv, .csv.gz, .parquet), one run a file; none: the one that ships with the project."""
+    """Recordings (.csv, .csv.gz, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each; none: the one
+    that ships with the project."""
     robot: str | None = None
     """Robot that the simulator uses: preset name or TOML file; the data set's own, or husky, if left out."""
     columns: str | None = None
-    """Mapping for foreign recordings: shipped name or TOML file."""
+    """Mapping for foreign recordings, of columns or, for bags, of topics: shipped name or TOML file."""
     dataset: str | None = None
     """Public data set to fetch instead of RUN, or a group of it, such as husky_borealtc/FLOORING."""
     out: Path = Path("runs/diagnosis")
@@ -80,6 +83,9 @@ def _inputs(args: Args) -> tuple[list[Path], str, str | None]:
 
 
 def _print(analysis: Analysis, written: list[Path]) -> None:
+    for one in analysis.findings:
+        if is_bag(Path(one.recording)) and not one.refused:
+            print(f"{Path(one.recording).name}: {one.text}", file=sys.stderr)
     console = Console()
     terminal.show(analysis, console)
     report = next(path for path in written if path.suffix == ".html")

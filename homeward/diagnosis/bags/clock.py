@@ -1,0 +1,71 @@
+"""One clock for topics that come at different rates.
+
+The clock is that of the slower of power and motion: its own samples are taken as they are, so that no sample is made
+up. What comes faster is averaged around each tick, halfway to its neighbours; what comes slower, a state of charge, is
+linear in between. Nothing is carried across a gap: there the value is missing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_GAP = 5.0  # usual steps between samples, beyond which nothing is known in between
+_FASTEST_S = 0.02  # a finer clock says no more about energy
+
+
+def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:
+    """Known samples sorted by time, one for each time."""
+    known = np.isfinite(values)
+    times, first = np.unique(time_s[known], return_index=True)
+    return times, values[known][first]
+
+
+def usual_step_s(time_s: Array) -> float:
+    """Median time between samples, s."""
+    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
+
+
+def slower(*times: Array) -> Array:
+    """The times of the topic that comes least often, over what all cover."""
+    start, end = max(one[0] for one in times), min(one[-1] for one in times)
+    slowest = max(times, key=usual_step_s)
+    clock: Array = slowest[(slowest >= start) & (slowest <= end)]
+    if len(clock) < 2:
+        return clock
+    kept = max(round(_FASTEST_S / usual_step_s(clock)), 1)
+    return clock[::kept]
+
+
+def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
+    """A channel at the ticks of a clock: its mean from halfway to the tick before to halfway to the one after.
+
+    Args:
+        time_s, values: Its samples as `in_order` gives them, linear in between, shape (n,).
+        clock_s: Ticks, s, increasing, shape (ticks,).
+    """
+    if len(time_s) == len(clock_s) and np.array_equal(time_s, clock_s):
+        return values.copy()
+    tick_s = usual_step_s(clock_s)
+    half = np.minimum(0.5 * np.diff(clock_s), 0.5 * tick_s)
+    half = np.minimum(np.append(half, half[-1:]), np.append(half[:1], half))
+    half = np.minimum(half, np.minimum(clock_s - time_s[0], time_s[-1] - clock_s))  # as far as the channel goes
+    inside = half >= 0.0
+    half = np.maximum(half, 0.0)
+    steps = np.diff(time_s)
+    integral = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)))
+
+    def until(at_s: Array) -> tuple[Array, NDArray[np.intp]]:
+        segment = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, len(steps) - 1)
+        past = at_s - time_s[segment]
+        slope = (values[segment + 1] - values[segment]) / steps[segment]
+        return integral[segment] + (values[segment] + 0.5 * slope * past) * past, segment
+
+    (before, first), (after, last) = until(clock_s - half), until(clock_s + half)
+    wide = half > 0.0
+    means = np.where(wide, (after - before) / np.where(wide, 2.0 * half, 1.0), np.interp(clock_s, time_s, values))
+    gap = np.concatenate(([0], np.cumsum(steps > _GAP * max(usual_step_s(time_s), tick_s))))
+    result: Array = np.where(inside & (gap[last + 1] == gap[first]), means, np.nan)
+    return result

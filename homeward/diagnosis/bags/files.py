@@ -1,0 +1,31 @@
+"""What is a bag, by its name, and the files it consists of."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+SUFFIXES = (".bag", ".active", ".mcap", ".db3")
+"""Endings of files that hold messages; a recorder that was killed leaves `NAME.bag.active`."""
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag: a file by its ending, a folder by what lies in it."""
+    return path.suffix in SUFFIXES or (path.is_dir() and bool(storage_files(path)))
+
+
+def storage_files(path: Path) -> list[Path]:
+    """The files of a bag that hold messages, in order."""
+    if not path.is_dir():
+        return [path]
+    return sorted(file for file in path.iterdir() if file.name.removesuffix(".zstd").endswith((".mcap", ".db3")))
+
+
+def sha256(path: Path) -> str:
+    """Digest of a bag: of its file or, for a folder, of all that hold messages, one after the other."""
+    digest = hashlib.sha256()
+    for file in storage_files(path):
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()

@@ -1,0 +1,82 @@
+"""The grade from an IMU or from odometry, positive where the robot's front points up; and its heading.
+
+Methods, the first that a bag allows:
+
+1. `orientation` of an IMU whose driver fills it in: how far the robot's forward axis points up,
+   `sin(grade) = 2 (x z - w y)` for the quaternion x, y, z, w, averaged over `_ORIENTATION_S`.
+2. `acceleration` of an IMU: an accelerometer feels the slope and the robot's own acceleration,
+   `sin(grade) = (a_x - dv/dt) / g`, averaged over `_ACCELERATION_S`, with the speed from the odometry.
+3. Orientation of the odometry, where it is not planar.
+
+An IMU that is not mounted level adds a constant. It is not removed: a route need not be level on average either.
+Axes as in REP 103: x forward, y left, z up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+GRAVITY_MPS2 = 9.80665  # standard gravity
+_ORIENTATION_S = 1.0
+_ACCELERATION_S = 2.0
+_PLANAR = 1e-4  # sine of a slope below which a pose has none
+_UNIT = 0.05
+
+
+def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
+    """Grade from quaternions, rad, or None where there are none or they never leave the plane.
+
+    Args:
+        time_s: Increasing, shape (n,).
+        quaternion: x, y, z, w, shape (4, n).
+    """
+    length = np.linalg.norm(quaternion, axis=0)
+    good = np.abs(length - 1.0) < _UNIT
+    if good.mean() < 0.5:
+        return None
+    x, y, z, w = quaternion / np.where(good, length, np.nan)
+    sine = 2.0 * (x * z - w * y)
+    if np.nanmax(np.abs(sine)) < _PLANAR:
+        return None
+    return np.arcsin(_smoothed(time_s, sine, _ORIENTATION_S))
+
+
+def heading(quaternion: Array) -> Array | None:
+    """Direction of the robot's forward axis, rad counter-clockwise, not wrapped, or None where it is never given.
+
+    Args:
+        quaternion: x, y, z, w in the order of time, shape (4, n).
+    """
+    x, y, z, w = quaternion
+    if not np.any(np.abs(z) > _PLANAR) or (np.abs(np.linalg.norm(quaternion, axis=0) - 1.0) > _UNIT).any():
+        return None
+    turned: Array = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    return turned
+
+
+def from_acceleration(time_s: Array, forward_mps2: Array, motion_s: Array, speed_mps: Array) -> Array | None:
+    """Grade from the specific force along the forward axis, rad, or None where it is zero throughout.
+
+    Args:
+        time_s, forward_mps2: Of the accelerometer, shape (n,).
+        motion_s, speed_mps: Of the odometry, shape (m,).
+    """
+    if not np.any(forward_mps2) or len(motion_s) < 2:
+        return None
+    own = np.gradient(_smoothed(motion_s, speed_mps, 0.5 * _ACCELERATION_S), motion_s)
+    force = _smoothed(time_s, forward_mps2 - np.interp(time_s, motion_s, own), _ACCELERATION_S)
+    return np.arcsin(np.clip(force / GRAVITY_MPS2, -1.0, 1.0))
+
+
+def _smoothed(time_s: Array, values: Array, width_s: float) -> Array:
+    """Mean over a window around each sample, missing values left out."""
+    known = np.isfinite(values)
+    sums = np.concatenate(([0.0], np.cumsum(np.where(known, values, 0.0))))
+    counts = np.concatenate(([0], np.cumsum(known)))
+    first = np.searchsorted(time_s, time_s - 0.5 * width_s)
+    last = np.searchsorted(time_s, time_s + 0.5 * width_s, side="right")
+    number = counts[last] - counts[first]
+    return np.where(number > 0, (sums[last] - sums[first]) / np.maximum(number, 1), np.nan)
