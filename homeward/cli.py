@@ -22,7 +22,7 @@ def run(
     refused: tuple[type[Exception], ...],
     interrupted: str = "nothing half-written is left",
 ) -> int:
-    """Run a script's `main` with the arguments of the command line.
+    """Run the `main` of a script or a subcommand of `homeward` with the arguments of the command line.
 
     Args:
         main: Does the work; what it returns is dropped.
@@ -35,8 +35,9 @@ def run(
         Exit code: 0; 130 after Ctrl-C; 2 for input or output that cannot be used, or the error's own `exit_code`.
         All but 0 come with one line on stderr.
     """
+    program, arguments = _called()
     try:
-        main(tyro.cli(args, description=description))
+        main(tyro.cli(args, prog=program, args=arguments, description=description))
     except refused as error:
         code, message = getattr(error, "exit_code", 2), str(error)
     except OSError as error:
@@ -46,5 +47,13 @@ def run(
         code, message = INTERRUPTED, f"interrupted: {interrupted}"
     else:
         return 0
-    print(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}", file=sys.stderr)
+    print(f"{program}: {' '.join(message.split())}", file=sys.stderr)
     return code
+
+
+def _called() -> tuple[str, list[str]]:
+    """Name and arguments of what was called: a script, or a subcommand of `homeward`."""
+    path, arguments = Path(sys.argv[0]), sys.argv[1:]
+    if arguments and (path.stem == "homeward" or (path.parent.name, path.name) == ("homeward", "__main__.py")):
+        return f"homeward {arguments[0]}", arguments[1:]
+    return path.name, arguments

@@ -107,6 +107,15 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
     return paths
 
 
+def files_of(name: str) -> list[str]:
+    """Files of a data set, by their paths in it.
+
+    Args:
+        name: One of `DATASETS`.
+    """
+    return list(_registry(name))
+
+
 def shipped_recording() -> Path:
     """The recording that ships with the package: synthetic, of a Husky that differs from the preset `husky`."""
     return Path(str(files("homeward") / "recordings" / "synthetic_husky.csv.gz"))

@@ -16,6 +16,7 @@ import homeward
 
 ROOT = Path(__file__).parents[1]
 SOURCES = {"homeward": ROOT / "homeward", "homeward.envs": ROOT / "envs", "homeward.agents": ROOT / "agents"}
+SCRIPTS = ("train.py", "evaluate.py", "diagnose.py")
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def wheel_names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     source.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "README.md", "LICENSE", *SCRIPTS):
         shutil.copy(ROOT / name, source)
     for top in SOURCES.values():
         shutil.copytree(top, source / top.name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
@@ -69,6 +70,13 @@ def test_links_are_relative(name: str) -> None:
     link = ROOT / "homeward" / name
     assert link.is_symlink()
     assert os.readlink(link) == f"../{name}"
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_scripts_are_subcommands_too(name: str) -> None:
+    link = ROOT / "homeward" / "commands" / name
+    assert link.is_symlink()
+    assert os.readlink(link) == f"../../{name}"
 
 
 def test_wheel_holds_the_files_of_the_packages_and_nothing_else(wheel_names: set[str]) -> None:

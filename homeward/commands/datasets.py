@@ -1,0 +1,55 @@
+"""List public recordings of real robots, or fetch one.
+
+`homeward datasets` lists them. `homeward datasets husky_borealtc/FLOORING` downloads the recordings of a group into the
+user's cache, checks their checksums and prints their paths; without /FLOORING all groups. HOMEWARD_DATA=FOLDER reads
+them from a folder instead of the network.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from homeward import cli
+from homeward.datasets import DATASETS, DatasetError, fetch, files_of
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which data set."""
+
+    name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = None
+    """Data set, or NAME/GROUP for a part of it, to be fetched; none: a table of all."""
+
+
+def main(args: Args) -> None:
+    """Print the table, or fetch and print paths.
+
+    Raises:
+        DatasetError: There is no such data set, or it cannot be had.
+    """
+    if args.name is not None:
+        name, _, group = args.name.partition("/")
+        for path in fetch(name, group):
+            print(path)
+        return
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("data set", "robot", "files", "groups", "licence"):
+        table.add_column(
+            heading, justify="right" if heading == "files" else "left", overflow="fold", no_wrap=heading == "data set"
+        )
+    for name, dataset in DATASETS.items():
+        files = files_of(name)
+        groups = sorted({file.split("/")[0] for file in files if "/" in file})
+        table.add_row(name, dataset.robot or "", str(len(files)), ", ".join(groups), dataset.licence)
+    Console().print(table)
+
+
+def run() -> int:
+    """Run from the command line: 3 if a download fails, else see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (DatasetError,))

@@ -1,0 +1,175 @@
+"""How far a robot gets on one battery charge, and where the energy goes.
+
+`homeward range rusti --grade 5.71 --duty 0.367` prints the estimate of Tiwari, Xiao and Chong (IROS 2018, Eq. 8) for
+their robot up their incline, moving 36.7 % of the time, with each part's share. ROBOT is a preset (`homeward robots`)
+or your own TOML file; where it has effects that the paper leaves out, the compiled model drives until the battery is
+empty instead. `--plot range.png` shows how range and shares change with the speed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from homeward import Robot, RobotError, cli, load_robot, quantities
+from homeward.files import write_whole
+from homeward.physics import d_max, model, optimal_speed, replay
+
+_CYCLES = 100
+"""Drives and stops of the mission that a robot with effects is followed through."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which robot, and how it drives."""
+
+    robot: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ROBOT")]
+    """Preset name, or path of a robot file."""
+    grade: float = 0.0
+    """Slope, degrees, uphill above 0."""
+    duty: float = 1.0
+    """Duty cycle: share of the time spent moving, above 0 and at most 1. Standing draws power too."""
+    speed_mps: float | None = None
+    """Speed while moving, m/s; the one with the longest range if left out."""
+    sensing_hz: float = 0.0
+    """Sensing rate, Hz."""
+    plot: Path | None = None
+    """Picture to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed."""
+
+
+class RangeError(ValueError):
+    """An argument that cannot be used."""
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A robot on its way: slope in rad, duty cycle and sensing rate in Hz."""
+
+    robot: Robot
+    grade_rad: float
+    duty: float
+    sensing_hz: float
+
+    def range_m(self, speed_mps: float) -> float:
+        """Range, m."""
+        return float(d_max(self.robot, speed_mps, self.grade_rad, self.duty, self.sensing_hz))
+
+    def parts_j_per_m(self, speed_mps: float) -> dict[str, float]:
+        """Energy per metre by part, J/m; parts that there are not are left out."""
+        if self.robot.active_effects:
+            parts = self._parts_by_the_kernel(speed_mps)
+        else:
+            parts = self._parts_of_the_paper(speed_mps)
+        return {name: part for name, part in parts.items() if part != 0.0}
+
+    def _parts_of_the_paper(self, speed_mps: float) -> dict[str, float]:
+        """The terms of Eq. 7; where the slope drives the robot by itself, forces draw nothing."""
+        robot, per_m = self.robot, 1.0 / (speed_mps * self.duty)
+        drives = float(model.traction_force(robot, speed_mps, self.grade_rad)) > 0.0
+        per_n = drives / robot.traction_efficiency
+        return {
+            "rolling": model.rolling_force(robot, math.cos(self.grade_rad)) * per_n,
+            "drag": model.drag_force(robot, speed_mps) * per_n,
+            "grade": model.grade_force(robot, math.sin(self.grade_rad)) * per_n,
+            "sensing": model.sensing_power(robot, self.sensing_hz) * per_m,
+            "communication": robot.communication_w * per_m,
+            "controller": robot.controller_w * per_m,
+            "computer": float(model.computer_power(robot, self.sensing_hz)) * per_m,
+        }
+
+    def _parts_by_the_kernel(self, speed_mps: float) -> dict[str, float]:
+        """The ledger of a mission as long as the range, in many drives and stops."""
+        lasts_s = min(self.range_m(speed_mps), 1e9) / (speed_mps * self.duty)
+        cycle_s = lasts_s / _CYCLES
+        starts = np.arange(_CYCLES)[:, None] * cycle_s + np.array([0.0, self.duty * cycle_s])
+        moving = np.tile([speed_mps, 0.0], _CYCLES)
+        keep = np.full(2 * _CYCLES, True) if self.duty < 1.0 else moving > 0.0
+        driven = replay(
+            self.robot, starts.ravel()[keep], moving[keep], grade_rad=self.grade_rad, accel_mps2=0.0,
+            sensing_hz=self.sensing_hz, direction=1.0,
+        )  # fmt: skip
+        return {name: joules / (lasts_s * speed_mps * self.duty) for name, joules in driven.energy_j.items()}
+
+
+def main(args: Args) -> None:
+    """Print the estimate, and draw it if asked to.
+
+    Raises:
+        RobotError: There is no such robot, or its file is wrong.
+        RangeError: Another argument cannot be used.
+        OSError: The picture cannot be written.
+    """
+    mission = _mission(args)
+    robot = mission.robot
+    best_mps = float(optimal_speed(robot, mission.grade_rad, mission.duty, mission.sensing_hz))
+    speed_mps = best_mps if args.speed_mps is None else args.speed_mps
+    range_m, parts = mission.range_m(speed_mps), mission.parts_j_per_m(speed_mps)
+    console = Console()
+    chosen = "the speed with the longest range" if args.speed_mps is None else f"{best_mps:.2f} m/s would go furthest"
+    slope = "on the flat" if args.grade == 0.0 else f"{abs(args.grade):g}° {'up' if args.grade > 0.0 else 'down'}hill"
+    lasts = quantities.duration(range_m / (speed_mps * mission.duty)) if math.isfinite(range_m) else "ever"
+    far = quantities.distance(range_m) if math.isfinite(range_m) else "any distance: the slope drives it for nothing"
+    console.print(
+        f"[bold]{robot.name}: {far}[/bold] on one charge, in {lasts}\n"
+        f"at {speed_mps:.2f} m/s ({chosen}), {slope}, moving {mission.duty:.1%} of the time, "
+        f"sensing at {mission.sensing_hz:g} Hz",
+        highlight=False,
+    )
+    console.print(_table(mission, speed_mps, parts))
+    by = f"the model with {', '.join(robot.active_effects)}" if robot.active_effects else "Eq. 8"
+    console.print(
+        f"By {by}: {quantities.energy(robot.usable_energy_j)} usable, drive efficiency {robot.traction_efficiency:.2%}."
+        + ("" if robot.active_effects else " The paper found such estimates 66 to 91 % accurate."),
+        highlight=False,
+    )
+    if args.plot is not None:
+        from homeward.commands.range_plot import range_picture
+
+        write_whole(args.plot, range_picture(mission, speed_mps, args.plot.suffix))
+        console.print(f"Written to {args.plot}", markup=False, highlight=False)
+
+
+def _mission(args: Args) -> Mission:
+    robot = load_robot(args.robot)
+    for name, value, allowed, low, high in (
+        ("--grade", args.grade, "degrees between -45 and 45", -45.0, 45.0),
+        ("--duty", args.duty, "a share of the time, 0.001 to 1", 1e-3, 1.0),
+        ("--sensing-hz", args.sensing_hz, f"0 to {robot.max_sensing_hz:g} Hz", 0.0, robot.max_sensing_hz),
+        ("--speed-mps", args.speed_mps, "0.001 to 100 m/s", 1e-3, 100.0),
+    ):
+        if value is not None and not low <= value <= high:
+            raise RangeError(f"{name} {value:g} is not allowed; give {allowed}")
+    if args.plot is not None and args.plot.suffix not in (".png", ".svg", ".pdf"):
+        raise RangeError(f"--plot {args.plot}: give a file that ends in .png, .svg or .pdf")
+    return Mission(robot, math.radians(args.grade), args.duty, args.sensing_hz)
+
+
+def _table(mission: Mission, speed_mps: float, parts: dict[str, float]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("part", "mean power", "per metre", "of a charge", "share"):
+        table.add_column(heading, justify="left" if heading == "part" else "right")
+    total, range_m = sum(parts.values()), mission.range_m(speed_mps)
+
+    def row(name: str, per_m: float) -> None:
+        watts = f"{per_m * speed_mps * mission.duty:.3g} W"
+        used = quantities.energy(per_m * range_m) if math.isfinite(range_m) else ""
+        table.add_row(name, watts, f"{per_m:.3g} J", used, f"{per_m / total:.1%}" if total else "")
+
+    for name, per_m in parts.items():
+        row(name, per_m)
+    table.add_section()
+    row("total", total)
+    return table
+
+
+def run() -> int:
+    """Run from the command line, see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (RobotError, RangeError))

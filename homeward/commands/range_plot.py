@@ -1,0 +1,77 @@
+"""The picture of `homeward range`: range and energy per metre over the speed."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from homeward.commands.range import Mission
+
+_SPEEDS = 60
+_COLOURS = (
+    "#0072b2",
+    "#56b4e9",
+    "#d55e00",
+    "#6a51a3",
+    "#009e73",
+    "#999999",
+    "#e69f00",
+    "#cc79a7",
+    "#882255",
+    "#44aa99",
+)
+"""Okabe and Ito's palette and some more."""
+
+
+def range_picture(mission: Mission, speed_mps: float, suffix: str) -> bytes:
+    """Range over the speed, and below it the energy per metre by part.
+
+    Args:
+        mission: The robot and how it drives.
+        speed_mps: Speed to be marked, m/s.
+        suffix: `.png`, `.svg` or `.pdf`.
+    """
+    robot = mission.robot
+    speeds = np.linspace(robot.min_speed_mps, max(robot.max_speed_mps, speed_mps), _SPEEDS)
+    columns = [mission.parts_j_per_m(float(speed)) for speed in speeds]
+    names = list(dict.fromkeys(name for column in columns for name in column))
+    parts = np.array([[column.get(name, 0.0) for column in columns] for name in names])
+    figure = Figure(figsize=(7.5, 6.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.3))
+    upper.plot(speeds, [mission.range_m(float(speed)) / 1000.0 for speed in speeds], color="black")
+    upper.plot([speed_mps], [mission.range_m(speed_mps) / 1000.0], "o", color="black")
+    upper.annotate(
+        f"{mission.range_m(speed_mps) / 1000.0:.2f} km at {speed_mps:.2f} m/s",
+        (speed_mps, mission.range_m(speed_mps) / 1000.0), xytext=(-8, -14), textcoords="offset points", ha="right",
+    )  # fmt: skip
+    upper.set_ylabel("range, km")
+    upper.set_ylim(bottom=0.0)
+    # Downhill the grade takes from what the others need: it is drawn below zero.
+    gains = np.where(parts.min(axis=1, keepdims=True) < 0.0, parts, 0.0)
+    for positive, layer in ((True, parts - gains), (False, gains)):
+        shown = [index for index in range(len(names)) if layer[index].any()]
+        if shown:
+            lower.stackplot(
+                speeds, layer[shown], labels=[names[index] for index in shown] if positive else [],
+                colors=[_COLOURS[index % len(_COLOURS)] for index in shown],
+            )  # fmt: skip
+    lower.axvline(speed_mps, color="black", linewidth=1.0, linestyle=":")
+    lower.set_ylabel("energy per metre, J/m")
+    lower.set_xlabel("speed while moving, m/s")
+    handles, labels = lower.get_legend_handles_labels()
+    figure.legend(handles[::-1], labels[::-1], loc="outside right lower", frameon=False, fontsize=9)
+    for axis in (upper, lower):
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.grid(alpha=0.25, linewidth=0.6)
+        axis.set_axisbelow(True)
+    figure.suptitle(
+        f"{robot.name}: grade {np.degrees(mission.grade_rad):g}°, moving {mission.duty:.1%} of the time, "
+        f"sensing at {mission.sensing_hz:g} Hz", fontsize=11,
+    )  # fmt: skip
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)
+    return buffer.getvalue()

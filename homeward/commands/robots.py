@@ -1,0 +1,72 @@
+"""List the robots that ship, or print the file of one.
+
+`homeward robots` lists key figures of all presets. `homeward robots husky > mine.toml` prints a robot file, with the
+source beside every number, to start your own from: change what differs and give its path wherever a robot is asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from homeward import Robot, RobotError, cli, load_robot, quantities
+from homeward.physics import ancillary_power, d_max, optimal_speed
+from homeward.physics.robot import preset_names
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which robot."""
+
+    robot: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[ROBOT]")] = None
+    """Preset name, or path of a robot file, to be printed; none: a table of all presets."""
+
+
+def main(args: Args) -> None:
+    """Print the table, or one file.
+
+    Raises:
+        RobotError: There is no such robot, or its file is wrong.
+    """
+    if args.robot is not None:
+        load_robot(args.robot)  # says what is wrong in a file
+        shipped = files("homeward") / "robots" / f"{args.robot}.toml"
+        source = shipped if args.robot in preset_names() else Path(args.robot)
+        print(source.read_text(encoding="utf-8"), end="")
+        return
+    table = Table(
+        box=box.SIMPLE_HEAD, caption="range: on the flat at the optimal speed, nothing sensed", padding=(0, 2, 0, 0)
+    )
+    for heading in ("robot", "mass\nkg", "battery\nkJ", "speed\nm/s", "drive\n%", "idle\nW", "range\nkm", "lasts\nh"):
+        table.add_column(heading, justify="left" if heading == "robot" else "right", no_wrap=True)
+    for name in preset_names():
+        table.add_row(name, *_figures(load_robot(name)))
+    console = Console()
+    console.print(table)
+    for name in preset_names():
+        console.print(f"[bold]{name}[/bold]: {load_robot(name).description}", highlight=False)
+
+
+def _figures(robot: Robot) -> tuple[str, ...]:
+    speed, range_m = float(optimal_speed(robot)), float(d_max(robot))
+    return (
+        f"{robot.mass_kg:.3g}",
+        quantities.count(robot.usable_energy_j / 1000.0),
+        f"{robot.max_speed_mps:.3g}",
+        f"{100.0 * robot.traction_efficiency:.1f}",
+        f"{float(ancillary_power(robot, 0.0)):.3g}",
+        f"{range_m / 1000.0:.2f}",
+        f"{range_m / speed / 3600.0:.1f}",
+    )
+
+
+def run() -> int:
+    """Run from the command line, see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (RobotError,))

@@ -1,0 +1,168 @@
+"""List routes, or measure and draw one.
+
+`homeward routes` lists what ships. `homeward routes track.gpx --robot husky` reads a route of your own (a GPX or FIT
+track, or a CSV file, as `--route` of the environments takes them), says how long and steep it is and what it costs that
+robot. `homeward routes generated` says the same of what the environments draw for every mission. `--plot route.png`
+draws the profile.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from homeward import Robot, RobotError, cli, load_robot, quantities
+from homeward.envs.options import OptionError
+from homeward.envs.route_files import load_route, route_names
+from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route, RouteError
+from homeward.envs.state import MAX_PLACES
+from homeward.files import write_whole
+from homeward.physics import d_max, optimal_speed
+
+_FINEST_M = 0.01
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which route."""
+
+    route: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[ROUTE]")] = None
+    """Name of a route that ships, or path of a .gpx, .fit or .csv file; none: a table of those that ship."""
+    robot: str = "rusti_computer"
+    """Robot that drives it: preset name or TOML file. Generated routes are as long as suits it."""
+    draws: int = 200
+    """Number of generated routes to measure."""
+    seed: int = 0
+    """Seed of the first of them."""
+    plot: Path | None = None
+    """Picture of the profile to write (.png, .svg or .pdf)."""
+
+
+def main(args: Args) -> None:
+    """Print the table, or measure and draw one route.
+
+    Raises:
+        RouteError, RobotError, OptionError: There is no such route or robot, or an argument cannot be used.
+        OSError: The picture cannot be written.
+    """
+    console = Console()
+    if args.route is None:
+        console.print(_table())
+        return
+    if args.plot is not None and args.plot.suffix not in (".png", ".svg", ".pdf"):
+        raise OptionError(f"--plot {args.plot}: give a file that ends in .png, .svg or .pdf")
+    if args.draws < 1 or args.seed < 0:
+        raise OptionError(f"--draws {args.draws} --seed {args.seed}: give at least 1 draw and a seed of 0 or more")
+    robot = load_robot(args.robot)
+    if args.route in (GENERATED, HIDDEN_WIND):
+        routes = generated_routes(robot, args.route, args.draws, args.seed)
+        title = f"{args.route} for {robot.name}, {args.draws} draws: median (5 to 95 %)"
+    else:
+        routes = [load_route(args.route, _FINEST_M)]
+        title = f"{args.route}, cut into {len(routes[0].grade_rad)} places"
+    table = Table(title=title, box=box.SIMPLE_HEAD, show_header=False, title_justify="left")
+    for name, (values, unit) in figures(routes, robot).items():
+        table.add_row(name, _spread(values, unit))
+    console.print(table)
+    if args.plot is not None:
+        from homeward.commands.route_plot import routes_picture
+
+        write_whole(args.plot, routes_picture(routes, args.route, args.plot.suffix))
+        console.print(f"Written to {args.plot}", markup=False, highlight=False)
+
+
+def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.float64], str]]:
+    """What there is to say of routes, one value each, with its unit.
+
+    Args:
+        routes: The routes.
+        robot: Its own model gives the energy.
+    """
+    speed = float(optimal_speed(robot))
+    found = []
+    for route in routes:
+        rise = route.place_m * np.sin(route.grade_rad)
+        there, back = (
+            float((route.place_m / d_max(robot, speed, sign * route.grade_rad)).sum()) for sign in (1.0, -1.0)
+        )
+        steepest = np.degrees(route.grade_rad)
+        found.append(
+            {
+                ("length", "m"): route.length_m,
+                ("climb on the way out", "m"): rise[rise > 0.0].sum(),
+                ("descent on the way out", "m"): np.abs(rise[rise < 0.0]).sum(),
+                ("steepest climb", "°"): max(steepest.max(), 0.0),
+                ("steepest descent", "°"): max(-steepest.min(), 0.0),
+                ("mean interest", ""): route.interest.mean(),
+                ("air temperature", "°C"): route.temperature_c,
+                ("wind", "m/s"): route.wind_mps,
+                (f"energy there, {robot.name} at {speed:.2f} m/s", "% of a charge"): 100.0 * there,
+                ("energy back, without wind", "% of a charge"): 100.0 * back,
+            }
+        )
+    return {name: (np.array([one[name, unit] for one in found]), unit) for name, unit in found[0]}
+
+
+def generated_routes(robot: Robot, kind: str, count: int, seed: int) -> list[Route]:
+    """Routes as the environments draw them.
+
+    Args:
+        robot: Their length suits it.
+        kind: `generated` or `hidden_wind`.
+        count: How many.
+        seed: Of the first; the others follow.
+    """
+    from homeward.envs.vector import HomewardVectorEnv  # only now: it compiles
+
+    env = HomewardVectorEnv(count, mission="OutAndBack", robot=robot, route=kind, difficulty="uncertain")
+    env.reset(seed=seed)
+    shared, missions = env.batch.setting.shared[0], env.batch.records
+    drawn = env.batch.routes["places"][:, : int(shared["places"])].astype(np.dtype(env.batch.routes["places"].dtype))
+    return [
+        Route(
+            float(shared["place_m"]), np.arcsin(places["sin_grade"].astype(np.float64)), places["roughness"],
+            places["interest"], places["heading_rad"], m["temperature_c"], m["wind_mps"], m["wind_from_rad"],
+        )
+        for places, m in zip(drawn, missions, strict=True)
+    ]  # fmt: skip
+
+
+def _table() -> Table:
+    table = Table(box=box.SIMPLE_HEAD, caption=f"any route is cut into at most {MAX_PLACES} places")
+    for heading in ("route", "length", "grade", "what it is"):
+        table.add_column(heading, no_wrap=heading == "route")
+    table.add_row(
+        GENERATED, "as suits\nthe robot", "varied", "hills, rough patches, hot spots and weather, anew each time"
+    )
+    table.add_row(HIDDEN_WIND, "", "", "the same, with a wind that helps on the way out and hurts on the way home")
+    for name in route_names():
+        if name not in (GENERATED, HIDDEN_WIND):
+            route = load_route(name, _FINEST_M)
+            low, high = (float(np.degrees(end)) for end in (route.grade_rad.min(), route.grade_rad.max()))
+            grade = f"{low:.2f}°" if high - low < 0.005 else f"{low:.2f} to {high:.2f}°"
+            table.add_row(name, f"{route.length_m:.2f} m", grade, _first_comment(name))
+    return table
+
+
+def _first_comment(name: str) -> str:
+    text = (files("homeward") / "routes" / f"{name}.csv").read_text(encoding="utf-8")
+    return next((line.strip("# ") for line in text.splitlines() if line.startswith("#")), "")
+
+
+def _spread(values: NDArray[np.float64], unit: str) -> str:
+    low, middle, high = (quantities.count(float(value)) for value in np.quantile(values, (0.05, 0.5, 0.95)))
+    return f"{middle} {unit}" if low == high else f"{middle} ({low} to {high}) {unit}"
+
+
+def run() -> int:
+    """Run from the command line, see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (RouteError, RobotError, OptionError))
