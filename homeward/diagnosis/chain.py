@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +15,15 @@ from homeward.diagnosis.blocks import FEWEST_BLOCKS, cut_folds
 from homeward.diagnosis.charge import USABLE_ENERGY, Charge, weigh_charge
 from homeward.diagnosis.columns import Columns
 from homeward.diagnosis.correct import correct, of_capacity, range_change
-from homeward.diagnosis.describe import ageing, missing_physics, where_at_work
-from homeward.diagnosis.empirical import Empirical, propose
+from homeward.diagnosis.describe import ageing, missing_physics
+from homeward.diagnosis.empirical import Empirical
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
+from homeward.diagnosis.explanation import Explanation, Left, explain
+from homeward.diagnosis.fitted import with_columns
 from homeward.diagnosis.hypotheses import what_can_be_shown
-from homeward.diagnosis.location import Location, locate
+from homeward.diagnosis.location import Location
 from homeward.diagnosis.modelling import Corrected
-from homeward.diagnosis.motion import explained, follows_motion
-from homeward.diagnosis.naming import FOLDS, Naming, name_missing, shifted_in_time
+from homeward.diagnosis.naming import FOLDS, Naming, shifted_in_time
 from homeward.diagnosis.quality import Finding, usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
@@ -33,8 +34,6 @@ from homeward.diagnosis.structure import FALSE_ALARM_RATE, Dependence, dependenc
 from homeward.physics import Robot, load_robot
 
 Progress = Callable[[str], None]
-
-_MOST_OF = 0.7  # what effects without a schedule must explain of what one with a schedule does
 
 STAGES = (
     "reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving",
@@ -62,6 +61,7 @@ class Evidence:
     empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
     range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
     charge: Charge | None = None  # of the battery beside the drive, where its state was recorded
+    remains: Left | None = None  # what the named effects leave, where it still depends on a channel
 
     @property
     def fades(self) -> bool:
@@ -211,27 +211,14 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     enough = int(block.max()) + 1 >= FEWEST_BLOCKS
     progress("testing what remains")
     found = dependences(fitted, runs, blocks, fold, seed) if enough else []
-    progress("locating")
-    location = locate(found[0], runs) if found and found[0].found else None
-    naming = name_missing(fitted, runs, block, seed, progress) if enough else Naming()
-    naming, location = _without_what_motion_tells(naming, location, fitted, runs, block, seed, progress)
-    empirical = None
-    by_channel = location is not None and found[0].channel.name != "time_s"
-    if location is not None and (not naming.named or (by_channel and naming.named[0].term.axis == "time")):
-        empirical = propose(fitted, runs, block, fold, seed)
-    if naming.named and empirical is not None:
-        if empirical.held_out_gain > naming.named[0].held_out_gain:
-            # A recorded channel says better when it happens than a schedule, which is for causes that none records.
-            naming = naming.nothing_named()
-        else:
-            empirical = None
-    corrected = naming.corrected
-    if corrected is not None and any(one.term.axis == "time" for one in naming.named):
+    told = explain(fitted, runs, found, block, fold, seed, progress) if found else Explanation(Naming(), None, None)
+    corrected = told.naming.corrected
+    if corrected is not None and any(one.term.axis == "time" for one in told.naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
     charge = weigh_charge(runs, robot, block, seed) if enough else None
     progress("proving")
-    predicted = _predictions(fitted, corrected, empirical, nominal, runs, fold, seed)
+    predicted = _predictions(fitted, corrected, told.empirical, nominal, runs, fold, seed)
     arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
     trip = runs.run if held_out_by == "run" else fold
     accuracy = {name: range_accuracy_pct(one, runs, trip) for name, one in predicted.items()}
@@ -245,38 +232,15 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         predicted,
         known,
         tuple(found),
-        location,
-        naming,
+        told.location,
+        told.naming,
         corrected,
-        empirical,
+        told.empirical,
         accuracy,
         charge,
+        told.left,
     )
     return evidence, fit
-
-
-def _without_what_motion_tells(
-    naming: Naming,
-    location: Location | None,
-    fitted: Refit,
-    runs: Runs,
-    block: NDArray[np.intp],
-    seed: int,
-    progress: Progress,
-) -> tuple[Naming, Location | None]:
-    """Name nothing that needs a schedule where motion alone explains what the first effect needs one for.
-
-    Where no other effect explains it either, say where it is.
-    """
-    if naming.corrected is None or naming.named[0].term.axis == "steady":
-        return naming, location
-    first, fold = naming.named[0], block % FOLDS
-    if not follows_motion(fitted, runs, fold, first.held_out_gain, seed):
-        return naming, location
-    again = name_missing(fitted, runs, block, seed, progress, schedules=False)
-    if again.corrected is not None and explained(fitted, again.corrected, runs, fold) >= _MOST_OF * first.held_out_gain:
-        return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
-    return naming.nothing_named(), location or where_at_work(first.term, naming.corrected.contribution[0], runs)
 
 
 def _predictions(
@@ -298,10 +262,12 @@ def _predictions(
         added = np.column_stack(corrected.contribution)
     elif empirical is not None:
         added = empirical.columns
-        arms["corrected"] = held_out(lambda chosen: fitted.with_columns(chosen, runs.observed, empirical.columns), fold)
+        arms["corrected"] = held_out(
+            lambda chosen: with_columns(fitted, chosen, runs.observed, empirical.columns), fold
+        )
     if added is not None:
         placebo = shifted_in_time(added, rng)
-        arms["placebo"] = held_out(lambda chosen: fitted.with_columns(chosen, runs.observed, placebo), fold)
+        arms["placebo"] = held_out(lambda chosen: with_columns(fitted, chosen, runs.observed, placebo), fold)
     arms["black_box"] = held_out(lambda chosen: black_box(runs, fitted.predicted, chosen, rng), fold)
     return arms
 

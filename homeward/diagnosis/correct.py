@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis.refit import Estimate, with_ancillary, with_effects_of
+from homeward.diagnosis.parameters import with_ancillary, with_effects_of
+from homeward.diagnosis.refit import Estimate
 from homeward.diagnosis.replay import thrust_n_per_a
 from homeward.diagnosis.result import Verdict
 from homeward.diagnosis.signals import Unit

@@ -19,10 +19,11 @@ from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis.arms import gain, held_out
 from homeward.diagnosis.blocks import correlation_windows, noise_of
+from homeward.diagnosis.fitted import Fitted, excited, with_columns
 from homeward.diagnosis.formulas import Candidate, Library, candidates
 from homeward.diagnosis.groups import constants
 from homeward.diagnosis.naming import SMALLEST_GAIN, shifted_in_time
-from homeward.diagnosis.refit import Refit, standard_errors
+from homeward.diagnosis.refit import standard_errors
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 
@@ -74,7 +75,7 @@ class Empirical:
 
 
 def propose(
-    fit: Refit,
+    fit: Fitted,
     runs: Runs,
     block: NDArray[np.intp],
     fold: NDArray[np.intp],
@@ -93,7 +94,7 @@ def propose(
         return _propose(fit, runs, block, fold, seed)
 
 
-def _propose(fit: Refit, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.intp], seed: int) -> Empirical | None:
+def _propose(fit: Fitted, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.intp], seed: int) -> Empirical | None:
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
     chosen: list[Candidate] = []
@@ -147,7 +148,7 @@ class Search:
     """What a search for a term needs beside the terms that are present."""
 
     library: Library
-    fit: Refit
+    fit: Fitted
     runs: Runs
     fold: NDArray[np.intp]
     memory: float | None = None  # of what is left, in windows; by default that of the refit's residual
@@ -187,7 +188,7 @@ class Search:
     def held_out(self, present: Sequence[Candidate]) -> Array:
         """Held-out predictions of the refit with these terms, within the bounds of what is physical."""
         columns = self.library.columns(present)
-        return held_out(lambda chosen: self.fit.with_columns(chosen, self.runs.observed, columns), self.fold)
+        return held_out(lambda chosen: with_columns(self.fit, chosen, self.runs.observed, columns), self.fold)
 
 
 @dataclass(frozen=True)
@@ -292,12 +293,12 @@ def _placebo_p_value(search: Search, present: Sequence[Candidate], score: float,
 
 
 def _coefficients(
-    fit: Refit, runs: Runs, block: NDArray[np.intp], columns: Array
+    fit: Fitted, runs: Runs, block: NDArray[np.intp], columns: Array
 ) -> tuple[list[float], list[tuple[float, float]]]:
     """Coefficient of each term fitted together with the groups, and its interval clustered by block."""
     everywhere = np.ones(len(runs.observed), dtype=bool)
-    predicted = fit.with_columns(everywhere, runs.observed, columns)
-    design = np.column_stack([fit.jacobian[:, fit.excited(runs)], columns])
+    predicted = with_columns(fit, everywhere, runs.observed, columns)
+    design = np.column_stack([fit.jacobian[:, excited(fit, runs)], columns])
     weights = np.linalg.lstsq(design, predicted - fit.predicted, rcond=None)[0][-columns.shape[1] :]
     errors = standard_errors(design, runs.observed - predicted, block)[-columns.shape[1] :]
     width = float(student.ppf(0.975, max(int(block.max()) + 1 - design.shape[1], 1))) * errors

@@ -19,7 +19,8 @@ from homeward.diagnosis.blocks import noise_of
 from homeward.diagnosis.hypotheses import CATALOGUE, Term
 from homeward.diagnosis.location import Location
 from homeward.diagnosis.menu import KNOWN_MASS, MENU, Course, Manoeuvre
-from homeward.diagnosis.refit import DRAG, MASS, ROLLING, Estimate, Refit, WithEffects
+from homeward.diagnosis.parameters import DRAG, MASS, ROLLING, WithEffects
+from homeward.diagnosis.refit import Estimate, Refit
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array, Unit

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.diagnosis.fitted import Fitted
 from homeward.diagnosis.groups import Factor, factors
-from homeward.diagnosis.refit import Refit
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 from homeward.physics import ancillary_power
@@ -79,7 +79,7 @@ class Library:
         return np.column_stack([*(base.values for base in self.bases), self.values])
 
 
-def candidates(fit: Refit, runs: Runs) -> Library:
+def candidates(fit: Fitted, runs: Runs) -> Library:
     """Every candidate that the channels of these runs allow."""
     robot = fit.parameters.nominal
     found = factors(runs, robot)

@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from homeward.diagnosis.fitted import excited
 from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Term
-from homeward.diagnosis.refit import Parameters, Refit, WithEffects, derivatives, standard_errors
+from homeward.diagnosis.parameters import Parameters, WithEffects, derivatives
+from homeward.diagnosis.refit import Refit, standard_errors
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Value
 from homeward.diagnosis.signals import Array
+from homeward.physics import Robot
 
 _ITERATIONS = 6
 _MATTERS = 0.03  # of what was recorded
@@ -93,6 +96,21 @@ class Corrected:
     groups: Refit  # of the groups of the refit, fitted together with the effects
     beside: Array  # (windows, unknowns): derivative of the prediction, per unit of each unknown
     contribution: tuple[Array, ...]  # what each term adds, shape (windows,)
+
+    @property
+    def parameters(self) -> Parameters:
+        """The groups and their bounds."""
+        return self.groups.parameters
+
+    @property
+    def theta(self) -> Array:
+        """Values of the parameters, shape (5,)."""
+        return self.groups.theta
+
+    @property
+    def robot(self) -> Robot:
+        """The robot with these parameters, without effects."""
+        return self.groups.robot
 
     @property
     def predicted(self) -> Array:
@@ -181,7 +199,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
     theta, values = _start(fit, model, runs)
     best: tuple[float, Array, Array, Array, Array] | None = None
     for _ in range(_ITERATIONS):
-        predicted, jacobian = _linearised(model, runs, theta, values, fit.excited(runs, _MATTERS))
+        predicted, jacobian = _linearised(model, runs, theta, values, excited(fit, runs, _MATTERS))
         residual = runs.observed - predicted
         error = float(residual @ residual)
         if best is not None and error >= best[0] * (1.0 - 1e-7):
@@ -255,11 +273,11 @@ def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
 
 
 def _linearised(
-    model: Model, runs: Runs, theta: Array, values: Array, excited: NDArray[np.bool_]
+    model: Model, runs: Runs, theta: Array, values: Array, moving: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     predicted = model.predict(runs, theta, values)
     groups = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values))
-    columns = [column * bool(open_) for column, open_ in zip(groups, excited, strict=True)]
+    columns = [column * bool(open_) for column, open_ in zip(groups, moving, strict=True)]
     for index, one in enumerate(model.unknowns):
         term = model.terms[one.term]
         if one.column is not None and term.linear:

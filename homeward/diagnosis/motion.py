@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.arms import black_box, held_out
-from homeward.diagnosis.modelling import Corrected
-from homeward.diagnosis.refit import Refit
+from homeward.diagnosis.fitted import Fitted
 from homeward.diagnosis.replay import Runs
 
 MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
@@ -22,21 +21,21 @@ AS_WELL = 0.95
 """Share of what a schedule explains."""
 
 
-def explained(fit: Refit, corrected: Corrected, runs: Runs, fold: NDArray[np.intp]) -> float:
+def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: NDArray[np.intp]) -> float:
     """Share of the refit's held-out squared error that a fitted model explains."""
     return 1.0 - _held_out_error(corrected, runs, fold) / max(_held_out_error(fit, runs, fold), 1e-300)
 
 
-def _held_out_error(model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> float:
+def _held_out_error(model: Fitted, runs: Runs, fold: NDArray[np.intp]) -> float:
     left = runs.observed - held_out(lambda chosen: model.on(chosen, runs.observed), fold)
     return float(left @ left)
 
 
-def follows_motion(fit: Refit, runs: Runs, fold: NDArray[np.intp], gain: float, seed: int) -> bool:
-    """Whether motion alone explains as much of the refit's held-out squared error as a schedule does.
+def follows_motion(fit: Fitted, runs: Runs, fold: NDArray[np.intp], gain: float, seed: int) -> bool:
+    """Whether motion alone explains as much of a model's held-out squared error as a schedule does.
 
     Args:
-        fit: The refit.
+        fit: The refit, or a model with effects.
         runs: The runs.
         fold: What is held out together, shape (windows,).
         gain: Share of the squared error that the schedule explains.

@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.arms import gain
 from homeward.diagnosis.blocks import correlation_windows
-from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, look_alike, terms
+from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, look_alike
 from homeward.diagnosis.modelling import Corrected, fit_model
-from homeward.diagnosis.refit import Refit, WithEffects
+from homeward.diagnosis.motion import follows_motion
+from homeward.diagnosis.parameters import WithEffects
+from homeward.diagnosis.refit import Refit
 from homeward.diagnosis.regression import Products, products
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
+from homeward.diagnosis.terms import terms
 
 SMALLEST_GAIN = 0.05
 """Share of the refit's held-out squared error that an effect must explain to be named."""
@@ -165,12 +168,16 @@ def name_missing(
     corrected: Corrected | None = None
     while len(named) < _MOST_EFFECTS:
         progress("naming")
-        possible = terms(setting, tuple(one.term.effect for one in named))
-        candidates = tuple(term for term in possible if schedules or term.axis == "steady")
+        candidates = tuple(terms(setting, tuple(one.term.effect for one in named), schedules))
         bench = _bench(columns, low, high, candidates, setting.residual, runs, fold)
         if corrected is None:
             ranking, absorbed = _rank(bench), _absorbed(bench)
         for found in _best(bench, block, seed):
+            if corrected is not None and any(
+                one.term.axis != "steady" and follows_motion(corrected, runs, fold, one.held_out_gain, seed)
+                for one in found
+            ):
+                continue  # beside what is named, motion tells as much
             fitted = fit_model(fit, [one.term for one in (*named, *found)], runs, block)
             if fitted.all_at_work():
                 break

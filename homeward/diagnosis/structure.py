@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from homeward.diagnosis.blocks import cut_blocks
-from homeward.diagnosis.refit import Refit
+from homeward.diagnosis.fitted import Fitted
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 from homeward.physics import ancillary_power
@@ -116,7 +116,7 @@ class Blocks:
     time: NDArray[np.intp]  # for changes in time: outlasts what neither a channel nor one change per run explains
 
 
-def independent_blocks(fit: Refit, runs: Runs) -> Blocks:
+def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
     """Cut blocks by the memory of what is left when every channel explains what it can.
 
     The memory of the plain residual would include that of the missing physics, which lasts as long as its cause. A
@@ -136,7 +136,7 @@ def independent_blocks(fit: Refit, runs: Runs) -> Blocks:
     return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady))
 
 
-def dependences(fit: Refit, runs: Runs, block: Blocks, fold: NDArray[np.intp], seed: int = 0) -> list[Dependence]:
+def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: NDArray[np.intp], seed: int = 0) -> list[Dependence]:
     """Test the residuals of a refit against time and every channel: found ones first, the largest gain first."""
     candidates = [*_by_channel(fit, runs, block.channels), *_by_time(fit, runs, block.time)]
     found = []
@@ -163,7 +163,7 @@ class _Candidate:
     looks: tuple[_Look, ...]
 
 
-def _by_channel(fit: Refit, runs: Runs, block: NDArray[np.intp]) -> list[_Candidate]:
+def _by_channel(fit: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[_Candidate]:
     residual = runs.observed - fit.predicted
     even, load = np.ones(len(residual)), _drive_load(fit, runs)
     result = []
@@ -178,7 +178,7 @@ def _by_channel(fit: Refit, runs: Runs, block: NDArray[np.intp]) -> list[_Candid
     return result
 
 
-def _by_time(fit: Refit, runs: Runs, block: NDArray[np.intp]) -> list[_Candidate]:
+def _by_time(fit: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[_Candidate]:
     residual = runs.observed - fit.predicted
     result = []
     for scaled, weight in ((False, np.ones(len(residual))), (True, _drive_load(fit, runs))):
@@ -190,7 +190,7 @@ def _by_time(fit: Refit, runs: Runs, block: NDArray[np.intp]) -> list[_Candidate
 
 
 def _describe(
-    one: _Candidate, p_value: float, fit: Refit, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.intp]
+    one: _Candidate, p_value: float, fit: Fitted, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.intp]
 ) -> Dependence:
     gain = _held_out_gain(fit, runs, one.number, one.weight, fold)
     effect, error = _effects(fit.jacobian, runs.observed - fit.predicted, one.number, one.weight, block)
@@ -214,7 +214,7 @@ def _ranked(found: list[Dependence]) -> list[Dependence]:
     return sorted(found, key=rank)
 
 
-def _drive_load(fit: Refit, runs: Runs) -> Array | None:
+def _drive_load(fit: Fitted, runs: Runs) -> Array | None:
     """Load of the drive as the robot file has it, over its mean; None where it has none."""
     problem = fit.parameters
     standing = 0.0
@@ -270,7 +270,7 @@ def _indicators(number: NDArray[np.intp], weight: Array | float = 1.0) -> Array:
     return design
 
 
-def _bin_look(fit: Refit, residual: Array, weight: Array, number: NDArray[np.intp], block: NDArray[np.intp]) -> _Look:
+def _bin_look(fit: Fitted, residual: Array, weight: Array, number: NDArray[np.intp], block: NDArray[np.intp]) -> _Look:
     """Sums per bin, of the bins that enough blocks reach into."""
     bins, blocks = int(number.max()) + 1, int(block.max()) + 1
     inside = (number >= 0) & (weight != 0.0)
@@ -283,7 +283,7 @@ def _bin_look(fit: Refit, residual: Array, weight: Array, number: NDArray[np.int
     return _Look(sums[:, covered], columns[covered], np.arange(int(covered.sum())))
 
 
-def _trend_look(fit: Refit, residual: Array, weight: Array, values: Array, block: NDArray[np.intp]) -> _Look:
+def _trend_look(fit: Fitted, residual: Array, weight: Array, values: Array, block: NDArray[np.intp]) -> _Look:
     """Sum of the residual times the centred rank of the channel: few effects are not monotone."""
     known = np.isfinite(values)
     rank = np.zeros(len(values))
@@ -296,7 +296,7 @@ def _trend_look(fit: Refit, residual: Array, weight: Array, values: Array, block
     return _Look(sums, (slope @ fit.jacobian)[None], np.zeros(1, dtype=np.intp))
 
 
-def _time_look(fit: Refit, residual: Array, weight: Array, run: NDArray[np.intp], block: NDArray[np.intp]) -> _Look:
+def _time_look(fit: Fitted, residual: Array, weight: Array, run: NDArray[np.intp], block: NDArray[np.intp]) -> _Look:
     """Sums from the start of a run to each of its blocks, and from there to its end: a CUSUM test for a change."""
     blocks = int(block.max()) + 1
     score = np.bincount(block, weight * residual)
@@ -344,7 +344,7 @@ def _studentised(draws: Array, sums: Array) -> Array:
 
 
 def _family_p_values(
-    fit: Refit, runs: Runs, block: NDArray[np.intp], candidates: Sequence[Sequence[_Look]], seed: int
+    fit: Fitted, runs: Runs, block: NDArray[np.intp], candidates: Sequence[Sequence[_Look]], seed: int
 ) -> Array:
     """P-value of each candidate, corrected for all looks by the bootstrap distribution of the smallest."""
     residual = runs.observed - fit.predicted
@@ -374,7 +374,7 @@ def _smallest_p(signs: Array, refitted: Array, looks: Sequence[_Look]) -> Array:
     return best
 
 
-def _held_out_gain(fit: Refit, runs: Runs, number: NDArray[np.intp], weight: Array, fold: NDArray[np.intp]) -> float:
+def _held_out_gain(fit: Fitted, runs: Runs, number: NDArray[np.intp], weight: Array, fold: NDArray[np.intp]) -> float:
     """Share of the refit's held-out squared error that a step per bin explains."""
     residual = runs.observed - fit.predicted
     design = np.column_stack([fit.jacobian, _indicators(number, weight)])

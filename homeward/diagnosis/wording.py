@@ -87,9 +87,29 @@ def _missing_physics(evidence: Evidence, fit: Fit, found: Sequence[MissingPhysic
             f"{fading.lost_share.value:.0%} of the usable energy is gone, which explains {fading.held_out_gain:.0%} of "
             "the gauge's held-out squared error."
         )
+    proof += _remains(evidence, fit)
     return (
         f"{'What the simulator lacks' if len(told) == 1 else 'The simulator lacks'}: {'; '.join(told)}. {plain}{proof}"
     )
+
+
+def _remains(evidence: Evidence, fit: Fit) -> str:
+    """What the named effects leave, where that still depends on a channel."""
+    left = evidence.remains
+    if left is None:
+        return ""
+    excess = left.location.excess[left.location.inside]
+    sign = "more" if float(excess.mean()) > 0.0 else "less"
+    text = (
+        f" Something is left that no known effect explains: {left.location.condition}, the robot draws "
+        f"{abs(float(excess.mean())):.2g} {fit.unit} {sign} than the corrected model says, against the rest."
+    )
+    if left.formula is not None:
+        text += (
+            f" It follows {left.formula.text}, a description, not a cause, which would take "
+            f"{left.formula.held_out_gain:.0%} of the squared error that remains."
+        )
+    return text
 
 
 def _unknown_physics(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:

@@ -186,3 +186,23 @@ def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(drive: Dri
     diagnosis = diagnose(creeping, husky)
     assert diagnosis.missing_physics[0].effect == "sensor_offset"
     assert diagnosis.missing_physics[0].parameters["offset"].value == pytest.approx(40.0, rel=0.1)
+
+
+def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(drive: Drive, husky: Robot) -> None:
+    """Turning, which the catalogue knows, and a drive that chatters in a band of speeds, which it does not."""
+    runs = [
+        dataclasses.replace(
+            run,
+            channels={
+                **run.channels,
+                "power_w": run.channels["power_w"] + 60.0 * (np.abs(run.channels["speed_mps"] - 0.55) < 0.1),
+            },
+        )
+        for run in drive(husky, runs=4, effects={"turning": {"scrub": 0.5}})
+    ]
+    analysis = analyse(runs, husky)
+    assert [one.effect for one in analysis.diagnosis.missing_physics] == ["turning"]
+    assert analysis.evidence is not None
+    assert analysis.evidence.remains is not None
+    assert "m/s" in analysis.evidence.remains.location.condition
+    assert "Something is left" in analysis.diagnosis.summary
