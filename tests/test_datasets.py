@@ -10,7 +10,7 @@ import requests
 
 from homeward import datasets
 from homeward.datasets import DATASETS, DatasetError, DownloadError, fetch
-from homeward.diagnosis import load_columns
+from homeward.diagnosis import load_columns, read_recording
 from homeward.physics import load_robot
 
 
@@ -93,3 +93,32 @@ def test_mapping_and_robot_of_each_data_set_ship(dataset: datasets.Dataset) -> N
     assert load_columns(dataset.columns).sources
     if dataset.robot is not None:
         load_robot(dataset.robot)
+
+
+@pytest.mark.parametrize("dataset", DATASETS.values(), ids=DATASETS)
+def test_a_local_copy_stands_for_the_network(dataset: datasets.Dataset, data_folder: Path) -> None:
+    paths = fetch(dataset.name, progress=False)
+    assert [path.is_relative_to(data_folder / dataset.name) for path in paths] == [True] * len(
+        datasets._registry(dataset.name)
+    )
+    run = read_recording(paths[0], dataset.columns)
+    assert run.duration_s > 5.0
+    assert {"voltage_v", "current_a"} <= run.channels.keys() or {"motor_left_a", "motor_right_a"} <= run.channels.keys()
+
+
+@pytest.mark.parametrize("dataset", DATASETS.values(), ids=DATASETS)
+def test_addresses_cannot_change_and_digests_are_whole(dataset: datasets.Dataset) -> None:
+    assert dataset.base_url.startswith("https://") and dataset.base_url.endswith("/")
+    assert any(len(part) == 40 for part in dataset.base_url.split("/"))  # the commit
+    registry = datasets._registry(dataset.name)
+    assert registry and all(len(digest) == 64 for digest in registry.values())
+
+
+def test_the_bar_shows_how_much_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+    bar = datasets._Bar()
+    bar.reset()
+    bar.total = 100
+    bar.update(40)
+    bar.update(60)
+    assert bar._bar.tasks[0].completed == bar._bar.tasks[0].total == 100
+    bar.close()
