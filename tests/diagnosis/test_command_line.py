@@ -62,3 +62,21 @@ def test_shipped_recording_is_what_its_script_makes() -> None:
     made, shipped = record(true_robot()), pd.read_csv(shipped_recording())
     assert list(made) == list(shipped)
     np.testing.assert_allclose(shipped, made, atol=0.11, err_msg="run `python benchmarks/make_recording.py`")
+
+
+def test_an_interrupted_diagnosis_leaves_what_an_earlier_one_wrote(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert run(monkeypatch, "--out", out) == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    capsys.readouterr()
+
+    def ctrl_c(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    for moment in ("explanation.name_missing", "report.report_html"):
+        monkeypatch.setattr(f"homeward.diagnosis.{moment}", ctrl_c)
+        assert run(monkeypatch, "--out", out) == 130
+        assert capsys.readouterr().err.strip().splitlines()[-1].startswith("diagnose.py: interrupted")
+        assert {path.name: path.read_bytes() for path in out.iterdir()} == before
