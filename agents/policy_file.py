@@ -48,7 +48,7 @@ class NetworkPolicy(Policy):
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission: int64 levels, or float32 within the box, shape (n, 3)."""
         starts = range(0, len(observations), _ROWS)
-        outputs = np.concatenate([self._outputs(observations[start : start + _ROWS]) for start in starts])
+        outputs = np.concatenate([self.outputs(observations[start : start + _ROWS]) for start in starts])
         if isinstance(self.action_space, spaces.Box):
             clipped: NDArray[np.float32] = np.clip(outputs, self.action_space.low, self.action_space.high)
             return clipped
@@ -56,7 +56,8 @@ class NetworkPolicy(Policy):
         parts = np.split(outputs, np.cumsum(self.action_space.nvec)[:-1], axis=1)
         return np.stack([part.argmax(axis=1) for part in parts], axis=1)
 
-    def _outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What the last layer gives for observations, shape (n, outputs): scores of all levels, or the mean action."""
         for weight, bias in self.layers[:-1]:
             values = np.tanh(values @ weight.T + bias)
         weight, bias = self.layers[-1]
