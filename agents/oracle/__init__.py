@@ -1,0 +1,135 @@
+"""The optimum of a mission with full knowledge of its route and of what is hidden, as two figures.
+
+The upper one is a bound that no policy on the same action grid exceeds, see `homeward.agents.oracle.bound`. The lower
+one is the score that a sequence of actions has in the environment: dynamic programming over the environment's own
+decisions finds it, around the plan and with the prices of the bound, see `homeward.agents.oracle.kernel.search`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.oracle.case import Case, case_of
+from homeward.agents.oracle.plan import bound_out_and_back, bound_patrol
+from homeward.agents.oracle.rates import REFUSED, measure_rates
+from homeward.agents.oracle.search import best_actions, guide_out_and_back, guide_patrol, points_of
+from homeward.envs.options import Options
+from homeward.envs.state import PATROL
+from homeward.envs.vector import HomewardVectorEnv
+from homeward.parallel import run_tasks
+from homeward.physics import load_robot
+
+__all__ = ["Optimum", "OracleError", "score_of", "solve"]
+
+
+class OracleError(ValueError):
+    """An environment whose optimum the oracle cannot bound; the message says why."""
+
+
+_TOGETHER = 20
+"""Episodes of one task."""
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The optimum of each episode.
+
+    Attributes:
+        lower: Score of the actions in the environment, shape (episodes,).
+        upper: What no policy on the action grid exceeds, shape (episodes,).
+        actions: Speed level, sensing level and mode of each decision, one array of shape (decisions, 3) an episode.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    actions: tuple[NDArray[np.int64], ...]
+
+
+def solve(
+    options: Options, seeds: Sequence[int], jobs: int = 1, advance: Callable[[int], None] = lambda episodes: None
+) -> Optimum:
+    """Find the optimum of episodes, which are those of an environment reset with the same seeds.
+
+    Args:
+        options: Keyword arguments of the environment.
+        seeds: Seed of each episode, as in `homeward.agents.evaluation.run_episodes`.
+        jobs: Processes at once.
+        advance: Called with the number of episodes that were just solved.
+
+    Raises:
+        OracleError: The action space is continuous, or the robot has an effect for which there is no bound.
+
+    >>> optimum = solve(Options("OutAndBack"), [7])
+    >>> bool(0.98 * optimum.upper[0] < optimum.lower[0] <= optimum.upper[0])
+    True
+    """
+    if options.action_type != "discrete":
+        raise OracleError(f"the oracle acts on a grid, but action_type is {options.action_type!r}; choose 'discrete'")
+    for effect in REFUSED:
+        if effect in load_robot(options.robot).active_effects:
+            raise OracleError(f"the oracle has no bound for a robot with the effect {effect}; switch it off")
+    tasks = {
+        f"episodes {start} to {min(start + _TOGETHER, len(seeds)) - 1}": (
+            options,
+            list(seeds[start : start + _TOGETHER]),
+        )
+        for start in range(0, len(seeds), _TOGETHER)
+    }
+    parts = run_tasks(
+        _solve_some, tasks, jobs=jobs, keep=lambda _, part: advance(len(part.lower)), title="optimum"
+    ).values()
+    return Optimum(
+        np.concatenate([part.lower for part in parts]),
+        np.concatenate([part.upper for part in parts]),
+        tuple(one for part in parts for one in part.actions),
+    )
+
+
+def _solve_some(task: tuple[Options, list[int]]) -> Optimum:
+    options, seeds = task
+    env = HomewardVectorEnv(len(seeds), autoreset_mode="Disabled", **vars(options))
+    env.reset(seed=seeds)
+    upper, actions = np.empty(len(seeds)), []
+    for i in range(len(seeds)):
+        upper[i], found = _solve(case_of(env.batch, i))
+        actions.append(found)
+    return Optimum(score_of(options, seeds, actions), upper, tuple(actions))
+
+
+def _solve(case: Case) -> tuple[float, NDArray[np.int64]]:
+    rates = measure_rates(case)
+    decision_s, pit_stop_s = float(case.shared["decision_s"]), float(case.shared["pit_stop_s"])
+    points_m = points_of(rates, decision_s)
+    if case.shared["mission"] == PATROL:
+        upper, prices = bound_patrol(rates, pit_stop_s)
+        guide = guide_patrol(rates, prices, pit_stop_s, points_m)
+    else:
+        upper, plan = bound_out_and_back(rates)
+        guide = guide_out_and_back(rates, plan, decision_s, points_m)
+    return upper, best_actions(case, guide, rates, points_m)
+
+
+def score_of(options: Options, seeds: Sequence[int], actions: Sequence[NDArray[np.int64]]) -> NDArray[np.float64]:
+    """Scores of given actions in the environment, 0 where the robot does not come home, shape (episodes,).
+
+    Args:
+        options: Keyword arguments of the environment.
+        seeds: Seed of each episode.
+        actions: Of each episode, shape (decisions, 3); after the last one the robot returns.
+    """
+    count = len(seeds)
+    env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
+    observations, _ = env.reset(seed=list(seeds))
+    batch, records = env.batch, env.batch.records
+    rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
+    now = np.empty((count, 3), np.int64)
+    while not records["over"].all():
+        for i, mine in enumerate(actions):
+            decision = int(records["decisions"][i])
+            now[i] = mine[decision] if decision < len(mine) else mine[-1]
+        batch.step(now, observations, rewards, terminated, truncated)
+    return np.where(records["home"], records["score"], 0.0)

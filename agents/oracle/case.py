@@ -1,0 +1,50 @@
+"""One mission as it begins, with all that is hidden from its robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.oracle import kernel
+from homeward.envs.batch import Batch
+from homeward.envs.state import CONSTANTS_DTYPE
+
+
+@dataclass(frozen=True)
+class Case:
+    """Records of one mission, each of shape (1,).
+
+    Attributes:
+        constants: `CONSTANTS_DTYPE`.
+        robot: True robot, `ROBOT_DTYPE`.
+        route: `ROUTE_DTYPE`, with every place of it seen.
+        start: `MISSION_DTYPE`.
+    """
+
+    constants: NDArray[np.void]
+    robot: NDArray[np.void]
+    route: NDArray[np.void]
+    start: NDArray[np.void]
+
+    @property
+    def shared(self) -> Any:
+        """Record of what all missions share."""
+        return self.constants["shared"][0]
+
+    def copy(self) -> Case:
+        """The same in records of its own."""
+        return Case(self.constants.copy(), self.robot.copy(), self.route.copy(), self.start.copy())
+
+
+def case_of(batch: Batch, index: int) -> Case:
+    """Take a mission that has just begun out of a batch."""
+    setting, one = batch.setting, slice(index, index + 1)
+    constants = np.zeros(1, CONSTANTS_DTYPE)
+    constants["shared"], constants["nominal"] = setting.shared, setting.robot.record()
+    constants["fixed"], constants["day"] = setting.fixed, setting.day
+    case = Case(constants, batch.robots[one].copy(), batch.routes[one].copy(), batch.records[one].copy())
+    kernel.see_route(case.constants, case.start, case.route)
+    return case

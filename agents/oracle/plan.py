@@ -1,0 +1,132 @@
+"""Plans that may change from metre to metre, by linear programming, and the prices that they set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import linprog
+
+from homeward.agents.oracle.bound import (
+    Prices,
+    allowed,
+    bounds_by_turn,
+    leg_w,
+    patrol_bound,
+    with_rounding,
+    within_reach,
+)
+from homeward.agents.oracle.rates import PIECES, Array, Rates
+from homeward.envs.kernel import LEVELS
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The best plan of a mission out and back that turns within a given place.
+
+    Attributes:
+        turn: Index of that place.
+        prices: What the plan sets, allowed.
+        energy_j: Left at the far end of each piece up to that place, J, shape (pieces,).
+        backlog: Samples on board there, shape (pieces,).
+    """
+
+    turn: int
+    prices: Prices
+    energy_j: Array
+    backlog: Array
+
+
+def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
+    """Bound of the score of a mission out and back, and the best plan for the place where the bound is greatest.
+
+    Plans are made only for as many places as it takes: the prices of one bound the score of a turn in any other.
+    """
+    bounds = np.where(within_reach(rates), np.inf, -np.inf)
+    plans: dict[int, Plan | None] = {}
+    turn = int(np.flatnonzero(bounds == np.inf)[-1]) // 2
+    while turn not in plans:
+        plans[turn] = plan = plan_out_and_back(rates, turn)
+        if plan:  # else there is no time to turn there, and the bound at others' prices stays
+            bounds = np.minimum(bounds, bounds_by_turn(rates, plan.prices))
+        turn = int(np.argmax(bounds))
+    best = max((plan for plan in plans.values() if plan), key=lambda plan: bounds[plan.turn])
+    return with_rounding(float(bounds[turn])), best
+
+
+def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
+    """Plan a mission that turns within a place, or None if energy or time do not suffice to turn there."""
+    pieces, ways = (turn + 1) * PIECES, LEVELS * LEVELS
+    place, speed = rates.place_of_piece[:pieces], rates.speeds_mps
+    per_speed = np.broadcast_to(1.0 / speed[:, None], (pieces, LEVELS, LEVELS))
+    out_j, home_j = rates.out_w[place] * per_speed, rates.home_w.min(axis=2)[place] / speed
+    standing_w = rates.standing_w.min(axis=1)[place]
+    # Columns: metres out by speed and rate, metres home by speed, seconds at a stand, samples on board at the far end,
+    # samples sent, and the share of the piece that is reached; for every piece.
+    widths = [pieces * one for one in (ways, LEVELS, 1, 1, 1, 1)]
+    nothing, eye = np.zeros(3 * pieces), sparse.identity(pieces)
+    driven = _per_piece(np.ones((pieces, ways))), _per_piece(np.ones((pieces, LEVELS)))
+    sent_moving = _per_piece(rates.radio_hz[:pieces, 1, None, None] * per_speed)
+    sent_standing = sparse.diags(rates.radio_hz[:pieces, 0])
+    equal = sparse.vstack([
+        _rows(widths, {0: driven[0], 5: -rates.piece_m * eye}),
+        _rows(widths, {1: driven[1], 5: -rates.piece_m * eye}),
+        _rows(widths, {0: -_per_piece(rates.samples_per_m[place]), 3: eye - sparse.eye(pieces, k=-1), 4: eye}),
+    ])  # fmt: skip
+    limits = sparse.vstack([
+        sparse.csr_matrix(np.concatenate([out_j.ravel(), home_j.ravel(), standing_w, nothing])),
+        sparse.csr_matrix(np.concatenate([per_speed.ravel(), np.tile(1.0 / speed, pieces), np.ones(pieces), nothing])),
+        _rows(widths, {0: -sent_moving, 2: -sent_standing, 4: eye}),
+        _rows(widths, {5: sparse.eye(pieces, k=1) - eye})[:-1],  # a piece is reached through the one before
+    ])  # fmt: skip
+    gain, low, high = np.zeros(sum(widths)), np.zeros(sum(widths)), np.full(sum(widths), np.inf)
+    gain[: widths[0]] = rates.gain_per_m[place].ravel()
+    low[-pieces:], high[-pieces:] = np.arange(pieces) < turn * PIECES, 1.0
+    high[-3 * pieces : -2 * pieces] = rates.memory
+    room = np.concatenate([[rates.energy_j, rates.time_s], np.zeros(2 * pieces - 1)])
+    result = _most(gain, limits, room, equal, np.stack([low, high], axis=1))
+    if result.status != 0:
+        return None
+    joule, second = np.maximum(-result.ineqlin.marginals[:2], 0.0)
+    sample = np.zeros(len(rates.radio_hz))
+    sample[:pieces] = np.maximum(result.eqlin.marginals[2 * pieces :], 0.0)
+    sample[pieces:] = sample[pieces - 1]
+    metres, _, stands_s, backlog, _, _ = np.split(result.x, np.cumsum(widths[:-1]))
+    spent_j = (metres * out_j.ravel()).reshape(pieces, ways).sum(axis=1) + stands_s * standing_w
+    prices = allowed(rates, Prices(float(joule), float(second), sample))
+    return Plan(turn, prices, rates.energy_j - np.cumsum(spent_j), backlog)
+
+
+def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Prices]:
+    """Bound of a patrol's laps, and the prices that set it, in laps."""
+    speed, power_w = rates.speeds_mps, leg_w(rates)
+    legs, stops_s = len(power_w), 2.0 * pit_stop_s
+    stand_w = float(rates.standing_w.min())
+    # Columns: metres by leg and speed, and laps.
+    joules = np.append((power_w / speed).ravel(), stops_s * stand_w)
+    seconds = np.append(np.tile(1.0 / speed, legs), stops_s)
+    driven = sparse.hstack([_per_piece(np.ones((legs, LEVELS))), sparse.csr_matrix(np.full((legs, 1), -rates.place_m))])
+    room = np.array([rates.energy_j + stops_s * stand_w, rates.time_s + stops_s])
+    result = _most(np.append(np.zeros(power_w.size), 1.0), np.stack([joules, seconds]), room, driven, (0.0, None))
+    joule, second = np.maximum(-result.ineqlin.marginals, 0.0)
+    prices = Prices(float(joule), float(second), np.zeros(len(rates.radio_hz)))
+    return patrol_bound(rates, pit_stop_s, prices), prices
+
+
+def _most(gain: Array, limits: Any, room: Array, equal: Any, bounds: Any) -> Any:
+    """Solve the linear program: most gain within limits."""
+    return linprog(-gain, limits, room, equal, np.zeros(equal.shape[0]), bounds, method="highs")
+
+
+def _per_piece(values: Array) -> Any:
+    """A row for each piece, with columns for what each way to drive there gives a metre."""
+    return sparse.block_diag(list(values.reshape(len(values), 1, -1)))
+
+
+def _rows(widths: list[int], blocks: dict[int, Any]) -> Any:
+    """Rows of a matrix with blocks in some groups of columns, and nothing in the others."""
+    height = next(iter(blocks.values())).shape[0]
+    empty = [sparse.csr_matrix((height, width)) for width in widths]
+    return sparse.hstack([blocks.get(group, empty[group]) for group in range(len(widths))]).tocsr()

@@ -1,0 +1,98 @@
+"""What a mission meets along its route, measured with full knowledge by rolling the environment's own decision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.oracle import kernel
+from homeward.agents.oracle.case import Case
+from homeward.envs.kernel import LEVELS
+from homeward.physics.effects import EFFECTS
+
+PIECES = 2
+"""Pieces of each place, of which each has a price of a sample and a rate of the radio."""
+ONLY_ADDING = ("breakaway", "intermittent_load", "motor_heating")
+"""Effects that remember and can only add to what is drawn; left out, they are in a policy's favour."""
+REFUSED = ("inertia",)
+"""Effects whose power is no matter of the place alone: what one decision takes, another may give back."""
+_BITS = {effect.id: np.uint64(1 << index) for index, effect in enumerate(EFFECTS)}
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What driving and standing give and take.
+
+    Attributes:
+        speeds_mps: Of the action grid, shape (levels,).
+        place_m: Length of a place, m.
+        out_w: Power away from home by place, speed and sensing rate, shape (places, levels, levels).
+        home_w: Power towards home, as above.
+        standing_w: Power at a stand by place and sensing rate, shape (places, levels).
+        gain_per_m: Score of a metre reached for the first time, shape (places, levels, levels).
+        samples_per_m: Samples taken on it, as above.
+        radio_hz: Samples sent per second at the end of a piece near home, at a stand and moving, shape (pieces, 2).
+        energy_j: In the full battery, J.
+        time_s: Time limit, s.
+        memory: Samples that fit on board.
+    """
+
+    speeds_mps: Array
+    place_m: float
+    out_w: Array
+    home_w: Array
+    standing_w: Array
+    gain_per_m: Array
+    samples_per_m: Array
+    radio_hz: Array
+    energy_j: float
+    time_s: float
+    memory: float
+
+    @property
+    def places(self) -> int:
+        """Number of places."""
+        return len(self.out_w)
+
+    @property
+    def place_of_piece(self) -> NDArray[np.int64]:
+        """Index of the place that each piece is in, shape (pieces,)."""
+        return np.arange(len(self.radio_hz)) // PIECES
+
+    @property
+    def piece_m(self) -> float:
+        """Length of a piece, m."""
+        return self.place_m / PIECES
+
+
+def measure_rates(case: Case) -> Rates:
+    """Measure what a mission meets; its robot has none of the effects `REFUSED`."""
+    energy_j, case = float(case.start["energy_j"][0]), case.copy()
+    for record in (case.robot, case.constants["nominal"]):
+        for effect in ONLY_ADDING:
+            record["effects"] &= ~_BITS[effect]
+    s = case.shared
+    places, by_action = int(s["places"]), (int(s["places"]), LEVELS, LEVELS)
+    rates = Rates(
+        speeds_mps=np.linspace(s["min_speed_mps"], s["max_speed_mps"], LEVELS),
+        place_m=float(s["place_m"]),
+        out_w=np.zeros(by_action),
+        home_w=np.zeros(by_action),
+        standing_w=np.zeros((places, LEVELS)),
+        gain_per_m=np.zeros(by_action),
+        samples_per_m=np.zeros(by_action),
+        radio_hz=np.zeros((places * PIECES, 2)),
+        energy_j=energy_j,
+        time_s=float(s["max_decisions"] * s["decision_s"]),
+        memory=float(s["backlog_limit"]),
+    )
+    case.start["energy_j"] *= 0.5  # so that the battery takes what a descent gives back
+    kernel.measure(
+        case.constants, case.robot, case.route, case.start, case.start.copy(), PIECES, rates.out_w, rates.home_w,
+        rates.standing_w, rates.gain_per_m, rates.samples_per_m, rates.radio_hz,
+    )  # fmt: skip
+    return rates

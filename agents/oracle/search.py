@@ -1,0 +1,139 @@
+"""The actions of a mission that comes close to its bound: a search over the environment's own decisions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.oracle import kernel
+from homeward.agents.oracle.bound import Prices, leg_w, worth
+from homeward.agents.oracle.case import Case
+from homeward.agents.oracle.plan import Plan
+from homeward.agents.oracle.rates import PIECES, Array, Rates
+from homeward.envs.kernel import LEVELS
+from homeward.envs.state import GO, STOP, SURVEY
+
+_FINE = 4.0
+"""Points, and cells of energy and backlog, per least move and per most of a decision."""
+_MOST_STEPS = 400.0
+"""Points that a decision may pass."""
+_MOST_CELLS = 40.0
+"""Cells of distance that a decision may pass."""
+_NODES = 1 << 20
+_TRIED = 32
+"""Missions found that are tried, best first, until one comes home."""
+_RESERVES = (1.0, 1.02, 1.05, 1.1, 1.2)
+"""Factors on the energy of the way home, tried in turn: it is exact unless an effect remembers."""
+_NEVER = -1e12
+
+
+@dataclass(frozen=True)
+class Guide:
+    """What tells one mission under way from a better one, at points along the route.
+
+    Attributes:
+        prices: Score that a joule and a second are worth, and what a second of a pit stop costs, shape (3,).
+        sample: What a sample on board costs, shape (points,).
+        ahead: What lies ahead is worth away from home and towards it, shape (2, points).
+        plan: Energy (J) and backlog (samples) by plan, shape (2, points).
+        cells: Room around the plan that one cell takes: energy (J), and backlog (samples) or pit stop (s).
+    """
+
+    prices: Array
+    sample: Array
+    ahead: Array
+    plan: Array
+    cells: tuple[float, float]
+
+
+def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Array) -> Guide:
+    """Guide of a mission that is to turn within the place of a plan."""
+    value, prices, count = worth(rates, plan.prices), plan.prices, len(rates.radio_hz)
+    ends = np.full(count + 1, _NEVER)  # worth of the best turn at a border or beyond it
+    for piece in range(plan.turn * PIECES, (plan.turn + 1) * PIECES):
+        far, near = value.way[piece + 1], value.way[piece]
+        ends[: piece + 1] = np.maximum(ends[: piece + 1], max(far, near) + value.memory[piece])
+        ends[piece + 1] = max(ends[piece + 1], far + value.memory[piece])
+    ahead = ends - value.way + value.home - np.append(value.fallen, value.fallen[-1])
+    borders = np.arange(count + 1) * rates.piece_m
+    planned = borders[: len(plan.energy_j) + 1]
+    most_j, most_samples = rates.out_w.max() * decision_s, rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
+    return Guide(
+        prices=np.array([prices.joule, prices.second, 0.0]),
+        sample=prices.sample[np.minimum((points_m / rates.piece_m).astype(np.int64), count - 1)],
+        ahead=np.tile(np.interp(points_m, borders, ahead), (2, 1)),
+        plan=np.stack([
+            np.interp(points_m, planned, np.append(rates.energy_j, plan.energy_j)),
+            np.interp(points_m, planned, np.append(0.0, plan.backlog)),
+        ]),
+        cells=(most_j / _FINE, max(most_samples * decision_s, 1.0) / _FINE),
+    )  # fmt: skip
+
+
+def guide_patrol(rates: Rates, prices: Prices, pit_stop_s: float, points_m: Array) -> Guide:
+    """Guide of a patrol: what lies ahead is the rest of the lap under way."""
+    per_m = ((prices.joule * leg_w(rates) + prices.second) / rates.speeds_mps).min(axis=1)
+    borders = np.arange(rates.places + 1) * rates.place_m
+    out, home = (
+        np.interp(points_m, borders, np.append(0.0, np.cumsum(leg * rates.place_m))) for leg in np.split(per_m, 2)
+    )
+    second = prices.joule * float(rates.standing_w.min()) + prices.second
+    pit_stop = second * pit_stop_s
+    return Guide(
+        prices=np.array([prices.joule, prices.second, second]),
+        sample=np.zeros(len(points_m)),
+        ahead=np.stack([1.0 - (out[-1] - out) - home[-1] - 2.0 * pit_stop, 0.5 - home - pit_stop]),
+        plan=np.zeros((2, len(points_m))),
+        cells=(np.inf, 2.0 * max(pit_stop_s, 1.0) / (kernel.CELLS - 2)),
+    )
+
+
+def points_of(rates: Rates, decision_s: float) -> Array:
+    """Points along the route, so close that a decision passes several, m."""
+    least_m, most_m = rates.speeds_mps[[0, -1]] * decision_s
+    step_m = max(least_m / _FINE, most_m / _MOST_STEPS)
+    return np.asarray(step_m * np.arange(int(rates.places * rates.place_m / step_m) + 2))
+
+
+def best_actions(case: Case, guide: Guide, rates: Rates, points_m: Array) -> NDArray[np.int64]:
+    """Search for the best mission.
+
+    Returns:
+        Its actions, shape (decisions, 3); turning back at once where no other mission comes home.
+    """
+    s = case.shared
+    step_m, most_m = points_m[1], rates.speeds_mps[-1] * float(s["decision_s"])
+    cell_m = max(_FINE * step_m, most_m / _MOST_CELLS)
+    room = np.zeros((int(most_m / cell_m) + 2, kernel.CELLS**2), case.start.dtype)
+    parents, codes, found = np.empty(_NODES, np.int64), np.empty(_NODES, np.int8), np.empty((_TRIED, 2))
+    actions = np.empty((int(s["max_decisions"]), 3), np.int64)
+    j_per_s = guide.prices[1] / guide.prices[0] if guide.prices[0] > 0.0 else 0.0
+    records, work = (case.constants, case.robot, case.route, case.start), case.start.copy()
+    home = np.full((2, len(points_m)), np.inf)  # energy and time
+    kernel.way_home(*records, work, step_m, j_per_s, home[0], home[1])
+    levels = LEVELS if s["mission"] == SURVEY else 1
+    for reserve in _RESERVES:
+        kernel.search(
+            *records, room, levels, guide.prices, guide.sample, guide.ahead, guide.plan, reserve * home[0], home[1],
+            step_m, np.array([cell_m, *guide.cells]), parents, codes, found,
+        )  # fmt: skip
+        for score, node in found:
+            if score > 0.0:
+                out = _actions_to(int(node), parents, codes)
+                count = kernel.follow(*records, work, out, home[0], home[1], j_per_s, step_m, actions)
+                if count > 0:
+                    return actions[:count].copy()
+    return np.array([[0, 0, 2]])
+
+
+def _actions_to(node: int, parents: NDArray[np.int64], codes: NDArray[np.int8]) -> NDArray[np.int64]:
+    """Actions that led to a node, shape (n, 3)."""
+    path = []
+    while parents[node] >= 0:
+        path.append(int(codes[node]))
+        node = int(parents[node])
+    code = np.array(path[::-1], np.int64)
+    moving = code >= 0
+    return np.stack([moving * (code % LEVELS), moving * (code // LEVELS), np.where(moving, GO, STOP)], axis=1)
