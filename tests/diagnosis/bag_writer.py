@@ -52,6 +52,7 @@ def write_bag(folder: Path, form: str, streams: Mapping[str, Stream], compressio
     writer: Any
     if ros1:
         writer = Writer1(path)
+        writer.chunk_threshold = 1 << 18  # several chunks in a short bag
         if compression:
             writer.set_compression(Writer1.CompressionFormat[compression.upper()])
     else:

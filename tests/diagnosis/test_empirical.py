@@ -11,6 +11,7 @@ from homeward.diagnosis import Recording, analyse
 from homeward.diagnosis.arms import held_out
 from homeward.diagnosis.blocks import cut_folds
 from homeward.diagnosis.empirical import Empirical, Search, propose
+from homeward.diagnosis.fitted import with_columns
 from homeward.diagnosis.formulas import candidates
 from homeward.diagnosis.quality import usable_runs
 from homeward.diagnosis.refit import Refit, refit
@@ -151,7 +152,7 @@ def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> N
     costs = library.cost()
 
     def error(columns: np.ndarray) -> float:
-        predicted = held_out(lambda chosen: fit.with_columns(chosen, runs.observed, columns), fold)
+        predicted = held_out(lambda chosen: with_columns(fit, chosen, runs.observed, columns), fold)
         return float(((runs.observed - predicted) ** 2).sum())
 
     n = len(fold)
