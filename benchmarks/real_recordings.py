@@ -23,6 +23,7 @@ from homeward.diagnosis import Analysis, analyse
 from homeward.diagnosis.grouping import group_runs
 
 GROUNDS = ("FLOORING", "ASPHALT", "ICE", "SNOW")
+_WIDTH = 170  # columns of the tables
 UNLABELLED = ("ASPHALT", "FLOORING", "ICE", "SNOW")
 
 
@@ -40,7 +41,7 @@ def main(args: Args) -> None:
     Raises:
         DatasetError: The recordings cannot be had.
     """
-    console = Console()
+    console = Console(width=_WIDTH)
     runs = {ground: fetch("husky_borealtc", ground) for ground in GROUNDS}
     table = _table("Husky, motor current, held out by run")
     for ground in GROUNDS:
@@ -70,7 +71,7 @@ def main(args: Args) -> None:
 def _table(title: str) -> Table:
     return Table(
         "recordings", "verdict", "missing, with size (95 %)", "RMSE nominal", "refit", "corrected", "black box",
-        "R^2 corrected", "range accuracy, nominal / refit / corrected", title=title,
+        "R^2 corrected", "range accuracy, nominal / refit / corrected", "what is left", title=title,
     )  # fmt: skip
 
 
@@ -88,7 +89,13 @@ def _row(table: Table, name: str, analysis: Analysis) -> None:
     r2 = arms["corrected"].r2 if "corrected" in arms else None
     accuracy = [evidence.range_accuracy_pct.get(arm) for arm in ("nominal", "refit", "corrected")]
     shown = " / ".join("-" if one is None else f"{one:.0f} %" for one in accuracy)
-    table.add_row(name, diagnosis.verdict, "\n".join(named), *errors, "-" if r2 is None else f"{r2:.2f}", shown)
+    left = "-"
+    if evidence.remains is not None:
+        formula = evidence.remains.formula
+        left = evidence.remains.location.condition
+        left += f": {formula.text}, {formula.held_out_gain:.0%} of it" if formula is not None else ""
+    fit = "-" if r2 is None else f"{r2:.2f}"
+    table.add_row(name, diagnosis.verdict, "\n".join(named), *errors, fit, shown, left)
 
 
 if __name__ == "__main__":
