@@ -1,0 +1,166 @@
+"""Statistics of evaluations: intervals over training seeds and episodes, IQM, probability of improvement, profiles.
+
+Definitions are those of Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (NeurIPS
+2021, arXiv 2108.13264, and its package `rliable`), with training seeds as runs and episodes as tasks, as every agent
+meets the same episodes. Its intervals resample runs alone and take the tasks as given: one training seed would have no
+interval, and many episodes would not count as more evidence. Here both are drawn anew: the episodes once for all
+agents, so that comparisons are paired, and the training seeds of each agent for themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+RESAMPLES = 9999
+_CHUNK = 4_000_000
+"""Numbers that a bootstrap holds at once."""
+
+Scores = NDArray[np.float64]  # (training seeds, episodes)
+
+
+def wilson(events: int, trials: int) -> list[float]:
+    """95 % interval of a rate, which holds for rates near zero too (Wilson 1927).
+
+    Args:
+        events: How often it happened.
+        trials: How often it could have.
+
+    >>> [round(end, 5) for end in wilson(0, 4000)]
+    [0.0, 0.00096]
+    """
+    found = stats.binomtest(events, trials).proportion_ci(method="wilson")
+    return [float(found.low), float(found.high)]
+
+
+def iqm(scores: ArrayLike) -> float:
+    """Interquartile mean: the mean of the middle half of all scores, of any shape.
+
+    >>> iqm([0.0, 1.0, 2.0, 30.0])
+    1.5
+    """
+    return float(stats.trim_mean(np.asarray(scores), 0.25, axis=None))
+
+
+def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> float:
+    """Probability that a random seed of one agent scores more than one of another on a random episode; ties count half.
+
+    Args:
+        first: Scores of one agent, shape (training seeds, episodes).
+        second: Those of the other, on the same episodes; it may have other training seeds.
+
+    >>> probability_of_improvement([[1.0, 2.0, 3.0, 5.0]], [[0.0, 2.0, 4.0, 4.0]])
+    0.625
+    """
+    return float(_wins(np.asarray(first), np.asarray(second)).mean())
+
+
+def performance_profile(scores: ArrayLike, thresholds: ArrayLike) -> Scores:
+    """Share of all scores above each threshold, shape (thresholds,).
+
+    Args:
+        scores: Any shape.
+        thresholds: Scores, shape (thresholds,).
+    """
+    ordered = np.sort(np.asarray(scores, dtype=np.float64), axis=None)
+    return np.asarray(1.0 - np.searchsorted(ordered, thresholds, side="right") / ordered.size)
+
+
+def _wins(first: Scores, second: Scores) -> Scores:
+    """How often each seed of one agent beats each of another, shape (seeds, seeds, episodes)."""
+    return 0.5 * (np.sign(first[:, None] - second[None]) + 1.0)
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Resampled episodes and training seeds, as weights: the same ones whenever it is asked.
+
+    Attributes:
+        scores: Scores of each agent, shape (training seeds, episodes); the episodes are the same for all.
+        seed: Of the draws.
+        resamples: How many.
+    """
+
+    scores: Mapping[str, Scores]
+    seed: int
+    resamples: int = RESAMPLES
+
+    def means(self) -> dict[str, Scores]:
+        """Mean score of each agent in each resample, shape (resamples,): their differences are paired by episode."""
+        parts: dict[str, list[Scores]] = {name: [] for name in self.scores}
+        for episodes, seeds in self._weights():
+            for name, values in self.scores.items():
+                parts[name].append(np.einsum("bs,bs->b", seeds[name], episodes @ values.T))
+        return {name: np.concatenate(found) for name, found in parts.items()}
+
+    def iqms(self) -> dict[str, Scores]:
+        """Interquartile mean of each agent in each resample, shape (resamples,)."""
+        parts: dict[str, list[Scores]] = {name: [] for name in self.scores}
+        order = {name: np.argsort(values, axis=None) for name, values in self.scores.items()}
+        for episodes, seeds in self._weights():
+            for name, values in self.scores.items():
+                weights = (seeds[name][:, :, None] * episodes[:, None, :]).reshape(len(episodes), -1)
+                until = np.clip(np.cumsum(weights[:, order[name]], axis=1), 0.25, 0.75)
+                inside = np.diff(until, axis=1, prepend=0.25)
+                parts[name].append(2.0 * inside @ values.ravel()[order[name]])
+        return {name: np.concatenate(found) for name, found in parts.items()}
+
+    def improvements(self, first: str, second: str) -> Scores:
+        """Probability that one agent beats another in each resample, shape (resamples,)."""
+        wins = _wins(self.scores[first], self.scores[second])
+        parts = []
+        for episodes, seeds in self._weights():
+            shares = np.tensordot(episodes, wins, axes=(1, 2))
+            parts.append(np.einsum("bst,bs,bt->b", shares, seeds[first], seeds[second]))
+        return np.concatenate(parts)
+
+    def profiles(self, name: str, thresholds: ArrayLike) -> Scores:
+        """Performance profile of an agent in each resample, shape (resamples, thresholds)."""
+        above = self.scores[name][:, :, None] > np.asarray(thresholds)
+        parts = []
+        for episodes, seeds in self._weights():
+            shares = np.tensordot(episodes, above.astype(np.float64), axes=(1, 1))
+            parts.append(np.einsum("bst,bs->bt", shares, seeds[name]))
+        return np.concatenate(parts)
+
+    def _weights(self) -> Iterator[tuple[Scores, dict[str, Scores]]]:
+        """Weight of each episode (resamples, episodes), and of each training seed of each agent, in parts."""
+        rng = np.random.default_rng(self.seed)
+        count = next(iter(self.scores.values())).shape[1]
+        largest = max(values.size for values in self.scores.values())
+        chunk = max(1, _CHUNK // largest)
+        for start in range(0, self.resamples, chunk):
+            size = min(chunk, self.resamples - start)
+            seeds = {name: _draw(rng, len(values), size) for name, values in self.scores.items()}
+            yield _draw(rng, count, size), seeds
+
+
+def _draw(rng: np.random.Generator, count: int, size: int) -> Scores:
+    """Weights of things drawn with replacement, as often as there are, shape (size, count)."""
+    return rng.multinomial(count, np.full(count, 1.0 / count), size) / count
+
+
+def interval(samples: Scores) -> list[float]:
+    """95 % percentile interval of bootstrap samples of shape (resamples,)."""
+    low, high = np.percentile(samples, [2.5, 97.5])
+    return [float(low), float(high)]
+
+
+def stratified_means(scores: Mapping[str, Scores], seed: int, resamples: int = RESAMPLES) -> Scores:
+    """Mean over strata of mean scores, in bootstrap resamples within each stratum, shape (resamples,).
+
+    Args:
+        scores: Of each stratum, such as a mission, in one unit: shape (training seeds, episodes); strata are drawn from
+            apart, as no seed or episode of one is one of another.
+        seed: Of the draws.
+        resamples: How many.
+    """
+    drawn = [
+        Bootstrap({name: values}, seed + index, resamples).means()[name]
+        for index, (name, values) in enumerate(scores.items())
+    ]
+    return np.asarray(np.mean(drawn, axis=0))
