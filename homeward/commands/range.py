@@ -89,11 +89,12 @@ class Mission:
         """The ledger of a mission as long as the range, in many drives and stops."""
         lasts_s = min(self.range_m(speed_mps), 1e9) / (speed_mps * self.duty)
         cycle_s = lasts_s / _CYCLES
-        starts = np.arange(_CYCLES)[:, None] * cycle_s + np.array([0.0, self.duty * cycle_s])
-        moving = np.tile([speed_mps, 0.0], _CYCLES)
-        keep = np.full(2 * _CYCLES, True) if self.duty < 1.0 else moving > 0.0
+        # Each cycle drives and stands; the stop is cut in two, as the last sample holds as long as the one before.
+        phases = [0.0, self.duty, 0.5 + 0.5 * self.duty] if self.duty < 1.0 else [0.0]
+        starts = np.add.outer(np.arange(float(_CYCLES)), np.array(phases)) * cycle_s
+        speeds = np.where(np.arange(len(phases)) == 0, speed_mps, 0.0)
         driven = replay(
-            self.robot, starts.ravel()[keep], moving[keep], grade_rad=self.grade_rad, accel_mps2=0.0,
+            self.robot, starts.ravel(), np.tile(speeds, _CYCLES), grade_rad=self.grade_rad, accel_mps2=0.0,
             sensing_hz=self.sensing_hz, direction=1.0,
         )  # fmt: skip
         return {name: joules / (lasts_s * speed_mps * self.duty) for name, joules in driven.energy_j.items()}
