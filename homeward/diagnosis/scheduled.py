@@ -85,9 +85,19 @@ def scheduled(effect: str, setting: Setting) -> Iterator[Term]:
             cost = 1 if schedule.apart > _CLEARLY_APART else _COST_OF_A_CHANGE
             hidden = cost * schedule.changes + int(not natural)
             yield Term(effect, schedule.columns(shape), low, high, hidden, rhythm, axis, schedule, spread, natural)
+    if effect == "sensor_offset":
+        yield _drift(runs)
     if effect in _BY_PLACE:
         for columns in profile(shape, runs):
             yield Term(effect, columns, *_limits(effect, parameter, True, columns.shape[1]), axis="place")
+
+
+def _drift(runs: Runs) -> Term:
+    """A zero that creeps through all runs, taken in their order: per unit of what it comes to in the end."""
+    parameter = CATALOGUE["sensor_offset"].parameters[0]
+    passed = np.cumsum(runs.duration_s)
+    column = (passed / passed[-1])[:, None]
+    return Term("sensor_offset", column, np.array([parameter.low]), np.array([parameter.high]), axis="time")
 
 
 def _limits(effect: str, parameter: Parameter, signed: bool, sizes: int) -> tuple[Array, Array]:

@@ -35,8 +35,6 @@ def steady(effect: str, setting: Setting) -> Iterator[Term]:
         setting: What is known so far.
     """
     runs = setting.runs
-    if effect == "sensor_offset":
-        yield _drift(runs)
     if effect in ONLY_SCHEDULED or missing_channels(effect, runs):
         return
     if effect == "wind":
@@ -115,14 +113,6 @@ def _on_the_move(setting: Setting) -> Iterator[Term]:
         yield Term(
             "compute", column[:, None], _bound(0.0), _bound(parameter.high), 1, {"base_share": share}, fixed=True
         )
-
-
-def _drift(runs: Runs) -> Term:
-    """A zero that creeps through all runs, taken in their order: per unit of what it comes to in the end."""
-    parameter = CATALOGUE["sensor_offset"].parameters[0]
-    passed = np.cumsum(runs.duration_s)
-    column = (passed / passed[-1])[:, None]
-    return Term("sensor_offset", column, _bound(parameter.low), _bound(parameter.high), fixed=True)
 
 
 def _worn_off(column: Array, windows: float, runs: Runs) -> Array:
