@@ -1,7 +1,7 @@
 """Train a policy with PPO.
 
 `python train.py --env homeward/Survey-v0 --out DIR` writes DIR/policy.safetensors and DIR/policy.json, for
-`evaluate.py --agents ppo=DIR`, and on the way checkpoints, for --resume, and DIR/tensorboard.
+`evaluate.py --agents ppo=DIR`, and on the way checkpoints, for --resume, DIR/curve.csv and DIR/tensorboard.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ class Args:
     """Where the folder holds a run with other settings or made with other code, remove it and train anew."""
     checkpoint_s: float = 15.0
     """Least time between checkpoints, s: what a kill may cost."""
+    curve: int = 10
+    """Points of the learning curve, curve.csv: the same 500 missions each, driven by the policy as it stands."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     robot: str = "rusti_computer"
@@ -107,6 +109,7 @@ def main(args: Args) -> Path:
             "command": shlex.join(sys.argv),
         },
         checkpoint_s=args.checkpoint_s,
+        curve=args.curve,
         restore=state is RunState.CONTINUED,
         console=console,
     )
@@ -129,6 +132,7 @@ def _options(args: Args) -> Options:
         ("steps", args.steps, 1),
         ("seed", args.seed, 0),
         ("checkpoint_s", args.checkpoint_s, 0),
+        ("curve", args.curve, 1),
     ):
         if not value >= least:
             raise TrainingError(f"{name} = {value} is not allowed; give at least {least}")

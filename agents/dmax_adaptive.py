@@ -41,15 +41,24 @@ class AdaptiveDmaxRule(TurnBackRule):
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Energy beyond the corrected way home and the reserve, see `TurnBackRule.spare`."""
+        ratios, deviation = self.believe(observations, begun)
+        cost = feature(observations, "home_cost") + self.cost_of_going_on(observations)
+        return feature(observations, "energy") - (ratios[:, 0] + self._deviations * deviation) * cost
+
+    def believe(
+        self, observations: Observations, begun: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What the robot takes over what its model says: of driving and of sensing (n, 2), and the deviation (n,).
+
+        Arguments as in `act`; a decision that is shown twice counts once.
+        """
         self._learn(observations, begun)
         target = (self._moment + np.diag(_PRIOR))[..., None]
         ratios: NDArray[np.float64] = np.linalg.solve(self._normal + _PRIOR, target)[..., 0]
         explained = np.einsum("ni,nij,nj->n", ratios, self._normal, ratios)
         residual: NDArray[np.float64] = self._square - 2.0 * np.einsum("ni,ni->n", ratios, self._moment) + explained
         spread = np.maximum(residual, 0.0) / np.maximum(self._last[:, 1], 1e-9)
-        cost = feature(observations, "home_cost") + self.cost_of_going_on(observations)
-        deviation = np.sqrt(spread + _UNSEEN**2)
-        return feature(observations, "energy") - (ratios[:, 0] + self._deviations * deviation) * cost
+        return ratios, np.sqrt(spread + _UNSEEN**2)
 
     def _forget(self, count: int) -> None:
         self._last = np.zeros((count, 2))  # energy used and modelled so far

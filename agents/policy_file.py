@@ -16,7 +16,9 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from homeward.agents.base import Observations, Policy
+from homeward.agents.ppo_guide import BELIEFS, Guide, guide_from
 from homeward.envs.features import NAMES
+from homeward.envs.options import Setting
 from homeward.files import write_whole
 
 WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
@@ -36,17 +38,35 @@ class NetworkPolicy(Policy):
     """A network with tanh between its layers; it takes the likeliest action, or the mean one in a continuous space.
 
     Attributes:
-        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32.
+        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32. With a guide, the first takes the
+            guide's inputs, and the last takes the guide's proposal behind the outputs of the layer before.
         action_space: Space of one action: `MultiDiscrete` or `Box`.
         description: What `policy.json` says: environment, options, spaces, training, versions.
+        guide: What makes the network's inputs from observations, if it has other inputs.
     """
 
     layers: tuple[Layer, ...]
     action_space: spaces.Space[Any]
     description: Mapping[str, Any]
+    guide: Guide | None = None
+
+    @property
+    def guided(self) -> bool:
+        """Whether the network has other inputs than the observation."""
+        return "guide" in self.description
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission: int64 levels, or float32 within the box, shape (n, 3)."""
+        """Choose one action a mission: int64 levels, or float32 within the box, shape (n, 3).
+
+        Raises:
+            PolicyFileError: The policy has a guide and was loaded without an environment's setting.
+        """
+        if self.guide is not None:
+            observations = self.guide.inputs(observations, begun)
+        elif self.guided:
+            raise PolicyFileError(
+                "the policy follows a rule, which needs a robot: load it with an environment's setting"
+            )
         starts = range(0, len(observations), _ROWS)
         outputs = np.concatenate([self.outputs(observations[start : start + _ROWS]) for start in starts])
         if isinstance(self.action_space, spaces.Box):
@@ -57,11 +77,14 @@ class NetworkPolicy(Policy):
         return np.stack([part.argmax(axis=1) for part in parts], axis=1)
 
     def outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What the last layer gives for observations, shape (n, outputs): scores of all levels, or the mean action."""
+        """What the last layer gives for inputs, shape (n, outputs): scores of all levels, or the mean action."""
+        hidden = values
         for weight, bias in self.layers[:-1]:
-            values = np.tanh(values @ weight.T + bias)
+            hidden = np.tanh(hidden @ weight.T + bias)
         weight, bias = self.layers[-1]
-        return values @ weight.T + bias
+        if self.guided:
+            hidden = np.concatenate((hidden, values[:, -len(bias) :]), axis=1)
+        return hidden @ weight.T + bias
 
     def check_spaces(self, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:
         """Check that the policy fits an environment.
@@ -69,7 +92,7 @@ class NetworkPolicy(Policy):
         Raises:
             PolicyFileError: It observes or acts in other spaces.
         """
-        features = self.layers[0][0].shape[1]
+        features = len(NAMES) if self.guided else self.layers[0][0].shape[1]
         if observation_space.shape != (features,):
             raise PolicyFileError(f"the policy observes {features} features, the environment {observation_space.shape}")
         if action_space != self.action_space:
@@ -80,7 +103,11 @@ class NetworkPolicy(Policy):
 
 
 def save_policy(
-    folder: Path, layers: Sequence[Layer], action_space: spaces.Space[Any], details: Mapping[str, Any]
+    folder: Path,
+    layers: Sequence[Layer],
+    action_space: spaces.Space[Any],
+    details: Mapping[str, Any],
+    guide: Guide | None = None,
 ) -> None:
     """Write a policy into a folder, each file whole or not at all.
 
@@ -89,6 +116,7 @@ def save_policy(
         layers: Weight (outputs, inputs) and bias (outputs,) of each layer.
         action_space: `MultiDiscrete` or `Box` of one action.
         details: More for the description, such as the environment and how the policy was trained.
+        guide: What makes the network's inputs, if there is one.
 
     Raises:
         OSError: The folder cannot be written to.
@@ -104,17 +132,19 @@ def save_policy(
         "action_space": _describe(action_space),
         "network": {"layers": len(layers), "activation": "tanh"},
         "weights_sha256": hashlib.sha256(weights).hexdigest(),
+        **({} if guide is None else {"guide": guide.description | {"beliefs": list(BELIEFS)}}),
         **details,
     }
     write_whole(folder / WEIGHTS, weights)
     write_whole(folder / DESCRIPTION, json.dumps(description, indent=2) + "\n")
 
 
-def load_policy(path: Path) -> NetworkPolicy:
+def load_policy(path: Path, setting: Setting | None = None) -> NetworkPolicy:
     """Read a policy.
 
     Args:
         path: Folder that training wrote, or one of the two files in it.
+        setting: Constants of the environment that it is to act in; a policy with a guide does not act without.
 
     Raises:
         PolicyFileError: A file is missing, truncated, or not a policy of this version of the observations.
@@ -138,8 +168,15 @@ def load_policy(path: Path) -> NetworkPolicy:
         )
     except (KeyError, TypeError, ValueError, AssertionError) as error:
         raise PolicyFileError(f"{folder / DESCRIPTION} does not describe {WEIGHTS}: {error!r}") from None
-    _check_layers(folder / WEIGHTS, layers, action_space)
-    return NetworkPolicy(layers, action_space, description)
+    guided = "guide" in description
+    _check_layers(folder / WEIGHTS, layers, action_space, guided)
+    guide = None
+    if guided and setting is not None:
+        try:
+            guide = guide_from(description["guide"], setting)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise PolicyFileError(f"{folder / DESCRIPTION} tells of a guide that there is not: {error!r}") from None
+    return NetworkPolicy(layers, action_space, description, guide)
 
 
 def _read(path: Path) -> bytes:
@@ -167,6 +204,9 @@ def _read_description(path: Path) -> dict[str, Any]:
         raise PolicyFileError(
             f"{path}: the policy observes other features than this version's environments: train again"
         )
+    guide = description.get("guide", {"beliefs": list(BELIEFS)})
+    if not isinstance(guide, dict) or guide.get("beliefs") != list(BELIEFS):
+        raise PolicyFileError(f"{path}: the policy follows another rule than this version has: train again")
     return description
 
 
@@ -185,12 +225,15 @@ def _action_space(described: Mapping[str, Any]) -> spaces.Space[Any]:
     raise ValueError(f"action space {described['type']!r}")
 
 
-def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Space[Any]) -> None:
+def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Space[Any], guided: bool) -> None:
     if isinstance(action_space, spaces.MultiDiscrete):
         outputs = int(action_space.nvec.sum())
     else:
         outputs = int(np.prod(action_space.shape or ()))
     widths = [len(NAMES), *(len(bias) if bias.ndim == 1 else -1 for _, bias in layers)]
+    if guided:
+        widths[0] += len(BELIEFS) + outputs
+        widths[-2:-1] = [width + outputs for width in widths[-2:-1]]  # before the last layer
     for (weight, bias), inputs in zip(layers, widths, strict=False):
         if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (len(bias), inputs):
             raise PolicyFileError(

@@ -15,24 +15,24 @@ from typing import Any
 import numba
 import tensorboard  # noqa: F401 - stable-baselines3 would miss it only once the run has begun
 import torch
-from gymnasium import spaces
 from rich.console import Console
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 from torch import nn
 
 import homeward
-from homeward.agents.policy_file import Layer, save_policy
+from homeward.agents.policy_file import Layer, NetworkPolicy, save_policy
 from homeward.agents.ppo_callback import TrainingCallback
 from homeward.agents.ppo_checkpoint import restore_checkpoint, save_checkpoint
+from homeward.agents.ppo_curve import Point, measure
 from homeward.agents.ppo_folder import TENSORBOARD
+from homeward.agents.ppo_guide import Guide, make_guide
+from homeward.agents.ppo_network import GuidedPolicy
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.sb3_adapter import SB3Adapter
-from homeward.envs.options import Options
+from homeward.envs.options import Options, settle
 from homeward.envs.vector import HomewardVectorEnv
 
-_MODE_LOGITS = (-1.5, 2.0, -2.2)  # stop 3 %, go 96 %, return 1.4 %: back after about 70 decisions
-_LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so as rarely beside it
 _LAST_LEARNING_RATE = 0.01
 
 
@@ -54,6 +54,7 @@ def train(
     *,
     details: Mapping[str, Any],
     checkpoint_s: float,
+    curve: int,
     restore: bool,
     console: Console,
 ) -> Trained:
@@ -67,6 +68,7 @@ def train(
         folder: Of the run: checkpoints, TensorBoard files and the policy.
         details: More for the policy's description.
         checkpoint_s: Least time between checkpoints, s.
+        curve: Points of the learning curve, 1 or more, beside the first.
         restore: Whether to continue from the folder's checkpoint.
         console: Where the progress goes.
 
@@ -80,23 +82,28 @@ def train(
         model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
         if restore:
             restore_checkpoint(model, folder)
-        callback = TrainingCallback(folder, total, checkpoint_s, console)
+        guide = make_guide(settings.guide, options.mission, settle(options))
+
+        def measured(steps: int, trained_s: float) -> Point:
+            return measure(deployed(model, guide), options, steps, trained_s)
+
+        callback = TrainingCallback(folder, total, checkpoint_s, console, math.ceil(total / curve), measured)
         try:
             model.learn(total - model.num_timesteps, callback, reset_num_timesteps=False)
+            callback.add_to_curve()
             save_checkpoint(model, folder)  # for more steps some day
         finally:
             callback.close()
             model.logger.close()
     versions = {"homeward": homeward.__version__, "python": platform.python_version()}
     versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
-    save_policy(folder, layers_of(model), model.action_space, {**details, "steps": total, "versions": versions})
+    details = {**details, "steps": total, "versions": versions}
+    save_policy(folder, layers_of(model), model.action_space, details, guide)
     return Trained(total, callback.home_rate, callback.score)
 
 
 def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     """An untrained learner on its missions.
-
-    A robot that may turn back at every decision hardly ever gets anywhere by chance: the first policy mostly goes on.
 
     Raises:
         TrainingError: The device cannot be used.
@@ -104,12 +111,14 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     if settings.device == "cuda" and not torch.cuda.is_available():
         raise TrainingError("device = 'cuda' is not available here; choose cpu")
     keywords = vars(options) | {"discount": settings.discount}
-    env = SB3Adapter(HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords), settings.stranding_cost)
+    missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
+    guide = make_guide(settings.guide, options.mission, missions.batch.setting)
+    env = SB3Adapter(missions, settings.stranding_cost, guide, late_is_lost=True)
     with warnings.catch_warnings():
         # The device is documented where it is chosen.
         warnings.filterwarnings("ignore", "You are trying to run PPO on the GPU", UserWarning)
         model = PPO(
-            "MlpPolicy",
+            GuidedPolicy,
             env,
             learning_rate=_Falling(settings.learning_rate),
             n_steps=settings.n_steps,
@@ -119,16 +128,11 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
             gae_lambda=settings.gae_lambda,
             clip_range=settings.clip,
             ent_coef=settings.entropy,
-            policy_kwargs={"net_arch": [settings.hidden, settings.hidden], "activation_fn": nn.Tanh},
+            policy_kwargs={"hidden": settings.hidden, "proposals": 0 if guide is None else guide.proposals},
             seed=seed,
             device=settings.device,
         )
     env.seed(seed * settings.n_envs)  # no two seeds share a mission
-    with torch.no_grad():
-        if isinstance(model.action_space, spaces.MultiDiscrete):
-            _head(model).bias[-3:] = torch.tensor(_MODE_LOGITS)
-        else:
-            model.policy.log_std[:] = torch.tensor(_LOG_DEVIATIONS)
     return model
 
 
@@ -140,6 +144,12 @@ class _Falling:
 
     def __call__(self, remaining: float) -> float:
         return self._start * max(remaining, _LAST_LEARNING_RATE)
+
+
+def deployed(model: PPO, guide: Guide | None) -> NetworkPolicy:
+    """The policy as it stands, as it will act once training is over; the guide begins anew with its missions."""
+    description = {} if guide is None else {"guide": guide.description}
+    return NetworkPolicy(tuple(layers_of(model)), model.action_space, description, guide)
 
 
 def layers_of(model: PPO) -> list[Layer]:

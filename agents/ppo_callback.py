@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,20 +12,32 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
 from homeward.agents.ppo_checkpoint import save_checkpoint
+from homeward.agents.ppo_curve import Point, read_curve, write_curve
 
 
 class TrainingCallback(BaseCallback):
-    """Logs how missions end, shows the progress and writes checkpoints.
+    """Logs how missions end, shows the progress and writes checkpoints and the learning curve.
 
     Args:
         folder: Of the run.
         steps: Decisions of the whole run.
         checkpoint_s: Least time between checkpoints, s.
         console: Where the progress bar goes; without a terminal, a line for each tenth of the run.
+        every: Least decisions between points of the learning curve.
+        measure: What the policy is worth, a point of the curve, after some decisions and seconds of training.
     """
 
-    def __init__(self, folder: Path, steps: int, checkpoint_s: float, console: Console) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        steps: int,
+        checkpoint_s: float,
+        console: Console,
+        every: int,
+        measure: Callable[[int, float], Point],
+    ) -> None:
         super().__init__()
+        self._every, self._measure = every, measure
         self.home_rate = self.score = float("nan")
         self._folder, self._steps, self._checkpoint_s, self._console = folder, steps, checkpoint_s, console
         columns = (
@@ -35,17 +48,31 @@ class TrainingCallback(BaseCallback):
         self._ends: list[tuple[bool, bool, float]] = []  # home, stranded, score counted
 
     def _on_training_start(self) -> None:
-        self._start_s = self._saved_s = time.monotonic()
+        self._start_s = self._saved_s = self._resumed_s = time.monotonic()
         self._start_step = self.num_timesteps
+        self._curve = [point for point in read_curve(self._folder) if point.steps <= self.num_timesteps]
+        self._trained_s = self._curve[-1].trained_s if self._curve else 0.0
         self._tenth = 10 * self.num_timesteps // self._steps
         self._task = self._bar.add_task("", total=self._steps, completed=self.num_timesteps, figures="")
         self._bar.start()
 
     def _on_rollout_start(self) -> None:
+        if not self._curve or self.num_timesteps - self._curve[-1].steps >= self._every:
+            self.add_to_curve()
         # The update before is done: nothing of it would be lost.
         if self.num_timesteps > self._start_step and time.monotonic() - self._saved_s >= self._checkpoint_s:
             save_checkpoint(self.model, self._folder)  # type: ignore[arg-type]
             self._saved_s = time.monotonic()
+
+    def add_to_curve(self) -> None:
+        """Measure the policy as it stands, unless that was just done."""
+        if self._curve and self.num_timesteps == self._curve[-1].steps:
+            return
+        now_s = time.monotonic()
+        self._trained_s += now_s - self._resumed_s
+        self._curve.append(self._measure(self.num_timesteps, self._trained_s))
+        write_curve(self._folder, self._curve)
+        self._resumed_s = time.monotonic()
 
     def _on_step(self) -> bool:
         infos = self.locals["infos"]

@@ -14,6 +14,7 @@ from homeward.agents.ppo_settings import TrainingError
 from homeward.files import write_whole
 
 RUN, CHECKPOINT, PREVIOUS, TENSORBOARD = "run.json", "checkpoint.zip", "checkpoint.previous.zip", "tensorboard"
+CURVE = "curve.csv"
 
 
 class RunState(Enum):
@@ -128,7 +129,7 @@ def _steps_of_policy(folder: Path) -> int | None:
 def _remove(folder: Path) -> None:
     """Remove what a run wrote, and what says so last: a kill between leaves a run that is still another one."""
     shutil.rmtree(folder / TENSORBOARD, ignore_errors=True)
-    for name in (DESCRIPTION, WEIGHTS, CHECKPOINT, PREVIOUS, RUN):
+    for name in (DESCRIPTION, WEIGHTS, CURVE, CHECKPOINT, PREVIOUS, RUN):
         (folder / name).unlink(missing_ok=True)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from homeward.agents.ppo_guide import ADAPTIVE, GUIDES
+
 
 class TrainingError(ValueError):
     """A training run that cannot be made or continued; the message says what to change."""
@@ -13,13 +15,15 @@ class TrainingError(ValueError):
 class PPOSettings:
     """Settings of proximal policy optimisation (Schulman et al. 2017, arXiv 1707.06347)."""
 
-    n_envs: int = 256
+    guide: str = ADAPTIVE
+    """Rule that the policy starts from and sees the proposals of: dmax_adaptive, or none."""
+    n_envs: int = 512
     """Missions side by side."""
-    n_steps: int = 64
+    n_steps: int = 32
     """Decisions of each mission between two updates."""
     batch_size: int = 2048
     """Decisions in a gradient step; divides n_envs times n_steps."""
-    epochs: int = 8
+    epochs: int = 4
     """Passes over the decisions in an update."""
     learning_rate: float = 1e-3
     """Step size of Adam at the start; it falls linearly to a hundredth."""
@@ -31,7 +35,7 @@ class PPOSettings:
     """How far an update may move the probability of an action."""
     entropy: float = 0.0
     """Weight of the entropy bonus."""
-    stranding_cost: float = 0.5
+    stranding_cost: float = 1.0
     """Reward lost by stranding beyond the score, as a share of a good score: without it, gambling pays too well."""
     hidden: int = 64
     """Width of the two hidden layers, of the policy and of the value."""
@@ -39,6 +43,8 @@ class PPOSettings:
     """Torch device: cpu, cuda or auto; a network this small is fastest on the cpu."""
 
     def __post_init__(self) -> None:
+        if self.guide not in GUIDES:
+            raise TrainingError(f"guide = {self.guide!r} is not allowed; choose from {', '.join(GUIDES)}")
         for name in ("n_envs", "n_steps", "batch_size", "epochs", "hidden"):
             if getattr(self, name) < 1:
                 raise TrainingError(f"{name} = {getattr(self, name)} is not allowed; give a whole number of at least 1")

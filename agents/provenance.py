@@ -13,6 +13,7 @@ from typing import Any
 import homeward
 from homeward.envs.options import Options, Setting
 
+_LEARNER = ("sb3_adapter.py", "rule.py", "dmax_adaptive.py", "pace.py", "tuned.py")
 _COMPARED = ("env", "robot", "route", "difficulty")
 
 
@@ -83,7 +84,7 @@ def _code() -> dict[str, str]:
     parts = {
         "physics": (package / "physics").rglob("*.py"),
         "envs": (package / "envs").glob("*.py"),  # how it is shown changes no policy
-        "learner": [agents / "sb3_adapter.py", *agents.glob("ppo*.py")],
+        "learner": [*(agents / name for name in _LEARNER), *agents.glob("ppo*.py")],
     }
     return {
         part: _digest(*(file.relative_to(package).as_posix().encode() + file.read_bytes() for file in sorted(sources)))

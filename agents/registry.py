@@ -51,12 +51,10 @@ def _tuned(name: str, rule: Callable[..., Policy]) -> Callable[[Request], Policy
 
 
 def _ppo(request: Request) -> Policy:
-    if request.file is None:
-        raise AgentError("ppo is loaded from a file: give ppo=FOLDER, the folder that train.py wrote")
     from homeward.agents.policy_file import PolicyFileError, load_policy
 
     try:
-        policy = load_policy(request.file)
+        policy = load_policy(request.file or SHIPPED / request.options.mission, request.setting)
         policy.check_spaces(observation_space(), action_space(request.options))
     except PolicyFileError as error:
         raise AgentError(str(error)) from None
@@ -74,7 +72,10 @@ AGENTS: dict[str, Callable[[Request], Policy]] = {
 """Loader of each agent."""
 
 FROM_FILES = frozenset({"ppo"})
-"""Agents that are loaded from a file."""
+"""Agents that take a file."""
+
+SHIPPED = Path(__file__).parent / "policies"
+"""Trained policies by mission, for where no file is given; each with the card that says how it was trained."""
 
 
 def make_policy(name: str, env: Any, file: str | Path | None = None, seed: int = 0) -> Policy:
@@ -83,7 +84,7 @@ def make_policy(name: str, env: Any, file: str | Path | None = None, seed: int =
     Args:
         name: One of `AGENTS`.
         env: A `homeward` environment, scalar or vector, wrapped or not; only what its robot can know is used.
-        file: Where a trained policy lies.
+        file: Where a trained policy lies, if not the one that ships for the mission is wanted.
         seed: Seed of agents that draw.
 
     Raises:

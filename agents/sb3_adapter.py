@@ -8,12 +8,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
+from homeward.agents.ppo_guide import Guide
 from homeward.envs.batch import INFO_KEYS
+from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.vector import HomewardVectorEnv
 
 
@@ -27,17 +30,30 @@ class SB3Adapter(VecEnv):
     Args:
         env: Made with `autoreset_mode="SameStep"`.
         stranding_cost: Taken from the reward of a mission that strands.
+        guide: What makes the learner's inputs from observations, if they are not the observations.
+        late_is_lost: Whether the time limit ends a mission as stranding does: nothing is scored and nothing is left to
+            hope for, as the time is observed and a part of the task. Else it truncates, as Gymnasium has it.
 
     Raises:
         ValueError: The environment resets in another way.
     """
 
-    def __init__(self, env: HomewardVectorEnv, stranding_cost: float = 0.0) -> None:
+    def __init__(
+        self,
+        env: HomewardVectorEnv,
+        stranding_cost: float = 0.0,
+        guide: Guide | None = None,
+        *,
+        late_is_lost: bool = False,
+    ) -> None:
         if env.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode is {env.autoreset_mode.value}; make the environment with SameStep")
         self.env = env
-        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-        self._stranding_cost = stranding_cost
+        space = env.single_observation_space
+        if guide is not None:
+            space = spaces.Box(-LIMIT, LIMIT, (len(FEATURES) + guide.extra,), np.float32)
+        super().__init__(env.num_envs, space, env.single_action_space)
+        self._stranding_cost, self._guide, self._late_is_lost = stranding_cost, guide, late_is_lost
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)
         self._start_s = time.time()
@@ -48,7 +64,7 @@ class SB3Adapter(VecEnv):
         self._reset_seeds()
         self._returns[:] = 0.0
         self._lengths[:] = 0
-        return observations
+        return self._inputs(observations, np.ones(self.num_envs, np.bool_))
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Take the actions of the next step."""
@@ -56,27 +72,38 @@ class SB3Adapter(VecEnv):
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step all missions."""
+        potentials = self.env.batch.records["potential"].copy()
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
+        ended = terminated | truncated
         if "final_info" in info:
             rewards = rewards - self._stranding_cost * info["final_info"]["stranded"]
+            if self._late_is_lost:
+                rewards = np.where(truncated & ~terminated, -potentials, rewards)
+                terminated = ended
         self._returns += rewards
         self._lengths += 1
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        dones = terminated | truncated
         if "final_info" in info:
-            for i in np.flatnonzero(dones).tolist():
-                infos[i] = self._final_info(info, i) | {"TimeLimit.truncated": bool(truncated[i] and not terminated[i])}
-            self._returns[dones] = 0.0
-            self._lengths[dones] = 0
-        return observations, rewards.astype(np.float32), dones, infos
+            last = observations.copy()
+            last[ended] = np.stack(info["final_obs"][ended])
+            last = self._inputs(last, np.zeros(self.num_envs, np.bool_))
+            for i in np.flatnonzero(ended).tolist():
+                late = bool(truncated[i] and not terminated[i])
+                infos[i] = self._final_info(info, i, last[i]) | {"TimeLimit.truncated": late}
+            self._returns[ended] = 0.0
+            self._lengths[ended] = 0
+        return self._inputs(observations, ended), rewards.astype(np.float32), ended, infos
 
-    def _final_info(self, info: dict[str, Any], i: int) -> dict[str, Any]:
+    def _inputs(self, observations: NDArray[np.float32], begun: NDArray[np.bool_]) -> NDArray[np.float32]:
+        return observations if self._guide is None else self._guide.inputs(observations, begun)
+
+    def _final_info(self, info: dict[str, Any], i: int, last: NDArray[np.float32]) -> dict[str, Any]:
         final = info["final_info"]
         elapsed_s = round(time.time() - self._start_s, 6)
         return {
             **{key: final[key][i].item() for key in INFO_KEYS if key != "energy_j"},
             "energy_j": {cause: joules[i].item() for cause, joules in final["energy_j"].items()},
-            "terminal_observation": info["final_obs"][i],
+            "terminal_observation": last,
             "is_success": bool(final["home"][i]),
             "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": elapsed_s},
         }

@@ -18,9 +18,11 @@ import homeward
 from homeward import load_robot
 from homeward.agents import provenance
 from homeward.agents.policy_file import DESCRIPTION, WEIGHTS, load_policy
-from homeward.agents.ppo_folder import CHECKPOINT, PREVIOUS, RUN, TENSORBOARD, RunState, open_run
+from homeward.agents.ppo_curve import measure, read_curve
+from homeward.agents.ppo_folder import CHECKPOINT, CURVE, PREVIOUS, RUN, TENSORBOARD, RunState, open_run
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.envs.features import NAMES
+from homeward.envs.options import Options, settle
 from train import Args, main, run
 
 TINY = PPOSettings(n_envs=32, n_steps=16, batch_size=128, epochs=2, hidden=16)
@@ -28,7 +30,7 @@ STEPS = 8 * TINY.rollout
 
 
 def tiny(out: Path, **changes: Any) -> Args:
-    return dataclasses.replace(Args(out=out, steps=STEPS, ppo=TINY, decision_s=120.0), **changes)
+    return dataclasses.replace(Args(out=out, steps=STEPS, ppo=TINY, decision_s=120.0, curve=2), **changes)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +40,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_run_leaves_a_policy_checkpoints_and_logs(finished: Path) -> None:
     assert {entry.name for entry in finished.iterdir()} == {
-        RUN, CHECKPOINT, PREVIOUS, TENSORBOARD, WEIGHTS, DESCRIPTION
+        RUN, CHECKPOINT, PREVIOUS, TENSORBOARD, WEIGHTS, DESCRIPTION, CURVE
     }  # fmt: skip
     assert any((finished / TENSORBOARD).iterdir())
     description = load_policy(finished).description
@@ -48,6 +50,17 @@ def test_a_run_leaves_a_policy_checkpoints_and_logs(finished: Path) -> None:
     assert description["decision_s"] == 120.0
     assert description["made_with"] == json.loads((finished / RUN).read_text())["made_with"]
     assert {"homeward", "torch", "stable-baselines3"} <= set(description["versions"])
+
+
+def test_the_learning_curve_goes_from_the_first_policy_to_the_last(finished: Path) -> None:
+    curve = read_curve(finished)
+    assert [point.steps for point in curve] == [0, STEPS // 2, STEPS]
+    assert 0.0 == curve[0].steps < curve[1].trained_s < curve[2].trained_s
+    setting = settle(Options("Survey", decision_s=120.0))
+    policy = load_policy(finished, setting)
+    assert measure(policy, Options("Survey", decision_s=120.0), STEPS, 0.0).score == pytest.approx(
+        curve[2].score, rel=1e-5
+    )
 
 
 def test_a_finished_run_is_left_alone(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,7 +78,9 @@ def test_the_seed_decides_everything(finished: Path, tmp_path: Path) -> None:
 
 
 def command(out: Path) -> list[str]:
-    options = "--n-envs 32 --n-steps 16 --batch-size 128 --epochs 2 --hidden 16 --decision-s 120 --checkpoint-s 0"
+    options = (
+        "--n-envs 32 --n-steps 16 --batch-size 128 --epochs 2 --hidden 16 --decision-s 120 --checkpoint-s 0 --curve 2"
+    )
     return [sys.executable, "train.py", "--out", str(out), "--steps", str(STEPS), *options.split()]
 
 
@@ -248,9 +263,8 @@ def test_ctrl_c_takes_one_line_and_the_run_goes_on(tmp_path: Path, root: Path) -
 
 def test_the_first_policy_mostly_goes_on() -> None:
     from homeward.agents.ppo import make_model
-    from homeward.envs.options import Options
 
-    model = make_model(Options("Survey"), TINY, seed=0)
+    model = make_model(Options("Survey"), dataclasses.replace(TINY, guide="none"), seed=0)
     observations, _ = model.policy.obs_to_tensor(np.random.default_rng(0).uniform(-1.0, 1.0, (500, len(NAMES))))
     distributions: Any = model.policy.get_distribution(observations).distribution
     assert distributions[2].probs.mean(0).tolist() == pytest.approx([0.03, 0.96, 0.014], abs=0.005)
@@ -286,6 +300,8 @@ def test_a_foreign_folder_is_left_alone(tmp_path: Path, name: str, content: str,
         ("--n-envs 0", "n_envs = 0 is not allowed"),
         ("--learning-rate nan", "learning_rate = nan is not allowed"),
         ("--entropy -1", "entropy = -1.0 is not allowed"),
+        ("--guide soc50", "guide = 'soc50' is not allowed; choose from none, dmax_adaptive"),
+        ("--curve 0", "curve = 0 is not allowed; give at least 1"),
         ("--discount 1.5", "discount = 1.5 is not allowed"),
         ("--device tpu", "device = 'tpu' is not allowed; choose from cpu, cuda, auto"),
     ],
@@ -324,7 +340,7 @@ def test_a_missing_library_says_what_to_install(
 
 
 def test_it_learns_to_come_home(tmp_path: Path) -> None:
-    ppo = PPOSettings(n_envs=128, n_steps=32, batch_size=512, epochs=8)
+    ppo = PPOSettings(n_envs=128, n_steps=32, batch_size=512, epochs=8, guide="none")
     args = Args(
         env="homeward/OutAndBack-v0", out=tmp_path, difficulty="known", steps=100_000, decision_s=120.0, ppo=ppo
     )

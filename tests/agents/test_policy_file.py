@@ -18,7 +18,9 @@ from safetensors.numpy import save
 import homeward  # noqa: F401 - registers the environments
 from homeward.agents import AgentError, make_policy
 from homeward.agents.policy_file import DESCRIPTION, WEIGHTS, Layer, PolicyFileError, load_policy, save_policy
+from homeward.agents.ppo_guide import BELIEFS, make_guide
 from homeward.envs.features import NAMES
+from homeward.envs.options import Options, settle
 
 DISCRETE = spaces.MultiDiscrete([5, 5, 3])
 CONTINUOUS = spaces.Box(-1.0, 1.0, (3,), np.float32)
@@ -51,20 +53,25 @@ def test_what_is_read_is_what_was_written(folder: Path, path: str) -> None:
     assert sorted(entry.name for entry in folder.iterdir()) == [DESCRIPTION, WEIGHTS]
 
 
+@pytest.mark.parametrize("guide", ["none", "dmax_adaptive"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str) -> None:
+def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, guide: str) -> None:
     from homeward.agents.ppo import layers_of, make_model
+    from homeward.agents.ppo_guide import make_guide
     from homeward.agents.ppo_settings import PPOSettings
-    from homeward.envs.options import Options
 
-    settings = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16)
-    model = make_model(Options("Survey", action_type=action_type), settings, seed=0)
+    settings = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16, guide=guide)
+    options = Options("Survey", action_type=action_type)
+    model = make_model(options, settings, seed=0)
     model.learn(settings.rollout)
-    save_policy(tmp_path, layers_of(model), model.action_space, {})
-    policy = load_policy(tmp_path)
-    observations = np.random.default_rng(0).uniform(-1.0, 1.0, (500, len(NAMES))).astype(np.float32)
-    expected, _ = model.predict(observations, deterministic=True)
-    actions = policy.act(observations, np.ones(500, np.bool_))
+    setting = settle(options)
+    save_policy(tmp_path, layers_of(model), model.action_space, {}, make_guide(guide, "Survey", setting))
+    policy = load_policy(tmp_path, setting)
+    observations = np.random.default_rng(0).uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
+    begun = np.ones(500, np.bool_)
+    twin = make_guide(guide, "Survey", setting)
+    expected, _ = model.predict(observations if twin is None else twin.inputs(observations, begun), deterministic=True)
+    actions = policy.act(observations, begun)
     assert actions.dtype == (np.int64 if action_type == "discrete" else np.float32)
     np.testing.assert_allclose(actions, expected, atol=1e-5)
 
@@ -186,3 +193,35 @@ def test_foreign_weights_are_refused(folder: Path, weights: bytes, message: str)
     rewrite(folder, weights)
     with pytest.raises(PolicyFileError, match=message):
         load_policy(folder)
+
+
+@pytest.fixture
+def guided(tmp_path: Path) -> Path:
+    guide = make_guide("dmax_adaptive", "Survey", settle(Options("Survey")))
+    assert guide is not None
+    layers = [*draw_layers(len(NAMES) + guide.extra, 8), *draw_layers(8 + guide.proposals, 13)]
+    save_policy(tmp_path, layers, DISCRETE, {}, guide)
+    return tmp_path
+
+
+def test_a_guided_policy_acts_only_with_a_setting(guided: Path) -> None:
+    observations, begun = np.zeros((2, len(NAMES)), np.float32), np.ones(2, np.bool_)
+    assert load_policy(guided, settle(Options("Survey"))).act(observations, begun).shape == (2, 3)
+    with pytest.raises(PolicyFileError, match="load it with an environment's setting"):
+        load_policy(guided).act(observations, begun)
+
+
+@pytest.mark.parametrize(
+    ("guide", "message"),
+    [
+        (None, "follows another rule than this version has: train again"),
+        ({"beliefs": ["luck"]}, "follows another rule than this version has: train again"),
+        ({"beliefs": list(BELIEFS)}, "tells of a guide that there is not"),
+        ({"beliefs": list(BELIEFS), "rule": "dice"}, "tells of a guide that there is not"),
+        ({"beliefs": list(BELIEFS), "rule": "dmax_adaptive", "pace": 3}, "tells of a guide that there is not"),
+    ],
+)
+def test_a_foreign_guide_is_refused(guided: Path, guide: Any, message: str) -> None:
+    rewrite(guided, guide=guide)
+    with pytest.raises(PolicyFileError, match=message):
+        load_policy(guided, settle(Options("Survey")))

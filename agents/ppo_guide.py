@@ -1,0 +1,121 @@
+"""What a learner starts from: what the best rule proposes, and what it believes of the way home."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, feature
+from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.pace import Pace
+from homeward.agents.tuned import PACES, RESERVES
+from homeward.envs.kernel import LEVELS
+from homeward.envs.options import Setting
+from homeward.envs.state import RETURN, STOP
+
+NO_GUIDE, ADAPTIVE = "none", "dmax_adaptive"
+GUIDES = (NO_GUIDE, ADAPTIVE)
+
+BELIEFS = ("spare", "spare_here", "need", "drive_ratio", "sensing_ratio", "deviation")
+"""Further inputs: energy beyond the way home after the next decision and at once, share of the energy left that the way
+home takes, by how much driving and sensing take more than modelled, and how much that varies."""
+_SHARP = 0.1
+"""Energy to spare, as a share of the usable energy, from which the rule is sure to go on."""
+_LIMIT = 3.0
+
+
+class Guide:
+    """Runs the rule `dmax_adaptive` beside a policy, and shows the policy what it proposes and believes.
+
+    The inputs of the policy are the observation, the `BELIEFS`, and the proposal. In a discrete space that is one
+    number a choice: 1 for the proposed speed and sensing rate; for stopping 1 or -1; for returning from -1 to 1,
+    positive where the rule returns, and the nearer to 0 the less energy lies between it and the other decision: a
+    policy that adds a little to it turns a little earlier or later. In a continuous space it is an action.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate of the rule.
+        deviations: Standard deviations that it keeps back.
+    """
+
+    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
+        self._setting, self._pace, self._deviations = setting, pace, deviations
+        self._rule = AdaptiveDmaxRule(setting, pace, deviations)
+        self._discrete = bool(setting.shared["discrete"][0])
+        self.proposals = 2 * LEVELS + 3 if self._discrete else 3
+        self.extra = len(BELIEFS) + self.proposals
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """JSON that `guide_from` makes an equal guide from."""
+        return {"rule": ADAPTIVE, "pace": dataclasses.asdict(self._pace), "deviations": self._deviations}
+
+    def inputs(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Inputs of the policy, shape (n, features + extra); arguments as in `homeward.agents.base.Policy.act`.
+
+        An observation that is shown twice counts once.
+        """
+        actions = self._rule.act(observations, begun)
+        again = np.zeros(len(begun), np.bool_)
+        spare = self._rule.spare(observations, again)
+        beliefs = self._beliefs(observations, again)
+        sure = np.clip(-spare / _SHARP, -1.0, 1.0)
+        propose = self._choices if self._discrete else self._commands
+        return np.concatenate((observations, beliefs, propose(actions, sure)), axis=1, dtype=np.float32)
+
+    def _beliefs(self, observations: Observations, again: NDArray[np.bool_]) -> NDArray[np.float64]:
+        ratios, deviation = self._rule.believe(observations, again)
+        energy, cost = feature(observations, "energy"), feature(observations, "home_cost")
+        need = ratios[:, 0] * cost
+        later = need + ratios[:, 0] * self._rule.cost_of_going_on(observations)
+        columns = (
+            10.0 * (energy - later),
+            40.0 * (energy - need),
+            need / np.maximum(energy, 1e-3),
+            4.0 * (ratios[:, 0] - 1.0),
+            4.0 * (ratios[:, 1] - 1.0),
+            5.0 * deviation,
+        )
+        return np.clip(np.stack(columns, axis=1), -_LIMIT, _LIMIT)
+
+    def _choices(self, actions: NDArray[Any], sure: NDArray[np.float64]) -> NDArray[np.float64]:
+        columns = np.zeros((len(actions), self.proposals))
+        rows = np.arange(len(actions))
+        columns[rows, actions[:, 0]] = 1.0
+        columns[rows, LEVELS + actions[:, 1]] = 1.0
+        columns[:, -3] = np.where(actions[:, 2] == STOP, 1.0, -1.0)
+        columns[:, -1] = _agreeing(sure, actions[:, 2] == RETURN)
+        return columns
+
+    def _commands(self, actions: NDArray[Any], sure: NDArray[np.float64]) -> NDArray[np.float64]:
+        columns = actions.astype(np.float64)
+        # Each mode has a third of [-1, 1]: between the middles of go, 0, and return, 2 / 3, the rule is less sure.
+        going = columns[:, 2] > -1.0 / 3.0
+        columns[:, 2] = np.where(going, (1.0 + _agreeing(sure, columns[:, 2] > 1.0 / 3.0)) / 3.0, columns[:, 2])
+        return columns
+
+
+def _agreeing(sure: NDArray[np.float64], returns: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """How sure the rule is of returning: wholly where it decides for another reason than the energy."""
+    return np.where((sure > 0.0) == returns, sure, np.where(returns, 1.0, -1.0))
+
+
+def make_guide(name: str, mission: str, setting: Setting) -> Guide | None:
+    """A guide by its name, with the numbers of `homeward.agents.tuned`."""
+    return None if name == NO_GUIDE else Guide(setting, PACES[mission], RESERVES[name][mission])
+
+
+def guide_from(description: Mapping[str, Any], setting: Setting) -> Guide:
+    """The guide that a description tells of.
+
+    Raises:
+        ValueError, KeyError, TypeError: It tells of none.
+    """
+    if description["rule"] != ADAPTIVE:
+        raise ValueError(f"rule {description['rule']!r}")
+    pace = {name: float(value) for name, value in description["pace"].items()}
+    return Guide(setting, Pace(**pace), float(description["deviations"]))

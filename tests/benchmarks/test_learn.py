@@ -1,0 +1,62 @@
+"""The benchmark of learning: its figures, and that nothing is trained twice."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.learn import Args, Result, interval, main, reached_s, summary
+from homeward.agents.ppo_curve import Point
+from homeward.agents.ppo_settings import TrainingError
+
+CURVE = [Point(0, 0.0, 90.0, 0.1, 0.0), Point(10, 1.0, 101.0, 0.0, 0.0), Point(20, 2.0, 110.0, 0.0, 0.0)]
+
+
+def test_a_run_trains_compares_and_is_kept(tmp_path: Path) -> None:
+    args = Args(out=tmp_path, missions=("OutAndBack",), seeds=1, steps=1, episodes=20, optimum=2)
+    (first,) = main(args)
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.*")}
+    (again,) = main(args)
+    assert before == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.*")}
+    np.testing.assert_array_equal(first.score, again.score)
+    (row,) = json.loads((tmp_path / "learn.json").read_text())
+    assert (row["mission"], row["variant"], row["seeds"], row["episodes"]) == ("OutAndBack", "recipe", 1, 20)
+    assert row["optimum"]["score"] > row["optimum"]["rule_score"]
+    assert (tmp_path / "learn.png").stat().st_size > 1000
+
+
+def test_figures_of_a_result() -> None:
+    rule = np.array([100.0, 0.0, 100.0, 0.0])
+    row = summary(
+        Result(
+            "Survey", "uncertain", "recipe",
+            np.stack([rule + 10.0, rule + 20.0]), np.array([[False] * 4, [True] + [False] * 3]),
+            (CURVE, CURVE[:2]), "dmax", rule, np.array([False, True, False, True]), 100.0, np.array([130.0, 30.0]),
+        )
+    )  # fmt: skip
+    assert (row["gain"], row["score"], row["rule_score"]) == (15.0, 65.0, 50.0)
+    assert row["gain_ci95"] == [10.0, 20.0]
+    assert (row["stranded_rate"], row["rule_stranded_rate"]) == (0.125, 0.5)
+    assert row["gap_closed"] == pytest.approx(15.0 / 30.0)
+    assert row["reaches_rule_s"] == [1.0, 1.0]
+    assert row["final_level_s"] == [2.0, 1.0]
+
+
+def test_a_score_that_is_not_reached_has_no_time() -> None:
+    assert reached_s(CURVE, 100.0) == 1.0
+    assert reached_s(CURVE, 111.0) is None
+
+
+def test_the_interval_holds_the_spread_of_seeds_and_of_episodes() -> None:
+    rng = np.random.default_rng(1)
+    same = interval(np.tile(rng.normal(0.0, 1.0, 400), (3, 1)))
+    apart = interval(np.array([[-1.0], [0.0], [1.0]]) + rng.normal(0.0, 1.0, 400))
+    assert same[1] - same[0] == pytest.approx(2 * 1.96 / 20.0, rel=0.2)
+    assert apart[1] - apart[0] > 1.0
+    assert interval(np.ones((1, 5))) == (1.0, 1.0)
+
+
+def test_too_little_to_compare_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match="give at least 1 seed and 2 episodes"):
+        main(Args(out=tmp_path, seeds=0))
