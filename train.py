@@ -1,7 +1,8 @@
 """Train a policy with PPO.
 
-`python train.py --env homeward/Survey-v0 --out DIR` writes DIR/policy.safetensors and DIR/policy.json, for
-`evaluate.py --agents ppo=DIR`, and on the way checkpoints, for --resume, DIR/curve.csv and DIR/tensorboard.
+`homeward train --env homeward/Survey-v0 --out DIR`, in a checkout also `python train.py`, writes DIR/policy.safetensors
+and DIR/policy.json, for `homeward evaluate --agents ppo=DIR`, and on the way checkpoints, for --resume, DIR/curve.csv
+and DIR/tensorboard.
 """
 
 from __future__ import annotations
