@@ -288,6 +288,21 @@ def test_the_grade_comes_from_what_there_is(tmp_path: Path, method: str) -> None
     assert any(note.startswith(said) for note in recording.notes)
 
 
+@pytest.mark.parametrize(("given", "taken"), [(0.8, 0.8), (80.0, 0.8), (np.nan, None), (-300.0, None)])
+def test_a_state_of_charge_that_is_none_is_left_out(tmp_path: Path, given: float, taken: float | None) -> None:
+    pack = battery()
+    streams = {
+        "/battery_state": dataclasses.replace(pack, values={**pack.values, "percentage": given}),
+        "/odom": odometry(),
+    }
+    recording = read_recording(write_bag(tmp_path, "mcap", streams))
+    check(recording)
+    if taken is None:
+        assert "soc" not in recording.channels
+    else:
+        np.testing.assert_allclose(recording.channels["soc"], taken, rtol=1e-6)
+
+
 def test_a_level_robot_has_no_grade(tmp_path: Path) -> None:
     recording = read_recording(write_bag(tmp_path, "mcap", {"/battery_state": battery(), "/odom": odometry()}))
     assert "grade_rad" not in recording.channels

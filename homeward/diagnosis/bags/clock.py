@@ -46,9 +46,12 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
         time_s, values: Its samples as `in_order` gives them, linear in between, shape (n,).
         clock_s: Ticks, s, increasing, shape (ticks,).
     """
-    if len(time_s) == len(clock_s) and np.array_equal(time_s, clock_s):
-        return values.copy()
+    if len(time_s) < 2:
+        return np.full(len(clock_s), np.nan)
     tick_s = usual_step_s(clock_s)
+    own = np.minimum(np.searchsorted(time_s, clock_s), len(time_s) - 1)
+    if np.array_equal(time_s[own], clock_s) and tick_s < 2.0 * usual_step_s(time_s):
+        return values[own]  # the channel that the clock is of
     half = np.minimum(0.5 * np.diff(clock_s), 0.5 * tick_s)
     half = np.minimum(np.append(half, half[-1:]), np.append(half[:1], half))
     half = np.minimum(half, np.minimum(clock_s - time_s[0], time_s[-1] - clock_s))  # as far as the channel goes

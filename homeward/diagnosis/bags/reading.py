@@ -219,11 +219,11 @@ class _Reading:
 
     def _leave_out_impossible(self, columns: dict[str, Array]) -> None:
         """A channel that is not needed does not spoil a recording: out of its limits it is left out."""
-        soc = columns.get("soc")
-        if soc is not None and 1.05 < np.nanmax(soc) <= 105.0:
+        soc = columns.get("soc", np.empty(0))
+        if 1.05 < np.max(soc, initial=0.0, where=np.isfinite(soc)) <= 105.0:
             columns["soc"] = soc / 100.0
             self.notes.append("the state of charge is in per cent, and divided by 100")
-        for name in set(columns) - _NEEDED:
+        for name in sorted(set(columns) - _NEEDED):
             channel = CHANNELS[name]
             with np.errstate(invalid="ignore"):
                 wrong = (columns[name] < channel.low) | (columns[name] > channel.high)

@@ -45,7 +45,7 @@ class Remains:
         self._records = _SCANNERS.get(path.suffix, _nothing)(path)
         found: dict[int, Connection] = {}
         counts: dict[int, int] = {}
-        for record in self._records():
+        for record in _readable(self._records):
             if isinstance(record, Connection):
                 found[record.id] = record
             else:
@@ -55,9 +55,15 @@ class Remains:
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
         """Messages of some connections, in the order of the file."""
         wanted = {connection.id: connection for connection in connections}
-        for record in self._records():
+        for record in _readable(self._records):
             if not isinstance(record, Connection) and record[0] in wanted:
                 yield wanted[record[0]], record[1], record[2]
+
+
+def _readable(records: Callable[[], Iterator[Record]]) -> Iterator[Record]:
+    """Records up to the first that is no record; garbage raises anything, from KeyError to OverflowError."""
+    with contextlib.suppress(Exception):
+        yield from records()
 
 
 def _ros1(path: Path) -> Callable[[], Iterator[Record]]:
