@@ -1,8 +1,8 @@
 """Say which physics a robot's simulator lacks, from recordings of the robot.
 
 `homeward diagnose RUN... --robot PRESET_OR_TOML [--columns MAP] --out DIR`, in a checkout also `python diagnose.py`,
-writes DIR/diagnosis.json, DIR/report.html and DIR/corrected.toml. RUN is a table or a ROS bag, read without ROS. Without
-RUN it diagnoses the recording that ships with the project.
+writes DIR/diagnosis.json, DIR/report.html and DIR/corrected.toml. RUN is a table or a ROS bag, read without ROS.
+Without RUN it diagnoses the recording that ships with the project.
 """
 
 from __future__ import annotations
