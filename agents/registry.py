@@ -13,6 +13,7 @@ from homeward.agents.base import Policy
 from homeward.agents.dmax import DmaxRule
 from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.dmax_mapped import MappedDmaxRule
+from homeward.agents.planner import Planner
 from homeward.agents.random_policy import RandomPolicy
 from homeward.agents.soc50 import StateOfChargeRule
 from homeward.agents.tuned import PACES, RESERVES
@@ -50,6 +51,10 @@ def _tuned(name: str, rule: Callable[..., Policy]) -> Callable[[Request], Policy
     return load
 
 
+def _planner(request: Request) -> Policy:
+    return Planner(request.setting, RESERVES["planner"][request.options.mission])
+
+
 def _ppo(request: Request) -> Policy:
     from homeward.agents.policy_file import PolicyFileError, load_policy
 
@@ -67,6 +72,7 @@ AGENTS: dict[str, Callable[[Request], Policy]] = {
     "dmax": _tuned("dmax", DmaxRule),
     "dmax_mapped": _tuned("dmax_mapped", MappedDmaxRule),
     "dmax_adaptive": _tuned("dmax_adaptive", AdaptiveDmaxRule),
+    "planner": _planner,
     "ppo": _ppo,
 }
 """Loader of each agent."""

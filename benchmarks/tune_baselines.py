@@ -1,9 +1,10 @@
 """Tune the baselines: the numbers of `agents/tuned.py`, by grid search over mean scores.
 
-`python benchmarks/tune_baselines.py` prints the tables and the numbers in about two minutes. Missions are those of
+`python benchmarks/tune_baselines.py` prints the tables and the numbers in about seven minutes. Missions are those of
 training seeds, at difficulty `uncertain` with the default robot; a stranded robot scores 0. The pace has the highest
 sum of all rules' scores, each relative to the pace in use; the reserves are those that suit each rule best at that
-pace. One is found for the other in turn, beginning with the pace in use.
+pace. One is found for the other in turn, beginning with the pace in use. The planner has a pace of its own; its reserve
+is the best of those with which it strands no more often than `dmax_adaptive` does with its own.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.dmax_mapped import MappedDmaxRule
 from homeward.agents.evaluation import run_episodes
 from homeward.agents.pace import NO_SENSING, Pace
+from homeward.agents.planner import Planner
 from homeward.agents.soc50 import StateOfChargeRule
 from homeward.agents.tuned import PACES
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, Setting, settle
 
 EPISODES = 1024
 ROUNDS = 3
@@ -50,10 +52,21 @@ Tables = dict[str, dict[float, tuple[float, float]]]
 
 def trial(mission: str, rule: str, pace: Pace, reserve: float) -> tuple[float, float]:
     """Mean score and stranding rate of a rule."""
-    options = Options(mission, difficulty="uncertain")
-    policy = RULES[rule][0](settle(options), pace, reserve)
-    episodes = run_episodes(policy, options, range(EPISODES)).episodes
+    return outcome(Options(mission, difficulty="uncertain"), lambda setting: RULES[rule][0](setting, pace, reserve))
+
+
+def outcome(options: Options, make: Callable[[Setting], Policy]) -> tuple[float, float]:
+    """Mean score and stranding rate of an agent."""
+    episodes = run_episodes(make(settle(options)), options, range(EPISODES)).episodes
     return float(episodes.score.mean()), float(episodes.stranded.mean())
+
+
+def tune_planner(mission: str, most_stranded: float) -> tuple[dict[float, tuple[float, float]], float]:
+    """Run the planner with every reserve, and choose the best that strands no more often than allowed."""
+    options = Options(mission, difficulty="uncertain")
+    table = {one: outcome(options, lambda setting, one=one: Planner(setting, one)) for one in DEVIATIONS}
+    safe = {one: score for one, (score, stranded) in table.items() if stranded <= most_stranded}
+    return table, best(safe) if safe else max(DEVIATIONS)
 
 
 def tune(mission: str, console: Console) -> tuple[Pace, dict[str, float]]:
@@ -72,8 +85,10 @@ def tune(mission: str, console: Console) -> tuple[Pace, dict[str, float]]:
             break
         pace = best(totals)
         tables = try_reserves(mission, pace)
-    console.print(reserve_table(mission, tables))
-    return pace, best_reserves(tables)
+    chosen = best_reserves(tables)
+    tables["planner"], chosen["planner"] = tune_planner(mission, tables["dmax_adaptive"][chosen["dmax_adaptive"]][1])
+    console.print(reserve_table(mission, tables, chosen))
+    return pace, chosen
 
 
 def try_reserves(mission: str, pace: Pace) -> Tables:
@@ -101,12 +116,11 @@ def pace_table(mission: str, totals: dict[Pace, float]) -> Table:
     return table
 
 
-def reserve_table(mission: str, tables: Tables) -> Table:
+def reserve_table(mission: str, tables: Tables, chosen: dict[str, float]) -> Table:
     """Score and stranding rate of every rule and reserve."""
     table = Table(title=f"{mission}: score and stranding rate by reserve")
     for heading in ("rule", "reserve", "score", "stranded"):
         table.add_column(heading, justify="left" if heading == "rule" else "right")
-    chosen = best_reserves(tables)
     for rule, results in tables.items():
         for reserve, (score, stranded) in results.items():
             style = "bold" if reserve == chosen[rule] else ""

@@ -1,0 +1,218 @@
+"""What the planner computes in compiled code: how a survey would go on by the robot's own model and its beliefs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from homeward.envs import missions
+from homeward.envs.kernel import LEVELS
+from homeward.physics.jit import compiled
+
+EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
+"""Prices of energy that are tried, over what it buys on average ground, all of it sensed at the middle rate."""
+STOPS = np.array([-1.0, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.5])
+"""Distances up to which a stop for the radio pays, in half-rate distances of the link; below 0, samples are free."""
+SPREAD = np.array([0.245, 0.245, 0.422, 1.308, 2.779])
+"""Interest of five equally frequent kinds of ground, over its mean: that of the places of 200 generated routes."""
+
+BELIEF_DTYPE = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "driving",  # what it takes over what the model says
+            "sensing",
+            "returning",  # the same of the way home, with the reserve
+            "spare",  # energy beyond the way home and the reserve; energies are shares of the usable energy
+            "left_s",  # until the time limit
+            "position_m",
+            "backlog",  # samples
+            "sine_here",
+            "sine_near",
+            "sine_beyond",
+            "interest_here",
+            "interest_near",
+            "interest_far",  # below 0: unknown
+        )
+    ]
+)
+"""What a robot knows and believes."""
+
+MODEL_DTYPE = np.dtype(
+    [
+        ("speeds_mps", np.float64, (LEVELS,)),
+        ("rates_hz", np.float64, (LEVELS,)),
+        ("sensing", np.float64, (LEVELS,)),  # energy of a second's sensing at each rate
+        ("standing", np.float64),  # energy of a second at a stand
+        ("steepest", np.float64),  # sines of the table below: evenly from -steepest to steepest
+        ("per_m", np.float64, (LEVELS, 71)),  # energy of a metre's driving by speed and sine
+        ("interest", np.float64),  # mean of all ground
+        ("found", np.float64, (LEVELS, LEVELS)),  # information of a metre of interest 1 by speed and rate
+    ]
+)
+"""The robot's own model."""
+
+
+@compiled
+def plan(beliefs: Any, models: Any, constants: Any, commands: Any) -> None:
+    """Choose the next command of surveys on their way out: try prices, follow each to the turn, and take the best.
+
+    Args:
+        beliefs: `BELIEF_DTYPE`, shape (n,).
+        models: `MODEL_DTYPE`, shape (1,).
+        constants: Shared record, `SHARED_DTYPE`, shape (1,).
+        commands: Written: speed (m/s), sensing rate (Hz) and 1 to stop for the radio, shape (n, 3).
+    """
+    s, model = constants[0], models[0]
+    drives = np.empty((3, LEVELS + 1))
+    for n in range(len(beliefs)):
+        b = beliefs[n]
+        _drive(b, model, b.sine_here, drives[0])
+        _drive(b, model, b.sine_near, drives[1])
+        _drive(b, model, b.sine_beyond, drives[2])
+        gain = model.interest * model.found[LEVELS - 1, LEVELS // 2]
+        cost = (
+            drives[2, LEVELS - 1]
+            + drives[2, LEVELS]
+            + b.sensing * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
+        )
+        best, joule, sample = -1.0, gain / cost, 0.0
+        for eagerness in EAGERNESS:
+            for stop in STOPS:
+                energy_price = eagerness * gain / cost
+                sample_price = 0.0
+                if stop >= 0.0:
+                    sample_price = energy_price * b.sensing * model.standing / _radio(s, stop * s.link_m, False)
+                found = _follow(b, model, s, drives, energy_price, sample_price)
+                if found > best:
+                    best, joule, sample = found, energy_price, sample_price
+        _command(b, model, s, drives[0], joule, sample, commands[n])
+
+
+@compiled
+def _radio(s: Any, position_m: float, moving: bool) -> float:
+    """Samples that the radio sends per second."""
+    share = missions.DRIVING_LINK if moving else 1.0
+    return float(share * s.radio_hz / missions.fading(position_m, s.per_link_m))
+
+
+@compiled
+def _metre(model: Any, speed: int, sine: float) -> float:
+    """Energy of a metre's driving by the model."""
+    last = model.per_m.shape[1] - 1
+    at = (min(max(sine / model.steepest, -1.0), 1.0) + 1.0) * 0.5 * last
+    low = min(int(at), last - 1)
+    return float(model.per_m[speed, low] + (at - low) * (model.per_m[speed, low + 1] - model.per_m[speed, low]))
+
+
+@compiled
+def _best_way(
+    b: Any, model: Any, drive: Any, interest: float, energy_price: float, sample_price: float
+) -> tuple[int, int]:
+    """Speed and rate that make the most of a metre, on which driving takes so much at each speed."""
+    best, best_speed, best_rate = -1e300, LEVELS - 1, 0
+    for speed in range(LEVELS):
+        s_per_m = 1.0 / model.speeds_mps[speed]
+        for rate in range(LEVELS):
+            value = interest * model.found[speed, rate] - sample_price * model.rates_hz[rate] * s_per_m
+            value -= energy_price * (drive[speed] + b.sensing * model.sensing[rate] * s_per_m)
+            if value > best:
+                best, best_speed, best_rate = value, speed, rate
+    return best_speed, best_rate
+
+
+@compiled
+def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample_price: float) -> float:
+    """Information that a survey finds on its way to the turn at some prices."""
+    here = _way(b, model, drives[0], b.interest_here, energy_price, sample_price, False)
+    near = _way(b, model, drives[1], b.interest_near, energy_price, sample_price, False)
+    beyond = _way(b, model, drives[2], model.interest, energy_price, sample_price, True)
+    far = beyond
+    if b.interest_far >= 0.0:
+        far = _way(b, model, drives[2], b.interest_far, energy_price, sample_price, True)
+    place = min(int(b.position_m * s.per_place_m), s.places - 1)
+    position_m, spare, backlog = b.position_m, b.spare, b.backlog
+    left_s = b.left_s - position_m / s.cruise_mps
+    found = 0.0
+    for k in range(place, s.places):
+        ahead = k - place
+        way = here if ahead == 0 else near if ahead <= 2 else far if ahead <= 10 else beyond
+        gain, energy, samples, time_s = way
+        radio_hz = _radio(s, position_m, False)
+        if sample_price * radio_hz > energy_price * b.sensing * model.standing:
+            stop_s = min(backlog / radio_hz, max(left_s, 0.0))
+            spare -= stop_s * b.sensing * model.standing
+            left_s -= stop_s
+            backlog -= stop_s * radio_hz
+        if spare <= 0.0 or left_s <= 0.0:
+            break
+        room_m = (k + 1) * s.place_m - position_m
+        way_m = min(room_m, spare / energy, left_s / (time_s + 1.0 / s.cruise_mps))
+        position_m += way_m
+        spare -= way_m * energy
+        left_s -= way_m * (time_s + 1.0 / s.cruise_mps)
+        sent = way_m * time_s * _radio(s, position_m, True)
+        taken = way_m * samples
+        backlog = max(backlog + taken - sent, 0.0)
+        found += way_m * gain
+        if backlog > s.backlog_limit:
+            # It stops until there is room, or, where that takes too much, loses what does not fit.
+            excess, radio_hz = backlog - s.backlog_limit, _radio(s, position_m, False)
+            stop_s = excess / radio_hz
+            backlog = s.backlog_limit
+            if stop_s * b.sensing * model.standing <= spare and stop_s <= left_s:
+                spare -= stop_s * b.sensing * model.standing
+                left_s -= stop_s
+            else:
+                found -= way_m * gain * min(excess / max(taken, 1e-9), 1.0)
+        if way_m < room_m:
+            break
+    return found
+
+
+@compiled
+def _way(
+    b: Any, model: Any, drive: Any, interest: float, energy_price: float, sample_price: float, spread: bool
+) -> tuple[float, float, float, float]:
+    """Information, energy out and home, samples and time of a metre: of ground of one interest, or of a mixture."""
+    gain = energy = samples = time_s = 0.0
+    count = len(SPREAD) if spread else 1
+    for kind in range(count):
+        weight = interest * (SPREAD[kind] if spread else 1.0)
+        speed, rate = _best_way(b, model, drive, weight, energy_price, sample_price)
+        s_per_m = 1.0 / model.speeds_mps[speed]
+        gain += weight * model.found[speed, rate]
+        energy += drive[speed] + b.sensing * model.sensing[rate] * s_per_m
+        samples += model.rates_hz[rate] * s_per_m
+        time_s += s_per_m
+    return gain / count, energy / count + drive[LEVELS], samples / count, time_s / count
+
+
+@compiled
+def _drive(b: Any, model: Any, sine: float, drive: Any) -> None:
+    """Energy of a metre's driving out at each speed and, last, home at the fastest."""
+    for speed in range(LEVELS):
+        drive[speed] = b.driving * _metre(model, speed, sine)
+    drive[LEVELS] = b.returning * _metre(model, LEVELS - 1, -sine)
+
+
+@compiled
+def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample_price: float, command: Any) -> None:
+    """Command of the next decision at some prices."""
+    radio_hz = _radio(s, b.position_m, False)
+    standing = energy_price * b.sensing * model.standing
+    pays = sample_price * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
+    # Of the next decision, a part may already be in the next place.
+    step_m = s.max_speed_mps * s.decision_s
+    beyond = b.position_m + step_m - (np.floor(b.position_m * s.per_place_m) + 1.0) * s.place_m
+    share = min(max(beyond / step_m, 0.0), 1.0)
+    interest = (1.0 - share) * b.interest_here + share * b.interest_near
+    speed, rate = _best_way(b, model, drive, interest, energy_price, sample_price)
+    if b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit:
+        # What is taken now must be sent from here.
+        speed, rate = _best_way(b, model, drive, interest, energy_price, max(sample_price, standing / radio_hz))
+        pays = pays or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
+    command[0], command[1], command[2] = model.speeds_mps[speed], model.rates_hz[rate], 1.0 if pays else 0.0
+    if pays:
+        command[1] = 0.0
