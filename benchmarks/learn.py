@@ -51,6 +51,7 @@ ABLATION: dict[str, dict[str, Any]] = {
 }
 """What to change in the recipe, of the arguments of train.py."""
 _RESAMPLES = 2000
+_CHECKPOINT_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,9 @@ def trained(args: Args, mission: str, difficulty: str, variant: str, changes: Ma
     """Train one policy, or find it trained, and return its folder."""
     name = "-".join((mission, difficulty, variant.replace(" ", "_"), str(seed)))
     Console(stderr=True).print(f"{name}: training", markup=False, highlight=False)
-    recipe = train.Args(env=IDS[mission], out=args.out / name, difficulty=difficulty, seed=seed, resume=True)
+    recipe = train.Args(
+        env=IDS[mission], out=args.out / name, difficulty=difficulty, seed=seed, resume=True, checkpoint_s=_CHECKPOINT_S
+    )
     if args.steps is not None:
         recipe = dataclasses.replace(recipe, steps=args.steps)
     of_ppo = {name: value for name, value in changes.items() if hasattr(PPOSettings, name)}
