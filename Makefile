@@ -8,11 +8,12 @@ BIN := .venv/bin
 DEMO := runs/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test format clean
+.PHONY: help demo test docs format clean
 
 help:
 	@echo "make demo    train, evaluate and diagnose into $(DEMO)"
 	@echo "make test    formatting, lint, types, tests and doctests"
+	@echo "make docs    build the site into site/, warnings as errors"
 	@echo "make format  format the code and fix what the linter can"
 	@echo "make clean   remove .venv, runs and what tools left behind"
 
@@ -33,6 +34,9 @@ test: .venv/installed
 	$(BIN)/mypy
 	$(BIN)/python -m pytest --numprocesses 2
 
+docs: .venv/installed
+	$(BIN)/python -m mkdocs build --strict
+
 .DEFAULT:
 	@echo "make $@: there is no such target; these are:" >&2; $(MAKE) --no-print-directory help >&2; exit 2
 
@@ -49,5 +53,5 @@ format: .venv/installed
 	@touch $@
 
 clean:
-	rm -rf .venv runs build dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv runs site build dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find homeward envs agents tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
