@@ -26,15 +26,7 @@ from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS
 from homeward.envs import IDS, difficulty
 from homeward.envs.features import FEATURES
 from homeward.envs.options import Options, settle
-from homeward.physics import (
-    CAUSES,
-    EFFECTS,
-    Robot,
-    d_max,
-    load_robot,
-    optimal_speed,
-    preset_names,
-)
+from homeward.physics import CAUSES, EFFECTS, Robot, d_max, load_robot, optimal_speed, preset_names
 from homeward.physics.effects import Effect, Parameter
 from homeward.physics.kernel import BASE_CAUSES
 
@@ -86,26 +78,11 @@ def missions() -> str:
         s = settle(Options(mission)).shared[0]
         rows.append(
             (
-                *(
-                    f"`{env_id}`",
-                    f"{s['length_m']:.0f} m",
-                    f"{s['cruise_mps']:.2g} m/s",
-                ),
-                *(
-                    f"{s['decision_s']:g} s",
-                    f"{s['max_decisions']}",
-                    f"{s['score_scale']:.4g}",
-                ),
+                *(f"`{env_id}`", f"{s['length_m']:.0f} m", f"{s['cruise_mps']:.2g} m/s"),
+                *(f"{s['decision_s']:g} s", f"{s['max_decisions']}", f"{s['score_scale']:.4g}"),
             )
         )
-    head = (
-        "id",
-        "route",
-        "cruise",
-        "decision every",
-        "time limit, decisions",
-        "good score",
-    )
+    head = ("id", "route", "cruise", "decision every", "time limit, decisions", "good score")
     return table(head, rows)
 
 
@@ -119,10 +96,7 @@ def difficulties() -> str:
             drawn[list(drawn)[-1]].append(comment[1])
     assert tuple(drawn) == difficulty.DIFFICULTIES
     said = (" ".join(lines).replace("*U", "times U").replace("+U", "plus U") for lines in drawn.values())
-    return table(
-        ("difficulty", "hidden, drawn anew for each mission"),
-        zip(drawn, said, strict=True),
-    )
+    return table(("difficulty", "hidden, drawn anew for each mission"), zip(drawn, said, strict=True))
 
 
 def robots() -> str:
@@ -132,26 +106,12 @@ def robots() -> str:
         robot = load_robot(name)
         rows.append(
             (
-                *(
-                    f"`{name}`",
-                    f"{robot.mass_kg:g} kg",
-                    f"{robot.usable_energy_j / 3600.0:.3g} Wh",
-                ),
-                *(
-                    f"{float(optimal_speed(robot)):.2g} m/s",
-                    f"{float(d_max(robot)) / 1000.0:.3g} km",
-                ),
+                *(f"`{name}`", f"{robot.mass_kg:g} kg", f"{robot.usable_energy_j / 3600.0:.3g} Wh"),
+                *(f"{float(optimal_speed(robot)):.2g} m/s", f"{float(d_max(robot)) / 1000.0:.3g} km"),
             )
         )
     return table(
-        (
-            "robot",
-            "mass",
-            "battery",
-            "speed with the longest range",
-            "d_max on the flat, sensing nothing",
-        ),
-        rows,
+        ("robot", "mass", "battery", "speed with the longest range", "d_max on the flat, sensing nothing"), rows
     )
 
 
@@ -162,19 +122,8 @@ def robot_file() -> str:
         if "bounds" in field.metadata:
             default = "required" if field.default is dataclasses.MISSING else f"{field.default:g}"
             said = field.metadata
-            rows.append(
-                (
-                    said["section"],
-                    f"`{field.name}`",
-                    said["meaning"],
-                    str(said["bounds"]),
-                    default,
-                )
-            )
-    return table(
-        ("section", "name", "what it is", "allowed", "if left out"),
-        sorted(rows, key=lambda row: row[0]),
-    )
+            rows.append((said["section"], f"`{field.name}`", said["meaning"], str(said["bounds"]), default))
+    return table(("section", "name", "what it is", "allowed", "if left out"), sorted(rows, key=lambda row: row[0]))
 
 
 def agents() -> str:
@@ -185,11 +134,7 @@ def agents() -> str:
 def effects() -> str:
     """Every effect and every fault of an instrument: a table of all, then one section each."""
     rows = (
-        [
-            f"[`{name}`](#{name})",
-            ENTERS[one.kind] if isinstance(one, Effect) else "instrument",
-            one.sentence,
-        ]
+        [f"[`{name}`](#{name})", ENTERS[one.kind] if isinstance(one, Effect) else "instrument", one.sentence]
         for name, one in CATALOGUE.items()
     )
     return "\n\n".join([table(("id", "enters", "in words"), rows), *map(_effect, CATALOGUE)])
@@ -240,25 +185,14 @@ def readme(heading: str) -> str:
     found = dict(zip(sections[1::2], sections[2::2], strict=True))
     if heading not in found:
         raise KeyError(f"README.md has no section {heading!r}, only {', '.join(found)}")
-    return re.sub(
-        r"\]\((?!https?:|#)(docs/)?",
-        lambda link: "](" if link[1] else "](../",
-        found[heading],
-    ).strip()
+    return re.sub(r"\]\((?!https?:|#)(docs/)?", lambda link: "](" if link[1] else "](../", found[heading]).strip()
 
 
 @functools.cache
 def _diagnosed() -> tuple[str, bytes]:
     """What `diagnose.py` prints of the recording that ships, and its report."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [
-            sys.executable,
-            str(ROOT / "diagnose.py"),
-            "--robot",
-            "husky",
-            "--out",
-            folder,
-        ]
+        command = [sys.executable, str(ROOT / "diagnose.py"), "--robot", "husky", "--out", folder]
         run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "COLUMNS": "80"})
         if run.returncode:
             raise RuntimeError(f"diagnose.py --robot husky ended with {run.returncode}: {run.stderr.strip()}")
@@ -312,12 +246,7 @@ def _outside(link: re.Match[str]) -> str:
 
 def on_page_content(content: str, **_: Any) -> str:
     """Turn equations into MathML, which browsers set by themselves: no script, nothing to fetch."""
-    return re.sub(
-        r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>',
-        _equation,
-        content,
-        flags=re.DOTALL,
-    )
+    return re.sub(r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>', _equation, content, flags=re.DOTALL)
 
 
 def _equation(found: re.Match[str]) -> str:

@@ -49,16 +49,7 @@ assert (missions.score(far, setting), missions.hope(far, setting, 0.0)) == (900.
 def site(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built with warnings as errors."""
     folder = tmp_path_factory.mktemp("site")
-    command = [
-        sys.executable,
-        "-m",
-        "mkdocs",
-        "build",
-        "--strict",
-        "--quiet",
-        "--site-dir",
-        str(folder),
-    ]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
     build = subprocess.run(command, cwd=root, capture_output=True, text=True)
     assert build.returncode == 0, build.stderr
     return folder
@@ -97,12 +88,7 @@ def test_every_page_is_in_the_navigation(root: Path, site: Path) -> None:
 
 def test_the_recipes_for_an_effect_and_a_mission_work(root: Path, tmp_path: Path) -> None:
     for name in ("agents", "envs", "homeward"):
-        shutil.copytree(
-            root / name,
-            tmp_path / name,
-            symlinks=True,
-            ignore=shutil.ignore_patterns("__pycache__"),
-        )
+        shutil.copytree(root / name, tmp_path / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     page = (root / "docs" / "extending.md").read_text("utf-8")
     for path, text in re.findall(r'^```python title="(.+?)"\n(.+?)^```$', page, re.MULTILINE | re.DOTALL):
         assert not (tmp_path / path).exists()
