@@ -95,8 +95,13 @@ def difficulties() -> str:
         elif comment := re.match(r" +# (.+)", line):
             drawn[list(drawn)[-1]].append(comment[1])
     assert tuple(drawn) == difficulty.DIFFICULTIES
-    said = (" ".join(lines).replace("*U", "times U").replace("+U", "plus U") for lines in drawn.values())
-    return table(("difficulty", "hidden, drawn anew for each mission"), zip(drawn, said, strict=True))
+    said = (
+        " ".join(lines).replace("*U", "times U").replace("+U", "plus U") or "Nothing is hidden."
+        for lines in drawn.values()
+    )
+    return table(
+        ("difficulty", "hidden, drawn anew for each mission, beside what stands above"), zip(drawn, said, strict=True)
+    )
 
 
 def robots() -> str:
