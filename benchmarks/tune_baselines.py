@@ -9,6 +9,7 @@ is the best of those with which it strands no more often than `dmax_adaptive` do
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable
 from typing import TypeVar
@@ -64,7 +65,7 @@ def outcome(options: Options, make: Callable[[Setting], Policy]) -> tuple[float,
 def tune_planner(mission: str, most_stranded: float) -> tuple[dict[float, tuple[float, float]], float]:
     """Run the planner with every reserve, and choose the best that strands no more often than allowed."""
     options = Options(mission, difficulty="uncertain")
-    table = {one: outcome(options, lambda setting, one=one: Planner(setting, one)) for one in DEVIATIONS}
+    table = {one: outcome(options, functools.partial(Planner, deviations=one)) for one in DEVIATIONS}
     safe = {one: score for one, (score, stranded) in table.items() if stranded <= most_stranded}
     return table, best(safe) if safe else max(DEVIATIONS)
 
