@@ -11,8 +11,10 @@ from homeward import __version__
 COMMANDS = {
     "range": ("ROBOT", "how far a robot gets on one charge, and where the energy goes"),
     "train": ("--out DIR", "train a policy with PPO"),
+    "sweep": ("--seeds 0 1 2", "train over seeds and settings, also on a Ray cluster"),
     "evaluate": ("--agents NAME ...", "compare agents on the same episodes"),
     "diagnose": ("RUN ...", "say which physics a simulator lacks, from recordings of the robot"),
+    "fleet": ("FOLDER", "diagnose every robot of a fleet, also on a Ray cluster"),
     "robots": ("[ROBOT]", "list the robots that ship, or print the file of one"),
     "routes": ("[ROUTE]", "list routes, or measure and draw one, also your own GPX track"),
     "datasets": ("[NAME]", "list public recordings, or fetch one"),

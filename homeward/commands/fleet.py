@@ -1,0 +1,158 @@
+"""Diagnose the recordings of a fleet, robot by robot, several at once, on this machine or on a Ray cluster.
+
+`homeward fleet FOLDER --robot husky --jobs 2 --out runs/fleet`: every folder in FOLDER is a robot and holds its
+recordings, and its robot file as robot.toml where it has one of its own. Each robot's diagnosis.json, report.html and
+corrected.toml are written to OUT/NAME as soon as it is done, and OUT/fleet.csv lists all. The same command again
+diagnoses only what is new or has changed.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from homeward import Robot, RobotError, cli, load_robot
+from homeward.diagnosis import Diagnosis, Recording, RecordingError, analyse, read_recording
+from homeward.diagnosis.report import check_writable, write_outputs
+from homeward.files import write_whole
+from homeward.parallel import ClusterError, TaskError, code_hash, run_tasks
+
+ROBOT, DIAGNOSIS, KEY = "robot.toml", "diagnosis.json", "inputs.sha256"
+
+
+@dataclass(frozen=True)
+class Args:
+    """Whose recordings to diagnose, and where to write."""
+
+    fleet: Annotated[Path, tyro.conf.Positional]
+    """Folder with one folder of recordings a robot."""
+    robot: str = "husky"
+    """Robot file of those that have no robot.toml of their own: preset name or TOML file."""
+    columns: str | None = None
+    """Mapping for foreign recordings: shipped name or TOML file."""
+    out: Path = Path("runs/fleet")
+    """Folder for one folder a robot, and fleet.csv."""
+    seed: int = 0
+    """Seed of the bootstrap draws, the same for every robot."""
+    jobs: int = 1
+    """Robots at once on this machine."""
+    cluster: str | None = None
+    """HOST:PORT of a Ray cluster to use instead; the recordings are sent there, and nothing has to be shared."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One robot's diagnosis as a task: all that it takes, wherever it is worked out."""
+
+    recordings: tuple[Recording, ...]
+    robot: Robot
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """Hash of all that the diagnosis follows from."""
+        inputs = (*(one.sha256 for one in self.recordings), self.robot.to_toml(), str(self.seed), code_hash())
+        return hashlib.sha256("\n".join(inputs).encode()).hexdigest()
+
+
+def main(args: Args) -> dict[str, Diagnosis]:
+    """Diagnose every robot, write the outputs, print a table, and return the diagnoses by robot.
+
+    Raises:
+        RecordingError, RobotError: Input that cannot be used; nothing has been diagnosed.
+        TaskError: A diagnosis failed; those that ended are written, and the same command goes on.
+        ClusterError: The cluster cannot be used.
+        OSError: The output folder cannot be written to.
+    """
+    cases = cases_of(args)
+    check_writable(args.out)
+
+    def keep(name: str, files: dict[str, bytes]) -> None:
+        for file, content in files.items():
+            write_whole(args.out / name / file, content)
+        write_whole(args.out / name / KEY, cases[name].key)  # last: it says that the others are there
+
+    due = {name: case for name, case in cases.items() if not _is_written(args.out / name, case)}
+    run_tasks(diagnose_one, due, jobs=args.jobs, cluster=args.cluster, keep=keep, title="robots")
+    found = {name: Diagnosis.from_json((args.out / name / DIAGNOSIS).read_text("utf-8")) for name in cases}
+    write_whole(args.out / "fleet.csv", _csv(found))
+    _print(found, len(cases) - len(due), args.out)
+    return found
+
+
+def cases_of(args: Args) -> dict[str, Case]:
+    """Read all recordings and robot files, by the name of the robot's folder.
+
+    Raises:
+        RecordingError, RobotError: One cannot be used, or there is none.
+    """
+    try:
+        folders = sorted(entry for entry in args.fleet.iterdir() if entry.is_dir() and entry.name[0] != ".")
+    except OSError as error:
+        raise RecordingError(f"cannot read {args.fleet}: {error.strerror}; give a folder of folders") from None
+    if not folders:
+        raise RecordingError(f"{args.fleet} holds no folder: give one with a folder of recordings a robot")
+    nominal, cases = load_robot(args.robot), {}
+    for folder in folders:
+        files = sorted(entry for entry in folder.iterdir() if entry.name[0] != "." and entry.name != ROBOT)
+        if not files:
+            raise RecordingError(f"{folder} holds no recording: remove it, or put the robot's recordings there")
+        robot = load_robot(folder / ROBOT) if (folder / ROBOT).is_file() else nominal
+        cases[folder.name] = Case(tuple(read_recording(file, args.columns) for file in files), robot, args.seed)
+    return cases
+
+
+def diagnose_one(case: Case) -> dict[str, bytes]:
+    """Content of the output files of one robot, by name."""
+    analysis = analyse(case.recordings, case.robot, seed=case.seed)
+    with tempfile.TemporaryDirectory() as folder:
+        return {file.name: file.read_bytes() for file in write_outputs(analysis, Path(folder))}
+
+
+def _is_written(folder: Path, case: Case) -> bool:
+    try:
+        return (folder / KEY).read_text("utf-8") == case.key
+    except OSError:
+        return False
+
+
+def _rows(found: dict[str, Diagnosis]) -> list[tuple[str, str, str, str]]:
+    return [
+        (name, one.verdict, " ".join(missing.effect for missing in one.missing_physics), one.summary)
+        for name, one in found.items()
+    ]
+
+
+def _csv(found: dict[str, Diagnosis]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([("robot", "verdict", "missing_physics", "summary"), *_rows(found)])
+    return text.getvalue()
+
+
+def _print(found: dict[str, Diagnosis], known: int, out: Path) -> None:
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("robot", "verdict", "missing", "summary"):
+        table.add_column(heading, overflow="fold")
+    for row in _rows(found):
+        table.add_row(*row)
+    console = Console()
+    console.print(table)
+    before = f", {known} of them before" if known else ""
+    console.print(f"{len(found)} robots diagnosed{before}: {out}", markup=False, highlight=False, soft_wrap=True)
+
+
+def run() -> int:
+    """Run from the command line, see `homeward.cli.run`."""
+    refused = (RecordingError, RobotError, TaskError, ClusterError)
+    return cli.run(main, Args, __doc__, refused, interrupted="what is done is kept, the same command goes on")

@@ -1,0 +1,138 @@
+"""Sweeps and fleets: the same results in one process and in several, and resumed where they stopped."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from homeward import load_robot
+from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.commands import fleet, sweep, train
+from homeward.diagnosis import Diagnosis, RecordingError
+from homeward.parallel import TaskError
+
+SETTINGS = PPOSettings(n_envs=8, n_steps=8, batch_size=32, epochs=1, hidden=8)
+
+
+def write_recording(path: Path, payload: float, seed: int = 0) -> None:
+    """Two minutes of a robot that draws power by the formula of a heavier one, at 2 Hz."""
+    rng = np.random.default_rng(seed)
+    robot = load_robot("rusti")
+    speed_mps = np.repeat(rng.uniform(0.2, 1.0, 24), 10)
+    force_n = robot.rolling_resistance * (robot.mass_kg + payload) * 9.81
+    power_w = 0.6 + force_n * speed_mps / ((1.0 - robot.motor_loss) * (1.0 - robot.friction_loss))
+    power_w += rng.normal(0.0, 0.05, len(power_w))
+    rows = np.column_stack((0.5 * np.arange(len(power_w)), speed_mps, np.zeros(len(power_w)), power_w))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savetxt(path, rows, delimiter=",", header="time_s,speed_mps,grade_rad,power_w", comments="")
+
+
+def policies(folder: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("policy.safetensors"))}
+
+
+def test_a_sweep_trains_every_seed_and_setting_wherever_it_runs(tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    given: dict[str, Any] = {"seeds": (0, 1), "vary": ("learning_rate=1e-3,1e-2",)}
+    for jobs in (1, 2):
+        base = train.Args(steps=64, out=tmp_path / str(jobs), ppo=SETTINGS, curve=1)
+        sweep.main(sweep.Args(**given, jobs=jobs, train=base))
+    alone, together = policies(tmp_path / "1"), policies(tmp_path / "2")
+    assert list(alone) == [f"learning_rate={rate}/seed_{seed}/policy.safetensors" for rate in ("0.001", "0.01") for seed in (0, 1)]  # fmt: skip  # noqa: E501
+    assert len(set(alone.values())) == 4
+    assert together == alone
+    sweep.main(sweep.Args(**given, train=train.Args(steps=64, out=tmp_path / "1", ppo=SETTINGS, curve=1)))
+    assert policies(tmp_path / "1") == alone  # finished: nothing is trained anew
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"vary": ("speed=1",)}, "there is no setting 'speed'; choose from"),
+        ({"vary": ("clip=a",)}, "give float values, as clip=0.2"),
+        ({"vary": ("clip=2",)}, "clip = 2.0 is not allowed"),
+        ({"seeds": (1, 1)}, "give each seed once"),
+        ({"seeds": ()}, "give each seed once, and at least one"),
+    ],
+)
+def test_a_bad_sweep_is_refused(given: dict[str, Any], message: str, tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match=message):
+        sweep.main(sweep.Args(**given, train=train.Args(out=tmp_path / "new")))
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_node_that_does_not_see_the_folder_says_so(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match="not to be seen from this node: give an --out that all nodes share"):
+        sweep.train_quietly(train.Args(out=tmp_path / "elsewhere" / "seed_0"))
+
+
+@pytest.fixture
+def garage(tmp_path: Path) -> Path:
+    """Two robots: one as its file says, and one with a file of its own and more on board."""
+    write_recording(tmp_path / "fleet" / "as_filed" / "run.csv", payload=0.0)
+    write_recording(tmp_path / "fleet" / "loaded" / "run.csv", payload=0.5, seed=1)
+    (tmp_path / "fleet" / "loaded" / "robot.toml").write_text(load_robot("rusti").to_toml())
+    return tmp_path / "fleet"
+
+
+def test_a_fleet_is_diagnosed_the_same_wherever_it_runs(garage: Path, tmp_path: Path) -> None:
+    alone = fleet.main(fleet.Args(garage, robot="rusti", out=tmp_path / "1"))
+    together = fleet.main(fleet.Args(garage, robot="rusti", out=tmp_path / "2", jobs=2))
+    assert list(alone) == ["as_filed", "loaded"]
+    assert {name: one.to_json() for name, one in together.items()} == {name: one.to_json() for name, one in alone.items()}  # fmt: skip  # noqa: E501
+    for name in alone:
+        files = {file.name for file in (tmp_path / "1" / name).iterdir()}
+        assert files == {"diagnosis.json", "report.html", "corrected.toml", fleet.KEY}
+    with (tmp_path / "1" / "fleet.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["robot"], row["verdict"]) for row in rows] == [(name, one.verdict) for name, one in alone.items()]
+
+
+NOTHING_TO_TEST = Diagnosis("rusti", (), "not_testable", "nothing was usable").to_json().encode()
+
+
+def test_only_what_has_changed_is_diagnosed_again(
+    garage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+
+    def note(case: fleet.Case) -> dict[str, bytes]:
+        asked.append(case.recordings[0].sha256)
+        return {fleet.DIAGNOSIS: NOTHING_TO_TEST}
+
+    monkeypatch.setattr(fleet, "diagnose_one", note)
+    args = fleet.Args(garage, robot="rusti", out=tmp_path / "out")
+    fleet.main(args)
+    write_recording(garage / "loaded" / "run.csv", payload=0.5, seed=2)
+    fleet.main(args)
+    assert len(asked) == len(set(asked)) == 3
+    assert "2 robots diagnosed, 1 of them before" in capsys.readouterr().out
+
+
+def test_what_was_done_before_a_failure_is_kept(
+    garage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    def fail_later(case: fleet.Case) -> dict[str, bytes]:
+        if (tmp_path / "out" / "as_filed").is_dir():
+            raise RuntimeError("no memory")
+        return {fleet.DIAGNOSIS: NOTHING_TO_TEST}
+
+    monkeypatch.setattr(fleet, "diagnose_one", fail_later)
+    with pytest.raises(TaskError, match=r"^loaded: RuntimeError: no memory"):
+        fleet.main(fleet.Args(garage, robot="rusti", out=tmp_path / "out"))
+    assert (tmp_path / "out" / "as_filed" / fleet.KEY).is_file()
+    assert not (tmp_path / "out" / "loaded").exists()
+
+
+def test_a_fleet_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"cannot read .*give a folder of folders"):
+        fleet.main(fleet.Args(tmp_path / "nowhere", out=tmp_path / "out"))
+    with pytest.raises(RecordingError, match="holds no folder"):
+        fleet.main(fleet.Args(tmp_path, out=tmp_path / "out"))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordingError, match="holds no recording"):
+        fleet.main(fleet.Args(tmp_path, out=tmp_path / "out"))
