@@ -1,0 +1,95 @@
+"""The examples of other stacks run as a reader runs them, with few steps, and their parts agree with homeward's."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml  # type: ignore[import-untyped]
+
+from homeward.envs import IDS
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def run_example(name: str, *arguments: str, folder: Path, **environment: str) -> list[str]:
+    """Lines that an example prints."""
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env=os.environ | environment,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_cleanrl(tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    lines = run_example("cleanrl_ppo", "--steps", "32768", "--num-envs", "128", folder=tmp_path)
+    assert [int(line.split(" steps")[0].replace(",", "")) for line in lines] == [8192, 16384, 24576, 32768]
+    for line in lines:
+        home, stranded = (float(line.split(name)[1].split("%")[0]) for name in ("home", "stranded"))
+        assert home > 0.0
+        assert home + stranded <= 100.1
+        assert -2.0 < float(line.split("return")[1].split()[0]) < 1.0
+
+
+def test_torchrl(tmp_path: Path) -> None:
+    pytest.importorskip("torchrl")
+    lines = run_example(
+        "torchrl_ppo", "--steps", "600", "--batch", "300", "--minibatch", "100", folder=tmp_path
+    )  # fmt: skip
+    figures = [line for line in lines if " steps  return " in line]
+    assert [int(line.split(" steps")[0]) for line in figures] == [300, 600]
+    assert all(np.isfinite(float(line.split("decisions")[1])) for line in figures)
+
+
+def test_rllib(tmp_path: Path) -> None:
+    pytest.importorskip("ray.rllib")
+    lines = run_example("rllib_ppo", "--iterations", "1", "--batch", "200", folder=tmp_path)
+    steps, rest = next(line for line in lines if " steps  return " in line).split(" steps  return ")
+    assert int(steps) >= 200
+    assert -2.0 < float(rest.split()[0]) < 1.0
+
+
+def test_minari(tmp_path: Path) -> None:
+    minari = pytest.importorskip("minari")
+    pytest.importorskip("torch")
+    lines = run_example(
+        "minari_dataset", "--episodes", "6", "--updates", "300", folder=tmp_path, MINARI_DATASETS_PATH=str(tmp_path)
+    )
+    assert lines[0].startswith("homeward/survey-v0: 6 missions, ")
+    right = float(lines[1].split(" does in ")[1].split("%")[0])
+    assert right > 70.0  # by chance, a quarter
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+        dataset = minari.load_dataset("homeward/survey-v0")
+    for mission in dataset.iterate_episodes():
+        assert len(mission.observations) == len(mission.actions) + 1
+        assert dataset.observation_space.contains(mission.observations[0])
+        assert mission.terminations[-1] or mission.truncations[-1]
+        assert not mission.terminations[:-1].any()
+
+
+@pytest.mark.parametrize("env_id", IDS.values())
+def test_the_zoo_file_fits_the_learner(env_id: str) -> None:
+    sb3 = pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.env_util import make_vec_env
+    from torch import nn
+
+    settings: dict[str, Any] = yaml.safe_load((EXAMPLES / "rl_zoo" / "ppo.yml").read_text("utf-8"))[env_id]
+    assert settings.pop("n_timesteps") == 3e6
+    schedule, start = settings.pop("learning_rate").split("_")  # as the Zoo reads it
+    settings["policy_kwargs"] = eval(settings["policy_kwargs"], {"nn": nn, "dict": dict})  # as the Zoo does
+    envs = make_vec_env(env_id, settings.pop("n_envs"), seed=0)
+    model = sb3.PPO(env=envs, learning_rate=float(start), seed=0, device="cpu", **settings)
+    assert (schedule, model.n_steps * envs.num_envs % model.batch_size) == ("lin", 0)
+    actions, _ = model.predict(envs.reset())
+    envs.step(actions)
