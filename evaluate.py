@@ -1,14 +1,16 @@
 """Compare agents on the same episodes.
 
-`python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive ppo=FOLDER --out DIR` writes
-DIR/evaluation.json, DIR/episodes.csv (one row per agent and episode), DIR/scores.png and DIR/episode.png.
+`python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive+shield ppo=FOLDER --out DIR` writes
+DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and four pictures: scores.png,
+profiles.png, and one episode over time (episode.png) and over the route (route.png).
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,10 +22,13 @@ from rich.table import Table
 
 from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
-from homeward.agents.evaluation import Evaluation, episode_seeds, run_episodes
-from homeward.agents.evaluation_plots import episode_png, scores_png
-from homeward.agents.policy_file import NetworkPolicy
+from homeward.agents.episode_plots import episode_png, route_png
+from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation_plots import profiles_png, scores_png
+from homeward.agents.evaluation_summary import Bounds, Evaluation
+from homeward.agents.policy_file import DESCRIPTION, NetworkPolicy
 from homeward.agents.provenance import differences
+from homeward.agents.shield import Shield
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError
@@ -31,13 +36,17 @@ from homeward.envs.vector import HomewardVectorEnv
 from homeward.files import write_whole
 from homeward.physics import RobotError
 
+SHIELDED = "+shield"
+"""Ending of the name of an agent that is to be shielded."""
+
 
 @dataclass(frozen=True)
 class Args:
     """What to compare, and where to write it."""
 
     agents: tuple[str, ...] = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
-    """Agents, each NAME or NAME=FILE: random, soc50, dmax, dmax_mapped, dmax_adaptive, ppo=FOLDER."""
+    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, planner, ppo (as it ships, or ppo=FOLDER; for several
+    training seeds ppo=FOLDER,FOLDER or a folder of them), each also as NAME+shield."""
     env: str = "homeward/Survey-v0"
     """Environment id."""
     episodes: int = 500
@@ -56,6 +65,10 @@ class Args:
     """discrete or continuous."""
     decision_s: float | None = None
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
+    optimum: bool = False
+    """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds an episode."""
+    jobs: int = 1
+    """Processes that look for it."""
 
 
 def main(args: Args) -> Evaluation:
@@ -67,7 +80,7 @@ def main(args: Args) -> Evaluation:
     """
     options = _options(args)
     env = HomewardVectorEnv(**vars(options))
-    agents = {label: make_policy(name, env, file, args.seed) for label, (name, file) in _named(args.agents).items()}
+    agents = {label: _policies(asked, env, args.seed) for label, asked in _named(args.agents).items()}
     _warn_of_transfer(agents, args.env, env)
     seeds = episode_seeds(args.seed, args.episodes)
     args.out.mkdir(parents=True, exist_ok=True)
@@ -75,15 +88,22 @@ def main(args: Args) -> Evaluation:
     columns = (TextColumn("{task.description:<16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        for label, policy in agents.items():
-            task = bar.add_task(label, total=args.episodes)
-            runs[label] = run_episodes(policy, options, seeds, functools.partial(bar.advance, task))
-    evaluation = Evaluation(args.env, options, args.seed, seeds, runs)
+        optimum = _optimum(args, options, seeds, bar) if args.optimum else None
+        for label, (policies, shielded) in agents.items():
+            task = bar.add_task(label, total=len(policies) * args.episodes)
+            advance = functools.partial(bar.advance, task)
+            runs[label] = [
+                run_episodes(Shield(one, options, env.batch.setting) if shielded else one, options, seeds, advance)
+                for one in policies
+            ]
+    evaluation = Evaluation(args.env, options, args.seed, seeds, runs, optimum)
     summary = evaluation.summary()
     files: dict[str, str | bytes] = {
         "episodes.csv": evaluation.to_csv(),
         "scores.png": scores_png(evaluation, summary),
+        "profiles.png": profiles_png(evaluation, summary),
         "episode.png": episode_png(evaluation),
+        "route.png": route_png(evaluation),
         "evaluation.json": evaluation.to_json(summary),
     }
     for name, content in files.items():
@@ -110,32 +130,68 @@ def _options(args: Args) -> Options:
     )
 
 
-def _named(given: tuple[str, ...]) -> dict[str, tuple[str, str | None]]:
-    """Name and file of each agent under its label: the name, or all that was given where a name comes twice."""
+@dataclass(frozen=True)
+class Asked:
+    """An agent as it was asked for: its name, whether shielded, and the file of each training seed."""
+
+    name: str
+    shielded: bool
+    files: tuple[str | None, ...]
+
+
+def _named(given: tuple[str, ...]) -> dict[str, Asked]:
+    """Each agent under its label: its name, or all that was given where a name comes twice."""
     if not given:
         raise AgentError(f"no agent given; choose from {', '.join(AGENTS)}")
     parsed = []
     for spec in given:
-        name, equals, file = spec.partition("=")
-        if name.endswith("+shield"):
-            raise AgentError(f"{spec}: there is no shield yet in this version; leave out '+shield'")
-        parsed.append((spec, name, file if equals else None))
-    names = [name for _, name, _ in parsed]
-    agents = {spec if names.count(name) > 1 else name: (name, file) for spec, name, file in parsed}
+        label, equals, file = spec.partition("=")
+        name = label.removesuffix(SHIELDED)
+        files = tuple(itertools.chain(*map(_training_seeds, file.split(",")))) if equals else (None,)
+        parsed.append((spec, label, Asked(name, name != label, files)))
+    labels = [label for _, label, _ in parsed]
+    agents = {spec if labels.count(label) > 1 else label: asked for spec, label, asked in parsed}
     if len(agents) < len(given):
         raise AgentError(f"an agent is given twice: {' '.join(given)}")
     return agents
 
 
-def _warn_of_transfer(agents: Mapping[str, Policy], env_id: str, env: HomewardVectorEnv) -> None:
-    for label, policy in agents.items():
-        if isinstance(policy, NetworkPolicy):
-            found = differences(policy.description, env_id, env.batch.options, env.batch.setting)
-            if found:
-                print(
-                    f"evaluate.py: warning: {label} meets {', '.join(found)}; its figures are those of a transfer",
-                    file=sys.stderr,
-                )
+def _training_seeds(folder: str) -> list[str]:
+    """The folder of a policy, or those of the policies that lie in it."""
+    if Path(folder).is_dir() and not (Path(folder) / DESCRIPTION).is_file():
+        return [str(file.parent) for file in sorted(Path(folder).glob(f"*/{DESCRIPTION}"))] or [folder]
+    return [folder]
+
+
+def _policies(asked: Asked, env: HomewardVectorEnv, seed: int) -> tuple[list[Policy], bool]:
+    return [make_policy(asked.name, env, file, seed) for file in asked.files], asked.shielded
+
+
+def _optimum(args: Args, options: Options, seeds: Sequence[int], bar: Progress) -> Bounds:
+    from homeward.agents.oracle import OracleError, solve
+
+    task = bar.add_task("optimum", total=args.episodes)
+    try:
+        found = solve(options, seeds, args.jobs, functools.partial(bar.advance, task))
+    except OracleError as error:
+        raise AgentError(f"--optimum: {error}") from None
+    return Bounds(found.lower, found.upper)
+
+
+def _warn_of_transfer(agents: Mapping[str, tuple[Sequence[Policy], bool]], env_id: str, env: HomewardVectorEnv) -> None:
+    for label, (policies, _) in agents.items():
+        found = [
+            difference
+            for policy in policies
+            if isinstance(policy, NetworkPolicy)
+            for difference in differences(policy.description, env_id, env.batch.options, env.batch.setting)
+        ]
+        if found:
+            print(
+                f"evaluate.py: warning: {label} meets {', '.join(dict.fromkeys(found))}; its figures are those of a "
+                "transfer",
+                file=sys.stderr,
+            )
 
 
 def _print(summary: Mapping[str, Any], out: Path) -> None:
@@ -146,11 +202,13 @@ def _print(summary: Mapping[str, Any], out: Path) -> None:
         f"{chosen['difficulty']}, {chosen['robot']}, route {chosen['route']}, {chosen['action_type']} actions"
         + (f" every {chosen['decision_s']:g} s" if chosen["decision_s"] else ""),
         caption="below: 95 % intervals; late: out of time; us: microseconds a decision\n"
+        + ("optimum: share of the upper and of the lower bound\n" if summary["optimum"] else "")
         + ", ".join(f"{one} {which}" for one, which in summary["versions"].items()),
         box=box.SIMPLE_HEAD,
     )
     table.add_column("agent", overflow="fold", min_width=13)
-    for heading in ("score", "IQM", f"minus {first}", "stranded", "late", "us"):
+    optimum = ["optimum"] if summary["optimum"] else []
+    for heading in ("score", "IQM", f"minus {first}", *optimum, "stranded", "late", "us"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, one in summary["agents"].items():
         difference = summary["paired"].get(f"{name} - {first}")
@@ -161,18 +219,25 @@ def _print(summary: Mapping[str, Any], out: Path) -> None:
             _with_interval(difference["mean"], difference["ci95"], functools.partial(_number, sign="+"))
             if difference
             else "",
+            *([_share_of_optimum(one)] if optimum else []),
             _with_interval(one["stranded_rate"], one["stranded_ci95"], "{:.1%}".format),
             str(one["timed_out"]),
             f"{one['decision_us']:.2g}",
         )
     console = Console()
     console.print(table)
-    files = "evaluation.json, episodes.csv, scores.png, episode.png"
+    files = "evaluation.json, episodes.csv, scores.png, profiles.png, episode.png, route.png"
     console.print(f"Written to {out}: {files}", markup=False, highlight=False)
 
 
 def _number(value: float, sign: str = "") -> str:
     return f"{value:{sign}.0f}" if abs(value) >= 100.0 else f"{value:{sign}.3g}"
+
+
+def _share_of_optimum(one: Mapping[str, Any]) -> str:
+    """Share of the bound that nothing exceeds, and of what the oracle scores: the truth lies between."""
+    least, most = one["share_of_optimum_at_least"], one["share_of_optimum"]
+    return "" if least is None or most is None else f"{least:.0%} to\n{most:.0%}"
 
 
 def _with_interval(value: float, ends: list[float] | None, write: Callable[[float], str]) -> str:

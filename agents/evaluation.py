@@ -1,34 +1,20 @@
-"""Agents on the same episodes: run, summarise with intervals, compare in pairs."""
+"""Agents on the same episodes: seeds, and what comes of each episode; `evaluation_summary` makes figures of it."""
 
 from __future__ import annotations
 
-import csv
-import io
-import itertools
-import json
-import platform
-import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
-import homeward
 from homeward.agents.base import Policy
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
-SCHEMA = 1
 _SIDE_BY_SIDE = 512
 """Missions that run at once."""
-_RESAMPLES = 9999
-_CHUNK = 4_000_000
-"""Numbers that the bootstrap holds at once."""
 
 
 @dataclass(frozen=True)
@@ -158,97 +144,3 @@ def _outcome(records: NDArray[np.void]) -> Episodes:
         time_s=records["time_s"].copy(),
         decisions=records["decisions"].copy(),
     )
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """All agents on the same episodes: what `evaluation.json` and `episodes.csv` hold."""
-
-    env: str
-    options: Options
-    seed: int
-    seeds: list[int]
-    runs: Mapping[str, Run]
-
-    def summary(self) -> dict[str, Any]:
-        """The content of `evaluation.json`."""
-        names = list(self.runs)
-        pairs = [(later, earlier) for earlier, later in itertools.combinations(names, 2)]
-        scores = {name: run.episodes.score for name, run in self.runs.items()}
-        rows = [scores[name] for name in names] + [scores[a] - scores[b] for a, b in pairs]
-        intervals = _bootstrap(np.stack(rows), self.seed)
-        return {
-            "schema": SCHEMA,
-            "env": self.env,
-            "options": {name: _plain(value) for name, value in vars(self.options).items() if name != "mission"},
-            "episodes": len(self.seeds),
-            "seed": self.seed,
-            "versions": _versions(),
-            "agents": {name: _summary(self.runs[name], ci) for name, ci in zip(names, intervals, strict=False)},
-            "paired": {
-                f"{a} - {b}": _difference(scores[a], scores[b], ci)
-                for (a, b), ci in zip(pairs, intervals[len(names) :], strict=True)
-            },
-        }
-
-    def to_json(self, summary: Mapping[str, Any]) -> str:
-        """`evaluation.json`, from the summary."""
-        return json.dumps(summary, indent=2, allow_nan=False) + "\n"
-
-    def to_csv(self) -> str:
-        """`episodes.csv`: one row per agent and episode."""
-        columns = [one.name for one in fields(Episodes)]
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["agent", "episode", "seed", *columns])
-        for name, run in self.runs.items():
-            values = (getattr(run.episodes, column).tolist() for column in columns)
-            for episode, (seed, *row) in enumerate(zip(self.seeds, *values, strict=True)):
-                writer.writerow([name, episode, seed, *(int(one) if isinstance(one, bool) else one for one in row)])
-        return text.getvalue()
-
-
-def _bootstrap(rows: NDArray[np.float64], seed: int) -> list[list[float] | None]:
-    """95 % percentile intervals of the mean of each row; all rows resample the same episodes."""
-    count = rows.shape[1]
-    if count < 2:
-        return [None] * len(rows)
-    chunk = max(1, _CHUNK // rows.size)
-    found = stats.bootstrap(
-        (rows,), np.mean, n_resamples=_RESAMPLES, batch=chunk, axis=-1, method="percentile",
-        rng=np.random.default_rng(seed),
-    ).confidence_interval  # fmt: skip
-    lows, highs = np.asarray(found.low), np.asarray(found.high)
-    return [[float(low), float(high)] for low, high in zip(lows, highs, strict=True)]
-
-
-def _summary(run: Run, score_ci95: list[float] | None) -> dict[str, Any]:
-    episodes, count = run.episodes, len(run.episodes.score)
-    stranded = int(episodes.stranded.sum())
-    wilson = stats.binomtest(stranded, count).proportion_ci(method="wilson")
-    return {
-        "score_mean": float(episodes.score.mean()),
-        "score_ci95": score_ci95,
-        "score_iqm": float(stats.trim_mean(episodes.score, 0.25)),
-        "stranded": stranded,
-        "stranded_rate": stranded / count,
-        "stranded_ci95": [float(wilson.low), float(wilson.high)],
-        "timed_out": int(episodes.timed_out.sum()),
-        "energy_left_home_j": float(episodes.energy_left_j[episodes.home].mean()) if episodes.home.any() else None,
-        "share_of_optimum": None,
-        "decision_us": run.decision_us,
-    }
-
-
-def _difference(a: NDArray[np.float64], b: NDArray[np.float64], ci95: list[float] | None) -> dict[str, Any]:
-    mean, base = float((a - b).mean()), float(b.mean())
-    return {"mean": mean, "ci95": ci95, "relative": mean / base if base else None}
-
-
-def _plain(value: Any) -> Any:
-    return value if value is None or isinstance(value, int | float | str) else str(value)
-
-
-def _versions() -> dict[str, str]:
-    used = ["numpy", "numba", "gymnasium", "scipy"] + ["torch"] * ("torch" in sys.modules)
-    return {"homeward": homeward.__version__, "python": platform.python_version()} | {one: version(one) for one in used}

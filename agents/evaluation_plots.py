@@ -1,4 +1,4 @@
-"""Pictures of an evaluation: scores and strandings of all agents, and one episode of each."""
+"""Pictures of an evaluation: scores and strandings of all agents, and their performance profiles."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from homeward.agents.evaluation import TRACED, Evaluation, Run
-from homeward.envs.options import settle
+from homeward.agents.evaluation_summary import Evaluation
+from homeward.agents.statistics import Bootstrap
 
 _COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#666666")
 """Okabe and Ito's palette, told apart with any colour vision."""
@@ -25,9 +24,10 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     figure = Figure(figsize=(9.0, 1.6 + 0.55 * len(names)), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 1.0))
     jitter = np.random.default_rng(0)
+    every = evaluation.scores()
     for row, name in enumerate(names):
-        colour, one = _colour(row), summary["agents"][name]
-        scores = evaluation.runs[name].episodes.score
+        colour, one = colour_of(row), summary["agents"][name]
+        scores = every[name].ravel()
         heights = row + jitter.uniform(-0.28, 0.28, len(scores))
         left.scatter(scores, heights, s=5, color=colour, alpha=0.25, linewidths=0, rasterized=True)
         _interval(left, one["score_mean"], one["score_ci95"], row, f"{one['score_mean']:.4g}")
@@ -41,73 +41,50 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     right.set_xticks([tick for tick in right.get_xticks() if tick <= 100.0])
     left.set_xlabel(f"score ({_UNITS[evaluation.options.mission]}), 0 unless home")
     right.set_xlabel("stranded, %")
-    _tidy(left, right)
-    figure.suptitle(f"{_title(evaluation)}: {len(evaluation.seeds)} episodes, seed {evaluation.seed}", fontsize=11)
-    figure.supxlabel("a dot is an episode; crosses are means with 95 % intervals", fontsize=8, color=_GREY)
-    return _png(figure)
+    tidy(left, right)
+    figure.suptitle(f"{title_of(evaluation)}: {len(evaluation.seeds)} episodes, seed {evaluation.seed}", fontsize=11)
+    figure.supxlabel(
+        "a dot is an episode of a training seed; crosses are means with 95 % intervals", fontsize=8, color=_GREY
+    )
+    return png(figure)
 
 
-def episode_png(evaluation: Evaluation) -> bytes:
-    """One episode as every agent went through it: energy, position, speed and sensing rate over time."""
-    episode = typical_episode(evaluation)
-    names, setting = list(evaluation.runs), settle(evaluation.options)
-    shared = setting.shared[0]
-    figure = Figure(figsize=(max(1.2 + 2.3 * len(names), 8.0), 7.0), layout="constrained")
-    grid = figure.subplots(4, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(1.0, 1.5, 0.7, 0.7))
-    for column, name in enumerate(names):
-        run, axes = evaluation.runs[name], grid[:, column]
-        decisions = int(run.episodes.decisions[episode])
-        trace = dict(zip(TRACED, run.traces[: decisions + 1, episode].T, strict=True))
-        hours, colour = trace["time_s"] / 3600.0, _colour(column)
-        axes[0].plot(hours, 100.0 * trace["energy_share"], color=colour)
-        axes[1].plot(hours, trace["position_m"], color=colour)
-        # A value is that of the decision that ends there.
-        axes[2].fill_between(hours, trace["speed_mps"], step="pre", color=colour, alpha=0.7, linewidth=0)
-        axes[3].fill_between(hours, trace["sensing_hz"], step="pre", color=colour, alpha=0.7, linewidth=0)
-        home = bool(run.episodes.home[episode])
-        axes[1].plot(hours[-1], trace["position_m"][-1], marker="o" if home else "X", color=colour, markersize=7,
-                     clip_on=False, zorder=4)  # fmt: skip
-        ending = "home" if home else "stranded" if run.episodes.stranded[episode] else "out of time"
-        axes[0].set_title(f"{name}\n{ending}, score {run.episodes.score[episode]:.4g}", fontsize=10)
-        axes[3].set_xlabel("time, h")
-    _shade_interest(grid[1], evaluation, episode, float(shared["length_m"]))
-    highest_m = max(float(np.max(run.traces[:, episode, 2])) for run in evaluation.runs.values())
-    for axis, label, top in zip(
-        grid[:, 0],
-        ("state of charge, %", "distance from home, m", "speed, m/s", "sensing, Hz"),
-        (104.0, 1.08 * highest_m, 1.1 * shared["max_speed_mps"], 1.1 * shared["max_sensing_hz"]),
-        strict=True,
-    ):
-        axis.set_ylabel(label)
-        axis.set_ylim(0.0, float(top))
-        axis.set_xlim(left=0.0)
-    _tidy(*grid.flat)
-    note = ", shaded where there is more to find" if evaluation.options.mission == "Survey" else ""
-    figure.suptitle(f"{_title(evaluation)}: episode {episode}{note}", fontsize=11)
-    figure.align_ylabels(grid[:, 0])
-    return _png(figure)
-
-
-def typical_episode(evaluation: Evaluation) -> int:
-    """Index of the episode, among those traced, in which the agents came closest to their median scores."""
-    runs = list(evaluation.runs.values())
-    scores = np.array([run.episodes.score[: run.traces.shape[1]] for run in runs])
-    spread = scores.std(axis=1, keepdims=True)
-    distances = np.abs(scores - np.median(scores, axis=1, keepdims=True)) / np.where(spread > 0.0, spread, 1.0)
-    return int(np.argmin(distances.sum(axis=0)))
-
-
-def _shade_interest(axes: NDArray[Any], evaluation: Evaluation, episode: int, length_m: float) -> None:
-    if evaluation.options.mission != "Survey":
-        return
-    first: Run = next(iter(evaluation.runs.values()))
-    hours = max(float(run.traces[-1, episode, 0]) for run in evaluation.runs.values()) / 3600.0
-    for axis in axes:
-        axis.imshow(
-            first.interest[episode][:, None], origin="lower", aspect="auto", cmap="Greys", alpha=0.55, vmin=0.0,
-            vmax=1.5 * float(first.interest[episode].max()), extent=(0.0, hours * 1.03, 0.0, length_m), zorder=0,
-            interpolation="nearest",
-        )  # fmt: skip
+def profiles_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
+    """Performance profiles, and how probably each agent beats the first one on an episode."""
+    names, thresholds = list(evaluation.runs), evaluation.thresholds()
+    several = len(names) > 1
+    height = max(3.6, 1.6 + 0.45 * len(names))
+    figure = Figure(figsize=(10.0 if several else 6.0, height), layout="constrained")
+    axes = figure.subplots(1, 2, width_ratios=(1.5, 1.0)) if several else [figure.subplots()]
+    drawn = Bootstrap(evaluation.scores(), evaluation.seed, 999)
+    for index, name in enumerate(names):
+        axes[0].plot(thresholds, summary["profiles"][name], color=colour_of(index), label=name, linewidth=1.6)
+        if len(evaluation.seeds) > 1:
+            low, high = np.percentile(drawn.profiles(name, thresholds), [2.5, 97.5], axis=0)
+            axes[0].fill_between(thresholds, low, high, color=colour_of(index), alpha=0.18, linewidth=0)
+    axes[0].set_xlabel(f"score ({_UNITS[evaluation.options.mission]})")
+    axes[0].set_ylabel("share of episodes that score more")
+    axes[0].set_ylim(0.0, 1.02)
+    axes[0].set_xlim(0.0, float(thresholds[-1]))
+    axes[0].legend(fontsize=8, frameon=False)
+    if several:
+        for row, name in enumerate(names[1:]):
+            pair = summary["paired"][f"{name} - {names[0]}"]
+            value = pair["probability_of_improvement"]
+            axes[1].barh(row, value, height=0.5, color=colour_of(row + 1), alpha=0.6)
+            _interval(axes[1], value, pair["probability_ci95"], row, f"{value:.2f}")
+        axes[1].axvline(0.5, color=_GREY, linewidth=1.0, linestyle="--")
+        axes[1].set_yticks(range(len(names) - 1), names[1:])
+        axes[1].set_ylim(len(names) - 1.4, -0.6)
+        axes[1].set_xlim(0.0, 1.12)
+        axes[1].set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
+        axes[1].set_xlabel(f"probability of scoring more than {names[0]}")
+    tidy(*axes)
+    figure.suptitle(f"{title_of(evaluation)}: {len(evaluation.seeds)} episodes", fontsize=11)
+    figure.supxlabel(
+        "bands and lines: 95 % bootstrap intervals over episodes and training seeds", fontsize=8, color=_GREY
+    )
+    return png(figure)
 
 
 def _interval(axis: Axes, middle: float, ends: list[float] | None, row: int, label: str) -> None:
@@ -121,16 +98,19 @@ def _interval(axis: Axes, middle: float, ends: list[float] | None, row: int, lab
     )  # fmt: skip
 
 
-def _title(evaluation: Evaluation) -> str:
+def title_of(evaluation: Evaluation) -> str:
+    """Environment and options of an evaluation."""
     options = evaluation.options
     return f"{evaluation.env}, {options.difficulty}, {options.robot}, route {options.route}"
 
 
-def _colour(index: int) -> str:
+def colour_of(index: int) -> str:
+    """Colour of an agent by its place among them."""
     return _COLOURS[index % len(_COLOURS)]
 
 
-def _tidy(*axes: Axes) -> None:
+def tidy(*axes: Axes) -> None:
+    """Take away what distracts."""
     for axis in axes:
         axis.spines[["top", "right"]].set_visible(False)
         axis.tick_params(labelsize=8)
@@ -138,7 +118,8 @@ def _tidy(*axes: Axes) -> None:
         axis.set_axisbelow(True)
 
 
-def _png(figure: Figure) -> bytes:
+def png(figure: Figure) -> bytes:
+    """A figure as the bytes of a file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=150)
     return buffer.getvalue()

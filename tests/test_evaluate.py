@@ -30,7 +30,7 @@ def test_files_and_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     out = tmp_path / "new" / "folder"
     main(Args(agents=("random", "soc50", "dmax_adaptive"), episodes=12, seed=3, out=out))
     assert sorted(path.name for path in out.iterdir()) == [
-        "episode.png", "episodes.csv", "evaluation.json", "scores.png",
+        "episode.png", "episodes.csv", "evaluation.json", "profiles.png", "route.png", "scores.png",
     ]  # fmt: skip
     content = json.loads((out / "evaluation.json").read_text())
     rows = list(csv.DictReader((out / "episodes.csv").read_text().splitlines()))
@@ -71,7 +71,7 @@ def test_decisions_come_as_often_as_asked(tmp_path: Path, capsys: pytest.Capture
     decisions = []
     for decision_s in (60.0, 120.0):
         args = Args(("dmax",), "homeward/OutAndBack-v0", episodes=20, out=tmp_path, decision_s=decision_s)
-        decisions.append(main(args).runs["dmax"].episodes.decisions.sum())
+        decisions.append(main(args).runs["dmax"][0].episodes.decisions.sum())
         assert f"discrete actions every {decision_s:g} s" in capsys.readouterr().out
     assert decisions[0] == pytest.approx(2 * decisions[1], rel=0.1)
 
@@ -148,6 +148,39 @@ def test_decision_times_that_follow_from_the_robots_are_not_remarked_on(
     assert "robot husky" in error and "decision_s" not in error
 
 
+def test_a_shielded_agent_stands_beside_the_bare_one(tmp_path: Path) -> None:
+    result = main(Args(agents=("dmax_mapped", "dmax_mapped+shield"), episodes=6, out=tmp_path))
+    assert list(result.runs) == ["dmax_mapped", "dmax_mapped+shield"]
+    assert result.runs["dmax_mapped+shield"][0].episodes.stranded.sum() == 0
+    assert "dmax_mapped+shield - dmax_mapped" in json.loads((tmp_path / "evaluation.json").read_text())["paired"]
+
+
+@pytest.mark.parametrize("form", ["list", "folder"])
+def test_several_training_seeds_are_one_agent(form: str, trained: Path, tmp_path: Path) -> None:
+    folders = [tmp_path / "seeds" / name for name in ("0", "1")]
+    for folder in folders:
+        shutil.copytree(trained, folder)
+    file = ",".join(map(str, folders)) if form == "list" else str(tmp_path / "seeds")
+    main(Args(agents=("soc50", f"ppo={file}"), episodes=3, decision_s=120.0, out=tmp_path / "out"))
+    agents = json.loads((tmp_path / "out" / "evaluation.json").read_text())["agents"]
+    assert (agents["ppo"]["training_seeds"], agents["soc50"]["training_seeds"]) == (2, 1)
+    rows = list(csv.DictReader((tmp_path / "out" / "episodes.csv").read_text().splitlines()))
+    assert [(row["run"], row["episode"]) for row in rows[3:]] == [(run, str(k)) for run in "01" for k in range(3)]
+    assert [row["score"] for row in rows[3:6]] == [row["score"] for row in rows[6:]]
+
+
+def test_the_optimum_is_found_where_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    env = "homeward/OutAndBack-v0"
+    result = main(Args(("dmax",), env, episodes=2, optimum=True, decision_s=120.0, out=tmp_path))
+    assert result.optimum is not None
+    assert (result.runs["dmax"][0].episodes.score <= result.optimum.upper).all()
+    one = json.loads((tmp_path / "evaluation.json").read_text())["agents"]["dmax"]
+    assert 0.0 <= one["share_of_optimum_at_least"] <= one["share_of_optimum"]
+    assert "optimum" in capsys.readouterr().out
+    header = (tmp_path / "episodes.csv").read_text().splitlines()[0]
+    assert header.endswith("optimum_lower,optimum_upper")
+
+
 def test_spaces_that_do_not_fit_are_refused(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,11 +211,12 @@ sys.exit(evaluate.run())
     ("arguments", "expected"),
     [
         (["--agents", "dmacks"], "unknown agent 'dmacks'; choose from random, soc50"),
-        (["--agents", "dmax+shield"], "there is no shield yet in this version"),
-        (["--agents", "ppo+shield=somewhere"], "there is no shield yet in this version"),
+        (["--agents", "dmax+shild"], "unknown agent 'dmax+shild'"),
+        (["--agents", "ppo+shield=no/such/folder"], "no/such/folder"),
+        (["--agents", "dmax+shield=file"], "dmax takes no file"),
+        (["--optimum", "--action-type", "continuous"], "the oracle acts on a grid"),
         (["--agents", "dmax=file"], "dmax takes no file"),
         (["--agents", "dmax", "dmax"], "given twice"),
-        (["--agents", "ppo"], "ppo=FOLDER"),
         (["--agents", "ppo=no/such/folder"], "no/such/folder"),
         (["--env", "CartPole-v1"], "unknown env 'CartPole-v1'; choose from homeward/OutAndBack-v0"),
         (["--difficulty", "hard"], "choose from known, uncertain, harsh"),

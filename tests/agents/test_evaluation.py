@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from homeward.agents import Policy, evaluation, make_policy
 from homeward.agents.base import Observations
-from homeward.agents.evaluation import TRACED, Episodes, Evaluation, Run, episode_seeds, run_episodes
-from homeward.agents.evaluation_plots import episode_png, scores_png, typical_episode
+from homeward.agents.episode_plots import episode_png, route_png, typical_episode
+from homeward.agents.evaluation import TRACED, Episodes, Run, episode_seeds, run_episodes
+from homeward.agents.evaluation_plots import profiles_png, scores_png
+from homeward.agents.evaluation_summary import Bounds, Evaluation
 from homeward.envs.actions import encode_actions
 from homeward.envs.options import Options, settle
 from homeward.envs.state import GO, STOP
@@ -49,9 +51,10 @@ def made_up(score: Any, stranded: Any = None) -> Run:
     )
 
 
-def compared(**runs: Run) -> Evaluation:
-    count = len(next(iter(runs.values())).episodes.score)
-    return Evaluation("homeward/Survey-v0", SURVEY, 0, episode_seeds(0, count), runs)
+def compared(optimum: Bounds | None = None, **runs: Run | list[Run]) -> Evaluation:
+    lists = {name: run if isinstance(run, list) else [run] for name, run in runs.items()}
+    count = len(next(iter(lists.values()))[0].episodes.score)
+    return Evaluation("homeward/Survey-v0", SURVEY, 0, episode_seeds(0, count), lists, optimum)
 
 
 def test_seeds_are_apart_from_those_of_training_and_from_each_other() -> None:
@@ -152,7 +155,15 @@ def test_pairs_are_compared_on_the_same_resampled_episodes() -> None:
     better = hard_and_easy + rng.uniform(0.0, 20.0, 300)
     summary = compared(base=made_up(hard_and_easy), same=made_up(hard_and_easy), more=made_up(better)).summary()
     assert list(summary["paired"]) == ["same - base", "more - base", "more - same"]
-    assert summary["paired"]["same - base"] == {"mean": 0.0, "ci95": [0.0, 0.0], "relative": 0.0}
+    same = summary["paired"]["same - base"]
+    assert (same["mean"], same["ci95"], same["relative"], same["probability_of_improvement"]) == (
+        0.0,
+        [0.0, 0.0],
+        0.0,
+        0.5,
+    )
+    assert same["probability_ci95"] == pytest.approx([0.5, 0.5])
+    assert summary["paired"]["more - base"]["probability_of_improvement"] == 1.0
     gain = summary["paired"]["more - base"]
     low, high = gain["ci95"]
     assert gain["mean"] == pytest.approx((better - hard_and_easy).mean())
@@ -165,14 +176,53 @@ def test_pairs_are_compared_on_the_same_resampled_episodes() -> None:
 def test_one_episode_has_no_interval() -> None:
     summary = compared(a=made_up([3.0]), b=made_up([0.0])).summary()
     assert summary["agents"]["a"]["score_ci95"] is None
-    assert summary["paired"]["b - a"] == {"mean": -3.0, "ci95": None, "relative": -1.0}
+    assert summary["paired"]["b - a"] == {
+        "mean": -3.0, "ci95": None, "relative": -1.0, "probability_of_improvement": 0.0, "probability_ci95": None,
+    }  # fmt: skip
+
+
+def test_training_seeds_count_as_much_as_episodes() -> None:
+    rng = np.random.default_rng(0)
+    episodes = rng.normal(100.0, 5.0, 400)
+    seeds = [made_up(episodes + offset) for offset in (-10.0, 0.0, 10.0, 20.0)]
+    one = compared(agent=seeds, rule=made_up(episodes)).summary()
+    agent, gain = one["agents"]["agent"], one["paired"]["rule - agent"]
+    assert agent["training_seeds"] == 4
+    assert agent["score_mean"] == pytest.approx(episodes.mean() + 5.0)
+    low, high = agent["score_ci95"]
+    assert high - low > 10.0  # that of the episodes alone would be 1
+    assert gain["mean"] == pytest.approx(-5.0)
+    assert gain["ci95"][0] < -8.0 and gain["ci95"][1] > 0.0
+    assert gain["probability_of_improvement"] == pytest.approx((1.0 + 0.5) / 4.0)
+
+
+def test_strandings_of_all_training_seeds_count() -> None:
+    lost = [np.arange(50) < count for count in (1, 4)]
+    one = compared(agent=[made_up(np.ones(50), which) for which in lost]).summary()["agents"]["agent"]
+    assert (one["stranded"], one["stranded_rate"]) == (5, 0.05)
+
+
+def test_share_of_the_optimum_is_given_against_both_bounds() -> None:
+    bounds = Bounds(np.array([8.0, 12.0]), np.array([10.0, 15.0]))
+    summary = compared(bounds, agent=made_up([5.0, 10.0])).summary()
+    assert summary["agents"]["agent"]["share_of_optimum"] == pytest.approx(0.75)
+    assert summary["agents"]["agent"]["share_of_optimum_at_least"] == pytest.approx(0.6)
+    assert summary["optimum"] == {"lower": 10.0, "upper": 12.5}
+
+
+def test_profiles_say_what_share_of_episodes_scores_more() -> None:
+    profiles = compared(a=made_up([0.0, 50.0, 100.0, 100.0]), b=made_up([20.0, 20.0, 20.0, 20.0])).summary()["profiles"]
+    assert profiles["score"][0] == 0.0 and profiles["score"][-1] == 100.0
+    at = {name: dict(zip(profiles["score"], profiles[name], strict=True)) for name in ("a", "b")}
+    assert (at["a"][0.0], at["a"][50.0], at["a"][100.0]) == (0.75, 0.5, 0.0)
+    assert (at["b"][19.0], at["b"][20.0]) == (1.0, 0.0)
 
 
 def test_json_holds_what_the_schema_names() -> None:
     runs = {name: run_episodes(policy(name), SURVEY, episode_seeds(0, 6)) for name in ("soc50", "dmax")}
-    result = compared(**runs)
+    result = compared(None, **runs)
     content = json.loads(result.to_json(result.summary()))
-    assert set(content) == {"schema", "env", "options", "episodes", "seed", "versions", "agents", "paired"}
+    assert set(content) >= {"schema", "env", "options", "episodes", "seed", "versions", "agents", "paired"}
     assert (content["schema"], content["env"], content["episodes"], content["seed"]) == (1, "homeward/Survey-v0", 6, 0)
     assert content["options"]["difficulty"] == "uncertain"
     assert {"homeward", "numpy", "gymnasium"} <= set(content["versions"])
@@ -181,12 +231,12 @@ def test_json_holds_what_the_schema_names() -> None:
         "score_mean", "score_ci95", "score_iqm", "stranded", "stranded_rate", "stranded_ci95", "energy_left_home_j",
         "share_of_optimum", "decision_us",
     }  # fmt: skip
-    assert set(content["paired"]["dmax - soc50"]) == {"mean", "ci95", "relative"}
+    assert set(content["paired"]["dmax - soc50"]) >= {"mean", "ci95", "relative"}
 
 
 def test_csv_has_a_row_per_agent_and_episode() -> None:
     runs = {name: run_episodes(policy(name), SURVEY, episode_seeds(0, 6)) for name in ("soc50", "dmax")}
-    rows = list(csv.DictReader(io.StringIO(compared(**runs).to_csv())))
+    rows = list(csv.DictReader(io.StringIO(compared(None, **runs).to_csv())))
     assert [(row["agent"], int(row["episode"])) for row in rows] == [
         (a, k) for a in ("soc50", "dmax") for k in range(6)
     ]
@@ -199,8 +249,13 @@ def test_csv_has_a_row_per_agent_and_episode() -> None:
 def test_pictures_are_drawn(mission: str) -> None:
     options = Options(mission, difficulty="harsh")
     runs = {name: run_episodes(policy(name, options), options, episode_seeds(0, 8)) for name in ("random", "dmax")}
-    result = Evaluation(f"homeward/{mission}-v0", options, 0, episode_seeds(0, 8), runs)
-    for picture in (scores_png(result, result.summary()), episode_png(result)):
+    result = Evaluation(
+        f"homeward/{mission}-v0", options, 0, episode_seeds(0, 8), {name: [run] for name, run in runs.items()}
+    )
+    summary = result.summary()
+    for picture in (
+        scores_png(result, summary), profiles_png(result, summary), episode_png(result), route_png(result)
+    ):  # fmt: skip
         assert picture.startswith(b"\x89PNG")
 
 
