@@ -1,0 +1,227 @@
+"""What the shield keeps and what it costs: strandings and scores of policies with and without it.
+
+`python benchmarks/shield.py` runs every policy on the same episodes bare and shielded and prints the table of
+docs/evaluation.md; OUT/shield.json holds it. Finished rows are kept, so that a run that was killed goes on.
+`--tune` prints the strandings by margin instead, on training seeds, and the margin of each confidence that
+`agents/shield.py` takes from it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from homeward import cli
+from homeward.agents import AgentError, Policy, make_policy, shield
+from homeward.agents.base import Observations
+from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.shield import MARGINS, Shield
+from homeward.agents.statistics import Bootstrap, interval, wilson
+from homeward.envs.actions import encode_actions
+from homeward.envs.kernel import LEVELS
+from homeward.envs.options import MISSIONS, OptionError, Options, Setting, settle
+from homeward.envs.routes import GENERATED, HIDDEN_WIND
+from homeward.envs.state import GO, STOP
+from homeward.envs.vector import HomewardVectorEnv
+from homeward.files import write_whole
+
+TUNED_ON = 4096
+"""Missions of each row of the tuning; their seeds are 0 and on, as in training."""
+GRID = (0.0, 0.02, 0.05, 0.1, 0.15)
+RECKLESS = ("onward", "wanderer")
+UNTOLD = f"{HIDDEN_WIND}, untold"
+"""Hidden wind, and a shield that expects the usual one."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to run."""
+
+    policies: tuple[str, ...] = ("random", "onward", "wanderer", "soc50", "dmax_adaptive")
+    """Agents of evaluate.py that need no file, onward (never turns back) and wanderer (nor does it; draws the rest)."""
+    missions: tuple[str, ...] = tuple(MISSIONS)
+    """Missions."""
+    routes: tuple[str, ...] = (GENERATED, HIDDEN_WIND, UNTOLD)
+    """Routes: generated, hidden_wind, or the latter with a shield that expects the usual wind."""
+    difficulty: str = "uncertain"
+    """known, uncertain or harsh."""
+    episodes: int = 4000
+    """Episodes of each row."""
+    seed: int = 0
+    """Seed that the episodes follow from, as in evaluate.py."""
+    out: Path = Path("runs/shield")
+    """Folder of the results."""
+    tune: bool = False
+    """Print strandings by margin on training seeds instead."""
+
+
+@final
+class Onward(Policy):
+    """Drives on at cruise and senses nothing: only the shield turns it back, at the last moment that it allows."""
+
+    def __init__(self, setting: Setting) -> None:
+        self._action = encode_actions(setting, setting.shared["cruise_mps"][0], 0.0, GO)
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission, see `Policy.act`."""
+        return np.repeat(self._action, len(observations), axis=0)
+
+
+@final
+class Wanderer(Policy):
+    """Draws speed, sensing rate and, in a tenth of decisions, a stop; it never turns back."""
+
+    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
+        self._setting, self._rng = setting, rng
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission, see `Policy.act`."""
+        s, count = self._setting.shared[0], len(observations)
+        speed, sensing = self._rng.integers(0, LEVELS, (2, count)) / (LEVELS - 1)
+        speed_mps = s["min_speed_mps"] + speed * (s["max_speed_mps"] - s["min_speed_mps"])
+        mode = np.where(self._rng.random(count) < 0.1, STOP, GO)
+        return encode_actions(self._setting, speed_mps, sensing * s["max_sensing_hz"], mode)
+
+
+def policy_of(name: str, options: Options, setting: Setting) -> Policy:
+    """A policy by its name; those that draw do so alike with and without a shield."""
+    if name == "onward":
+        return Onward(setting)
+    if name == "wanderer":
+        return Wanderer(setting, np.random.default_rng(0))
+    return make_policy(name, HomewardVectorEnv(**vars(options)))
+
+
+def shielded(name: str, options: Options, setting: Setting, *, untold: bool = False) -> Shield:
+    """A policy in its shield, which may expect the usual wind on a day with another."""
+    expected = dataclasses.replace(options, route=GENERATED) if untold else options
+    return Shield(policy_of(name, options, setting), expected, settle(expected))
+
+
+def row_of(args: Args, mission: str, route: str, name: str) -> dict[str, Any]:
+    """One row of the table."""
+    untold = route == UNTOLD
+    options = Options(mission, route=HIDDEN_WIND if untold else route, difficulty=args.difficulty)
+    setting, seeds = settle(options), episode_seeds(args.seed, args.episodes)
+    bare = run_episodes(policy_of(name, options, setting), options, seeds).episodes
+    safe = run_episodes(shielded(name, options, setting, untold=untold), options, seeds)
+    means = Bootstrap({"bare": bare.score[None], "safe": safe.episodes.score[None]}, args.seed).means()
+    return {
+        "bare": _figures(bare),
+        "shielded": _figures(safe.episodes) | {"decision_us": safe.decision_us},
+        "difference": float(safe.episodes.score.mean() - bare.score.mean()),
+        "difference_ci95": interval(means["safe"] - means["bare"]),
+    }
+
+
+def _figures(episodes: Episodes) -> dict[str, Any]:
+    stranded, count = int(episodes.stranded.sum()), len(episodes.score)
+    return {
+        "stranded": stranded,
+        "stranded_ci95": wilson(stranded, count),
+        "timed_out": int(episodes.timed_out.sum()),
+        "score": float(episodes.score.mean()),
+    }
+
+
+def compare(args: Args, console: Console) -> None:
+    """Run all rows that are missing, keep each, and print the table."""
+    made_with = _digest()
+    common = {"difficulty": args.difficulty, "episodes": args.episodes, "seed": args.seed, "code": made_with}
+    kept: dict[str, Any] = {}
+    file = args.out / "shield.json"
+    if file.is_file():
+        content = json.loads(file.read_text())
+        kept = content["rows"] if {name: content.get(name) for name in common} == common else {}
+    for mission, route, name in _rows(args):
+        key = f"{mission}, {route}, {name}"
+        if key not in kept:
+            kept[key] = row_of(args, mission, route, name)
+            write_whole(file, json.dumps({**common, "rows": kept}, indent=2) + "\n")
+            console.print(f"{key}: {kept[key]['shielded']['stranded']} stranded", style="dim", highlight=False)
+    console.print(table_of(args, kept))
+
+
+def table_of(args: Args, rows: dict[str, Any]) -> Table:
+    """The table, in the order of the arguments."""
+    table = Table(title=f"{args.difficulty}, {args.episodes} episodes a row, seed {args.seed}", box=box.SIMPLE_HEAD)
+    for heading in ("mission", "route", "policy"):
+        table.add_column(heading)
+    for heading in ("stranded", "shielded (95 % at most)", "score", "shielded minus bare (95 %)", "relative"):
+        table.add_column(heading, justify="right")
+    for mission, route, name in _rows(args):
+        row = rows[f"{mission}, {route}, {name}"]
+        bare, safe, (low, high) = row["bare"], row["shielded"], row["difference_ci95"]
+        table.add_row(
+            mission, route, name, str(bare["stranded"]), f"{safe['stranded']} ({safe['stranded_ci95'][1]:.2%})",
+            f"{bare['score']:.4g}", f"{row['difference']:+.3g} ({low:+.3g} to {high:+.3g})",
+            f"{row['difference'] / bare['score']:+.1%}" if bare["score"] else "",
+        )  # fmt: skip
+    return table
+
+
+def _rows(args: Args) -> Iterator[tuple[str, str, str]]:
+    # A patrol stays on one road close to home: a wind is as often against it as with it.
+    return itertools.product(args.missions, args.routes, args.policies)
+
+
+def _digest() -> str:
+    """Hash of the shield's own sources: rows that another shield made are not kept."""
+    folder = Path(shield.__file__).parent
+    sources = sorted(folder.glob("shield*.py"))
+    return hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+
+
+def tune(args: Args, console: Console) -> None:
+    """Strandings of the reckless policies by margin, and the least margin that keeps each confidence."""
+    table = Table(title=f"strandings of {TUNED_ON} missions by margin, training seeds", box=box.SIMPLE_HEAD)
+    for heading in ("mission", "route", "policy", *(f"{margin:g}" for margin in GRID)):
+        table.add_column(heading)
+    worst = dict.fromkeys(GRID, 0)
+    asked, kept = max(MARGINS), dict(MARGINS)
+    for mission, route, name in itertools.product(args.missions, (GENERATED, HIDDEN_WIND), RECKLESS):
+        options = Options(mission, route=route, difficulty=args.difficulty)
+        found = []
+        for margin in GRID:
+            MARGINS[asked] = margin
+            episodes = run_episodes(shielded(name, options, settle(options)), options, range(TUNED_ON)).episodes
+            found.append(int(episodes.stranded.sum()))
+            worst[margin] = max(worst[margin], found[-1])
+        table.add_row(mission, route, name, *map(str, found))
+    console.print(table)
+    for confidence in kept:
+        enough = [margin for margin in GRID if wilson(worst[margin], TUNED_ON)[1] < 1.0 - confidence]
+        console.print(f"confidence {confidence:g}: margin {enough[0] if enough else 'beyond the grid'}")
+
+
+def main(args: Args) -> None:
+    """Print the table, or what the margins were chosen from.
+
+    Raises:
+        AgentError, OptionError: A policy, mission or route is not known.
+        OSError: The output folder cannot be written to.
+    """
+    numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
+    console = Console()
+    if args.tune:
+        tune(args, console)
+    else:
+        compare(args, console)
+
+
+if __name__ == "__main__":
+    sys.exit(cli.run(main, Args, __doc__, (AgentError, OptionError)))
