@@ -51,6 +51,7 @@ ABLATION: dict[str, dict[str, Any]] = {
 }
 """What to change in the recipe, of the arguments of train.py."""
 _RESAMPLES = 2000
+_WIDTH = 150  # columns of the table
 _CHECKPOINT_S = 60.0
 
 
@@ -112,7 +113,7 @@ def main(args: Args) -> list[Result]:
     rows = [summary(result) for result in results]
     write_whole(args.out / "learn.json", json.dumps(rows, indent=2) + "\n")
     write_whole(args.out / "learn.png", curves_png(results))
-    Console().print(table(rows, args))
+    Console(width=_WIDTH).print(table(rows, args))
     return results
 
 
