@@ -83,6 +83,8 @@ def main(args: Args) -> Evaluation:
     agents = {label: _policies(asked, env, args.seed) for label, asked in _named(args.agents).items()}
     _warn_of_transfer(agents, args.env, env)
     seeds = episode_seeds(args.seed, args.episodes)
+    if args.optimum:
+        _check_optimum(options)
     args.out.mkdir(parents=True, exist_ok=True)
     runs = {}
     columns = (TextColumn("{task.description:<16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -167,14 +169,20 @@ def _policies(asked: Asked, env: HomewardVectorEnv, seed: int) -> tuple[list[Pol
     return [make_policy(asked.name, env, file, seed) for file in asked.files], asked.shielded
 
 
-def _optimum(args: Args, options: Options, seeds: Sequence[int], bar: Progress) -> Bounds:
-    from homeward.agents.oracle import OracleError, solve
+def _check_optimum(options: Options) -> None:
+    from homeward.agents.oracle import OracleError, check
 
-    task = bar.add_task("optimum", total=args.episodes)
     try:
-        found = solve(options, seeds, args.jobs, functools.partial(bar.advance, task))
+        check(options)
     except OracleError as error:
         raise AgentError(f"--optimum: {error}") from None
+
+
+def _optimum(args: Args, options: Options, seeds: Sequence[int], bar: Progress) -> Bounds:
+    from homeward.agents.oracle import solve
+
+    task = bar.add_task("optimum", total=args.episodes)
+    found = solve(options, seeds, args.jobs, functools.partial(bar.advance, task))
     return Bounds(found.lower, found.upper)
 
 

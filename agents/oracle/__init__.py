@@ -67,11 +67,7 @@ def solve(
     >>> bool(0.98 * optimum.upper[0] < optimum.lower[0] <= optimum.upper[0])
     True
     """
-    if options.action_type != "discrete":
-        raise OracleError(f"the oracle acts on a grid, but action_type is {options.action_type!r}; choose 'discrete'")
-    for effect in REFUSED:
-        if effect in load_robot(options.robot).active_effects:
-            raise OracleError(f"the oracle has no bound for a robot with the effect {effect}; switch it off")
+    check(options)
     tasks = {
         f"episodes {start} to {min(start + _TOGETHER, len(seeds)) - 1}": (
             options,
@@ -87,6 +83,19 @@ def solve(
         np.concatenate([part.upper for part in parts]),
         tuple(one for part in parts for one in part.actions),
     )
+
+
+def check(options: Options) -> None:
+    """Refuse an environment that the optimum cannot be bounded in.
+
+    Raises:
+        OracleError: The action space is continuous, or the robot has an effect for which there is no bound.
+    """
+    if options.action_type != "discrete":
+        raise OracleError(f"the oracle acts on a grid, but action_type is {options.action_type!r}; choose 'discrete'")
+    for effect in REFUSED:
+        if effect in load_robot(options.robot).active_effects:
+            raise OracleError(f"the oracle has no bound for a robot with the effect {effect}; switch it off")
 
 
 def _solve_some(task: tuple[Options, list[int]]) -> Optimum:
