@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from homeward.physics import model
 from homeward.physics.jit import compiled, inline
 
 
@@ -27,13 +28,6 @@ class Vehicle(NamedTuple):
     home_mps: float  # speed of the way home
     idle_w: float
     slower_j_per_m: float  # what a metre home takes beyond the speed at which `home_cost` is costed
-
-
-@inline
-def _wind_n(v: Any, speed_mps: float, headwind_mps: float) -> Any:
-    """Drag in wind over that in still air, N."""
-    air_mps = speed_mps + headwind_mps
-    return v.drag_ns2_per_m2 * (air_mps * abs(air_mps) - speed_mps * speed_mps)
 
 
 @inline
@@ -67,7 +61,7 @@ def learn(v: Any, days: Any, drives: Any, squares: Any, energy_j: Any) -> None:
         least_j = 0.05 * rolling_j
         if d.modelled_j <= 0.0 or (moves and drive_j <= least_j):
             continue
-        drag_j = v.drag_ns2_per_m2 * d.speed_mps * d.speed_mps * moved_m / v.efficiency
+        drag_j = model.drag_force(v, d.speed_mps) * moved_m / v.efficiency
         grade_j = drive_j - rolling_j - drag_j if moves else 0.0
         near = _place(v, 0.75 * d.from_m + 0.25 * d.to_m)
         far = _place(v, 0.25 * d.from_m + 0.75 * d.to_m)
@@ -78,7 +72,7 @@ def learn(v: Any, days: Any, drives: Any, squares: Any, energy_j: Any) -> None:
         for j in range(len(gauge)):
             used_j = gauge[j] * d.used_j
             counts = weight * (not moves or used_j - d.ancillary_j > least_j)
-            wind_n = _wind_n(v, d.speed_mps, ahead * headwind_near[j]) + _wind_n(
+            wind_n = model.wind_force(v, d.speed_mps, ahead * headwind_near[j]) + model.wind_force(
                 v, d.speed_mps, ahead * headwind_far[j]
             )
             x_j = 0.5 * (ground_near[j] + ground_far[j]) * rolling_j
@@ -103,12 +97,12 @@ def _spare_j(v: Any, days: Any, capacity: float, j: int, b: float, sines: Any, p
     gauge, mass, ground, headwind = days
     here = _place(v, p.position_m)
     weight_n = mass[j] * v.weight_n
-    still_n = v.drag_ns2_per_m2 * v.home_mps * v.home_mps
+    still_n = model.drag_force(v, v.home_mps)
     more_j = 0.0
     for k in range(here + 1):
         own_n = v.rolling_n - v.weight_n * sines[k] + still_n
         true_n = b * ground[k, j] * v.rolling_n - weight_n * sines[k] + still_n
-        true_n += _wind_n(v, v.home_mps, -headwind[k, j])
+        true_n += model.wind_force(v, v.home_mps, -headwind[k, j])
         length_m = min(v.place_m, p.position_m - k * v.place_m)
         more_j += (max(true_n, 0.0) - max(own_n, 0.0)) * length_m / v.efficiency
     home_j = p.home_cost_j + v.slower_j_per_m * p.position_m + more_j
@@ -116,11 +110,11 @@ def _spare_j(v: Any, days: Any, capacity: float, j: int, b: float, sines: Any, p
     ahead = 1.0 if outwards else -1.0
     rolls_n = b * ground[here, j] * v.rolling_n
     # Ground ahead may be as steep as what is seen of it, on the way out as on the way home.
-    metre_n = rolls_n - weight_n * p.least_sine + still_n + _wind_n(v, v.home_mps, -headwind[here, j])
+    metre_n = rolls_n - weight_n * p.least_sine + still_n + model.wind_force(v, v.home_mps, -headwind[here, j])
     metre_j = v.idle_w / v.home_mps + max(metre_n, 0.0) / v.efficiency
     home_j = max(home_j + metre_j * (p.ends_m - p.position_m), 0.0)
-    force_n = rolls_n + ahead * weight_n * p.most_sine + v.drag_ns2_per_m2 * p.speed_mps * p.speed_mps
-    force_n += _wind_n(v, p.speed_mps, ahead * headwind[here, j])
+    force_n = rolls_n + ahead * weight_n * p.most_sine + model.drag_force(v, p.speed_mps)
+    force_n += model.wind_force(v, p.speed_mps, ahead * headwind[here, j])
     decision_j = p.ancillary_j + max(force_n, 0.0) * p.moves_m / v.efficiency
     left_j = v.usable_j * (capacity - gauge[j] * (1.0 - p.energy))
     return left_j - decision_j - (1.0 + margin) * home_j

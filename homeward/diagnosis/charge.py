@@ -16,7 +16,7 @@ from scipy.stats import norm, spearmanr
 
 from homeward.diagnosis.arms import gain, held_out
 from homeward.diagnosis.blocks import correlation_windows
-from homeward.diagnosis.naming import FOLDS, MUST_PAY, SMALLEST_GAIN
+from homeward.diagnosis.naming import FOLDS, MUST_PAY, PLACEBOS, SMALLEST_GAIN
 from homeward.diagnosis.refit import standard_errors
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Value
@@ -26,7 +26,6 @@ from homeward.physics import Robot
 USABLE_ENERGY = "usable energy"
 """Name of the parameter that the state of charge determines."""
 
-_PLACEBOS = 19  # so that being better than all of them has p = 0.05
 _LEAST_FALL = 0.02  # of the charge, over all runs: less says nothing of the capacity
 _FEWEST_RUNS = 3
 _LARGEST_ERROR = 0.05  # of the capacity, that a gauge is trusted with
@@ -147,7 +146,7 @@ def _fading(gauge: _Gauge, runs: Runs, numbers: NDArray[np.intp], seed: int) -> 
     if not shrinks or delta_bic < MUST_PAY or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
         return None
     p_value = _placebo_p_value(gauge, gauge.squared_error(after), seed)
-    if p_value > 1.0 / (_PLACEBOS + 1):
+    if p_value > 1.0 / (PLACEBOS + 1):
         return None
     ends = 1.0 - 1.0 / np.maximum(rate[-1] + 1.96 * errors[-1] * np.array([-1.0, 1.0]), 1e-9)
     lost = np.zeros(len(runs.signals))
@@ -163,11 +162,11 @@ def _placebo_p_value(gauge: _Gauge, error: float, seed: int) -> float:
     own = np.empty(blocks, dtype=np.intp)
     own[gauge.block] = np.searchsorted(np.unique(gauge.run), gauge.run)
     as_good = 1
-    for _ in range(_PLACEBOS):
+    for _ in range(PLACEBOS):
         group = rng.permutation(own)[gauge.block]
         columns = gauge.drawn[:, None] * (group[:, None] == np.arange(gauge.starts.shape[1]))
         as_good += gauge.squared_error(gauge.predicted(np.column_stack([gauge.starts, columns]))) <= error
-    return as_good / (_PLACEBOS + 1)
+    return as_good / (PLACEBOS + 1)
 
 
 def _rivals(rate: Array, runs: Runs, numbers: NDArray[np.intp]) -> tuple[str, ...]:

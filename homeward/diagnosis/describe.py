@@ -9,7 +9,7 @@ import numpy as np
 
 from homeward.diagnosis.charge import Fading
 from homeward.diagnosis.hypotheses import CATALOGUE, Term
-from homeward.diagnosis.location import AT_WORK, Location, Place, condition_of, places_of, stretch_words
+from homeward.diagnosis.location import Location, Place, at_work, condition_of, places_of, stretch_words
 from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.naming import Named
 from homeward.diagnosis.replay import Runs
@@ -115,8 +115,7 @@ def ageing(fading: Fading, wasted: Array, runs: Runs) -> MissingPhysics:
 def where_at_work(term: Term, contribution: Array, runs: Runs) -> Location:
     """Where something was at work whose name does not hold: the same stretches, as a location."""
     found = places(term, contribution, runs)
-    inside = np.abs(contribution) > AT_WORK * float(np.quantile(np.abs(contribution), 0.99))
-    return Location("in some stretches of time", inside, contribution, found)
+    return Location("in some stretches of time", at_work(contribution), contribution, found)
 
 
 def condition(found: Sequence[Place]) -> str:

@@ -22,14 +22,13 @@ from homeward.diagnosis.blocks import correlation_windows, noise_of
 from homeward.diagnosis.fitted import Fitted, excited, with_columns
 from homeward.diagnosis.formulas import Candidate, Library, candidates
 from homeward.diagnosis.groups import constants
-from homeward.diagnosis.naming import SMALLEST_GAIN, shifted_in_time
+from homeward.diagnosis.naming import PLACEBOS, SMALLEST_GAIN, shifted_in_time
 from homeward.diagnosis.refit import standard_errors
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 
 _MOST_TERMS = 2
 _MUST_PAY = 10.0  # difference of BIC: "very strong" (Kass & Raftery, 1995)
-_PLACEBOS = 19  # so that being better than all of them has p = 0.05
 _MOST_SEARCHED = 20_000  # windows; of more the search takes every second, third, ...
 _MOST_ALTERNATIVES = 3
 _RIDGE = 1e-8
@@ -109,7 +108,7 @@ def _propose(fit: Fitted, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.
         if pays < _MUST_PAY or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value = _placebo_p_value(search, chosen, scores[best[0]][best[1:]], seed)
-        if p_value > 1.0 / (_PLACEBOS + 1):
+        if p_value > 1.0 / (PLACEBOS + 1):
             break
         chosen.append(best)
         p_values.append(p_value)
@@ -286,10 +285,10 @@ def _placebo_p_value(search: Search, present: Sequence[Candidate], score: float,
     """Share of searches, this one among them, that find as good a term among channels shifted in time."""
     rng = np.random.default_rng(seed)
     as_good = 1
-    for _ in range(_PLACEBOS):
+    for _ in range(PLACEBOS):
         shifted = shifted_in_time(search.library.everything, rng)
         as_good += max(float(one.max()) for one in search.scores(shifted, present)) >= score
-    return as_good / (_PLACEBOS + 1)
+    return as_good / (PLACEBOS + 1)
 
 
 def _coefficients(

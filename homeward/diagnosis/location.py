@@ -13,9 +13,7 @@ from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import Channel, Dependence
 
 WHOLE_RUN = "all of the run"
-AT_WORK = 0.1
-"""Share of its usual peak above which an effect counts as at work."""
-
+_AT_WORK = 0.1  # of its usual peak
 _PAUSE_S = 2.0
 _TELLING = 0.6  # overlap (F1) of a condition with when an effect is at work
 _CLEAR_MINORITY = 0.35  # a side with less than this share of the windows is the exception, the other the rule
@@ -165,6 +163,13 @@ def _places(condition: str, inside: NDArray[np.bool_], excess: Array, runs: Runs
     return tuple(places)
 
 
+def at_work(contribution: Array) -> NDArray[np.bool_]:
+    """When an effect adds a good part of its usual peak, shape (windows,)."""
+    size = np.abs(contribution)
+    working: NDArray[np.bool_] = size > _AT_WORK * float(np.quantile(size, 0.99))
+    return working
+
+
 def places_of(
     contribution: Array, runs: Runs, condition: str, inside: NDArray[np.bool_] | None = None
 ) -> tuple[Place, ...]:
@@ -178,7 +183,7 @@ def places_of(
     """
     size = np.abs(contribution)
     if inside is None:
-        inside = size > AT_WORK * float(np.quantile(size, 0.99))
+        inside = at_work(contribution)
     energy = size * runs.duration_s
     whole = float(energy.sum()) or 1.0
     places = []
@@ -210,8 +215,7 @@ def condition_of(channel: Channel, contribution: Array, runs: Runs) -> str | Non
     if values is None:
         return None
     values = np.abs(values) if channel.magnitude else values
-    size = np.abs(contribution)
-    inside = size > AT_WORK * float(np.quantile(size, 0.99))
+    inside = at_work(contribution)
     known = np.isfinite(values)
     if inside[known].all() or not inside[known].any():
         return None

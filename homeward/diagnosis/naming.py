@@ -32,6 +32,9 @@ SMALLEST_GAIN = 0.05
 MUST_PAY = 6.0
 """Difference of BIC that an effect must bring: "strong" (Kass & Raftery, 1995)."""
 
+PLACEBOS = 19
+"""So that being better than all of them has p = 0.05."""
+
 FOLDS = 5
 """Of blocks, over which hypotheses are compared."""
 
@@ -41,7 +44,6 @@ _NEARLY = 0.7  # of what a schedule explains
 _EQUAL = 1.1  # times the held-out error: no worse
 _ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
 _ALIKE_BY_NATURE = 0.5  # the same of one that is known to look alike, where no channel shows the difference
-_PLACEBOS = 19  # so that being better than all of them has p = 0.05
 _TRIED = 6  # hypotheses that are put to the proof, the best first
 _PAIRED = 12  # single hypotheses that are tried in pairs
 
@@ -321,7 +323,7 @@ def _proven(bench: _Bench, chosen: int, alone: Array, block: NDArray[np.intp], s
     if interval[0] <= 0.0:
         return None
     p_value = _placebo_p_value(bench, chosen, after, seed)
-    if p_value > 1.0 / (_PLACEBOS + 1):
+    if p_value > 1.0 / (PLACEBOS + 1):
         return None
     return Named(
         bench.candidates[chosen], bench.delta_bic(chosen), share, interval, p_value, _rivals(bench, chosen, alone)
@@ -349,12 +351,12 @@ def _placebo_p_value(bench: _Bench, chosen: int, error: float, seed: int) -> flo
     columns = bench.with_base(chosen)
     everything = np.arange(len(columns))
     as_good = 1
-    for _ in range(_PLACEBOS):
+    for _ in range(PLACEBOS):
         shifted = shifted_in_time(bench.columns[:, bench.own[chosen]], rng)
         together = products(np.column_stack([bench.columns[:, bench.base], shifted]), bench.target, bench.fold)
         held_out = together.held_out(everything, bench.low[columns], bench.high[columns])
         as_good += float(held_out.sum()) <= error
-    return as_good / (_PLACEBOS + 1)
+    return as_good / (PLACEBOS + 1)
 
 
 def shifted_in_time(columns: Array, rng: np.random.Generator) -> Array:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from homeward.diagnosis.replay import Runs, predict, thrust_n_per_a
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
+from homeward.physics.model import rolling_force
 
 IDLE, SAMPLE, ROLLING, DRAG, MASS = range(5)
 """Indices of theta."""
@@ -117,9 +118,7 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     gamma = robot.traction_efficiency
     known = runs.unit == "W" or robot.traction_n_per_a > 0.0
     if not known:  # any thrust per ampere will do: the groups do not depend on it
-        robot = dataclasses.replace(
-            robot, traction_n_per_a=robot.rolling_resistance * robot.mass_kg * 9.8 / max(most, 1e-9)
-        )
+        robot = dataclasses.replace(robot, traction_n_per_a=float(rolling_force(robot)) / max(most, 1e-9))
     per = gamma if runs.unit == "W" else thrust_n_per_a(robot)
     idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w if runs.unit == "W" else 0.0
     sample = robot.sensing_j_per_sample + robot.computer_j_per_sample

@@ -50,6 +50,13 @@ def drag_force(robot: Any, speed_mps: Any) -> Any:
 
 
 @inline
+def wind_force(robot: Any, speed_mps: Any, headwind_mps: Any) -> Any:
+    """Air drag against moving air beyond that in still air, c (u |u| - v^2) with u = v + w, N."""
+    air_mps = speed_mps + headwind_mps
+    return robot.drag_ns2_per_m2 * (air_mps * np.abs(air_mps) - speed_mps * speed_mps)
+
+
+@inline
 def grade_force(robot: Any, sin_grade: Any) -> Any:
     """Weight along the slope m g sin(theta), N, negative downhill (Eq. 3)."""
     return robot.mass_kg * GRAVITY_MPS2 * sin_grade

@@ -1,13 +1,10 @@
 """The shield brings home whom it guards, however reckless, and lets careful ones be."""
 
-from typing import Any, final
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from benchmarks.shield import Onward, Wanderer
 from homeward.agents import Policy, make_policy, shield_belief
-from homeward.agents.base import Observations
 from homeward.agents.evaluation import Run, episode_seeds, run_episodes
 from homeward.agents.shield import MARGINS, Shield, decode_actions
 from homeward.agents.shield_belief import Days, imagine
@@ -15,33 +12,6 @@ from homeward.envs.actions import encode_actions
 from homeward.envs.options import MISSIONS, Options, Setting, settle
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
-
-
-@final
-class Onward(Policy):
-    """Drives on at cruise for ever."""
-
-    def __init__(self, setting: Setting) -> None:
-        self._action = encode_actions(setting, setting.shared["cruise_mps"][0], 0.0, GO)
-
-    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        return np.repeat(self._action, len(observations), axis=0)
-
-
-@final
-class Wanderer(Policy):
-    """Draws speed, sensing rate and now and then a stop, and never turns back."""
-
-    def __init__(self, setting: Setting) -> None:
-        self._setting, self._rng = setting, np.random.default_rng(0)
-
-    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        count = len(observations)
-        speed, sensing, stops = self._rng.random((3, count))
-        s = self._setting.shared[0]
-        return encode_actions(
-            self._setting, speed * s["max_speed_mps"], sensing * s["max_sensing_hz"], np.where(stops < 0.2, STOP, GO)
-        )
 
 
 def shielded(policy: Policy, options: Options, count: int) -> Run:
@@ -52,8 +22,8 @@ def shielded(policy: Policy, options: Options, count: int) -> Run:
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_who_wanders_for_ever_comes_home(mission: str, action_type: str) -> None:
     options = Options(mission, action_type=action_type)
-    bare = run_episodes(Wanderer(settle(options)), options, episode_seeds(2, 64)).episodes
-    safe = shielded(Wanderer(settle(options)), options, 64).episodes
+    bare = run_episodes(Wanderer(settle(options), np.random.default_rng(0)), options, episode_seeds(2, 64)).episodes
+    safe = shielded(Wanderer(settle(options), np.random.default_rng(0)), options, 64).episodes
     assert not bare.home.any()
     assert safe.home.all()
     assert (safe.score > 0.0).all()

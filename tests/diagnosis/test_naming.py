@@ -29,15 +29,14 @@ EFFECTS: Mapping[str, Mapping[str, float]] = {
 }
 
 
-def with_power(runs: list[Recording], change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> list[Recording]:
-    """The runs with another power, a function of time and power."""
-    return [
-        dataclasses.replace(
-            run,
-            channels={**run.channels, "power_w": change(run.channels["time_s"], run.channels["power_w"])},
-        )
-        for run in runs
-    ]
+def with_power(runs: list[Recording], power_w: Callable[[Mapping[str, np.ndarray]], np.ndarray]) -> list[Recording]:
+    """The runs with another power, a function of their channels."""
+    return [dataclasses.replace(run, channels={**run.channels, "power_w": power_w(run.channels)}) for run in runs]
+
+
+def chattering(runs: list[Recording]) -> list[Recording]:
+    """The runs of a drive that chatters in a band of speeds, which no effect of the catalogue does."""
+    return with_power(runs, lambda of: of["power_w"] + 60.0 * (np.abs(of["speed_mps"] - 0.55) < 0.1))
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -64,7 +63,7 @@ def test_both_effects_of_a_pair_are_named(drive: Drive, husky: Robot) -> None:
 
 
 def test_a_load_switched_on_part_way_is_found_with_its_time(drive: Drive, husky: Robot) -> None:
-    runs = with_power(drive(husky, runs=3), lambda time_s, power_w: power_w + 25.0 * (time_s > 300.0))
+    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 300.0))
     diagnosis = diagnose(runs, husky)
     first = diagnosis.missing_physics[0]
     assert first.effect == "standby"
@@ -75,7 +74,7 @@ def test_a_load_switched_on_part_way_is_found_with_its_time(drive: Drive, husky:
 
 
 def test_a_load_that_switches_is_found_with_its_rhythm(drive: Drive, husky: Robot) -> None:
-    runs = with_power(drive(husky, runs=3), lambda time_s, power_w: power_w + 25.0 * (time_s % 100.0 < 30.0))
+    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0))
     first = diagnose(runs, husky).missing_physics[0]
     assert first.effect == "intermittent_load"
     assert first.parameters["period_s"].value == pytest.approx(100.0, rel=0.05)
@@ -83,7 +82,7 @@ def test_a_load_that_switches_is_found_with_its_rhythm(drive: Drive, husky: Robo
 
 
 def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(drive: Drive, husky: Robot) -> None:
-    runs = with_power(drive(husky, runs=3), lambda time_s, power_w: np.interp(time_s - 1.0, time_s, power_w))
+    runs = with_power(drive(husky, runs=3), lambda of: np.interp(of["time_s"] - 1.0, of["time_s"], of["power_w"]))
     analysis = analyse(runs, husky)
     first = analysis.diagnosis.missing_physics[0]
     assert first.effect == "clock_lag"
@@ -138,51 +137,28 @@ def test_turning_of_a_robot_without_a_known_track_is_not_named(drive: Drive, hus
 
 def test_what_motion_tells_is_not_given_the_name_of_a_schedule(drive: Drive, husky: Robot) -> None:
     """A drive that chatters in a band of speeds: no effect of the catalogue, though a schedule would follow it."""
-    runs = [
-        dataclasses.replace(
-            run,
-            channels={
-                **run.channels,
-                "power_w": run.channels["power_w"] + 60.0 * (np.abs(run.channels["speed_mps"] - 0.55) < 0.1),
-            },
-        )
-        for run in drive(husky, runs=4)
-    ]
+    runs = chattering(drive(husky, runs=4))
     diagnosis = diagnose(runs, husky)
     assert diagnosis.verdict == "unknown_physics"
     assert diagnosis.where
 
 
 def test_computing_that_rests_with_the_robot_is_named(drive: Drive, husky: Robot) -> None:
-    runs = [
-        dataclasses.replace(
-            run,
-            channels={
-                **run.channels,
-                "power_w": run.channels["power_w"]
-                + 25.0 * (run.channels["sensing_hz"] > 0.0) * (np.abs(run.channels["speed_mps"]) > 0.05),
-            },
-        )
-        for run in drive(husky, runs=4)
-    ]
+    runs = with_power(
+        drive(husky, runs=4),
+        lambda of: of["power_w"] + 25.0 * (of["sensing_hz"] > 0.0) * (np.abs(of["speed_mps"]) > 0.05),
+    )
     diagnosis = diagnose(runs, husky)
     assert diagnosis.missing_physics[0].effect == "compute"
     assert diagnosis.missing_physics[0].parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
 
 
 def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(drive: Drive, husky: Robot) -> None:
-    plain = drive(husky, runs=4)
-    creeping = [
-        dataclasses.replace(
-            run,
-            channels={
-                **run.channels,
-                "power_w": run.channels["power_w"]
-                + 10.0 * (index + np.linspace(0.0, 1.0, len(run.channels["time_s"]))),
-            },
-        )
-        for index, run in enumerate(plain)
-    ]
+    creeping: list[Recording] = []
+    for run in drive(husky, runs=4):
+        start_w = 10.0 * len(creeping)
+        rising_w = start_w + np.linspace(0.0, 10.0, len(run.channels["time_s"]))
+        creeping += with_power([run], lambda of, rising_w=rising_w: of["power_w"] + rising_w)  # type: ignore[misc]
     diagnosis = diagnose(creeping, husky)
     assert diagnosis.missing_physics[0].effect == "sensor_offset"
     assert diagnosis.missing_physics[0].parameters["offset"].value == pytest.approx(40.0, rel=0.1)
@@ -190,16 +166,7 @@ def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(drive: Dri
 
 def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(drive: Drive, husky: Robot) -> None:
     """Turning, which the catalogue knows, and a drive that chatters in a band of speeds, which it does not."""
-    runs = [
-        dataclasses.replace(
-            run,
-            channels={
-                **run.channels,
-                "power_w": run.channels["power_w"] + 60.0 * (np.abs(run.channels["speed_mps"] - 0.55) < 0.1),
-            },
-        )
-        for run in drive(husky, runs=4, effects={"turning": {"scrub": 0.5}})
-    ]
+    runs = chattering(drive(husky, runs=4, effects={"turning": {"scrub": 0.5}}))
     analysis = analyse(runs, husky)
     assert [one.effect for one in analysis.diagnosis.missing_physics] == ["turning"]
     assert analysis.evidence is not None

@@ -2,16 +2,14 @@
 
 from typing import Any
 
-import numpy as np
-
+from homeward.physics import model
 from homeward.physics.effects.base import Effect, Parameter
 from homeward.physics.jit import inline
 
 
 @inline
 def wind(p: Any, s: Any, x: Any, load: Any) -> Any:
-    air_mps = x.speed_mps + p.wind_exposure * x.headwind_mps
-    return p.drag_ns2_per_m2 * (air_mps * np.abs(air_mps) - x.speed_mps * x.speed_mps) * (x.speed_mps > 0.0)
+    return model.wind_force(p, x.speed_mps, p.wind_exposure * x.headwind_mps) * (x.speed_mps > 0.0)
 
 
 EFFECT = Effect(
