@@ -101,8 +101,7 @@ class SB3Adapter(VecEnv):
         final = info["final_info"]
         elapsed_s = round(time.time() - self._start_s, 6)
         return {
-            **{key: final[key][i].item() for key in INFO_KEYS if key != "energy_j"},
-            "energy_j": {cause: joules[i].item() for cause, joules in final["energy_j"].items()},
+            **{key: _of_one(final[key], i) for key in INFO_KEYS},
             "terminal_observation": last,
             "is_success": bool(final["home"][i]),
             "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": elapsed_s},
@@ -140,3 +139,8 @@ class SB3Adapter(VecEnv):
 
     def _chosen(self, indices: VecEnvIndices) -> Sequence[int]:
         return list(self._get_indices(indices))
+
+
+def _of_one(values: Any, i: int) -> Any:
+    """What one mission tells, of arrays or dictionaries of them."""
+    return {name: one[i].item() for name, one in values.items()} if isinstance(values, dict) else values[i].item()

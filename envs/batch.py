@@ -65,12 +65,15 @@ class EnergyLedger(Mapping[str, float]):
 _COLUMN = {cause: column for column, cause in enumerate(CAUSES)}
 
 
-INFO_KEYS = ("energy_j", "score", "cost", "position_m", "home", "stranded")
+REWARD_TERMS = ("score", "shaping")
+"""Terms of the reward, of which it is the sum."""
+
+INFO_KEYS = ("energy_j", "reward_terms", "score", "cost", "position_m", "home", "stranded")
 """Keys of `info`, of the scalar and the vector environments."""
 
 
 def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
-    """What missions tell in `info`: read-only arrays of shape (n,), those of `energy_j` by cause.
+    """What missions tell in `info`: read-only arrays of shape (n,), in `energy_j` by cause, in `reward_terms` by term.
 
     Args:
         records: `MISSION_DTYPE`, shape (n,).
@@ -84,6 +87,7 @@ def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
 
     return {
         "energy_j": dict(zip(CAUSES, told("ledger_j"), strict=True)),
+        "reward_terms": {term: told(f"{term}_reward") for term in REWARD_TERMS},
         "score": told("score"),
         "cost": told("cost"),
         "position_m": told("position_m"),

@@ -63,7 +63,7 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
     m.position_m = m.furthest_m = m.dwell_s = m.legs = 0.0
     m.backlog = m.backlog_information = m.delivered = m.lost = m.modelled_j = m.sensing_hz = 0.0
     m.place = m.mapped = m.decisions = 0
-    m.score = m.cost = 0.0
+    m.score = m.cost = m.score_reward = m.shaping_reward = 0.0
     m.returning = m.home = m.over = m.depleted = False
     m.direction = 1.0
     m.ledger_j[:] = 0.0
@@ -109,12 +109,12 @@ def _judge(m: Any, shared: Any, spare_j: float) -> Any:
     """Score a mission after a decision and return the reward."""
     m.score = 0.0 if m.depleted else missions.score(m, shared)
     m.cost = 1.0 if m.depleted else 0.0
-    reward = m.score * shared.per_score if m.home else 0.0
+    m.score_reward = m.score * shared.per_score if m.home else 0.0
     if shared.shaped:
         potential = 0.0 if m.home or m.depleted else _potential(m, shared, spare_j)
-        reward += shared.discount * potential - m.potential
+        m.shaping_reward = shared.discount * potential - m.potential
         m.potential = potential
-    return reward
+    return m.score_reward + m.shaping_reward
 
 
 @inline

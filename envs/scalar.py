@@ -114,6 +114,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         live = self._live
         return {
             "energy_j": EnergyLedger(self.batch.records["ledger_j"][0].copy()),
+            "reward_terms": {term: values.item() for term, values in live["reward_terms"].items()},
             "score": live["score"].item(),
             "cost": live["cost"].item(),
             "position_m": live["position_m"].item(),

@@ -60,6 +60,8 @@ MISSION_DTYPE = np.dtype(
         ("potential", np.float64),  # of the state, for the shaping
         ("score", np.float64),  # if the robot were home now
         ("cost", np.float64),  # 1 once stranded
+        ("score_reward", np.float64),  # terms of the reward of the decision before
+        ("shaping_reward", np.float64),
         ("place", np.int64),  # index of the place that the robot is in
         ("mapped", np.int64),  # places whose cost is known: those driven
         ("decisions", np.int64),

@@ -17,7 +17,7 @@ from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 
 MISSIONS = tuple(IDS)
-INFO_KEYS = ("energy_j", "score", "cost", "position_m", "home", "stranded")
+INFO_KEYS = ("energy_j", "reward_terms", "score", "cost", "position_m", "home", "stranded")
 SHORT_S = 300.0
 """Decision step with which the battery of the default robot lasts about twenty decisions."""
 

@@ -127,7 +127,8 @@ def test_gymnasiums_vector_wrappers_take_the_info(mode: AutoresetMode) -> None:
         for i in range(3):
             for key in ("score", "cost", "position_m", "home", "stranded"):
                 assert infos[i][key] == info[key][i]
-            assert infos[i]["energy_j"] == {cause: joules[i] for cause, joules in info["energy_j"].items()}
+            for key in ("energy_j", "reward_terms"):
+                assert infos[i][key] == {name: values[i] for name, values in info[key].items()}
             if over[i] and mode is AutoresetMode.SAME_STEP:
                 final = infos[i]["final_info"]
                 assert final["energy_j"] == {

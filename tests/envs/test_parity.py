@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
 from homeward.envs import batch, kernel
+from homeward.envs.batch import REWARD_TERMS
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.scalar import HomewardEnv
@@ -32,9 +33,13 @@ def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 def plain(info: dict[str, Any], index: int | None = None) -> dict[str, Any]:
     """An info of a scalar environment, or of one mission of a vector environment."""
-    chosen = {key: info[key] if index is None or key == "energy_j" else info[key][index] for key in INFO_KEYS}
-    ledger = chosen["energy_j"]
-    return chosen | {"energy_j": [ledger[cause] if index is None else ledger[cause][index] for cause in CAUSES]}
+
+    def of_one(values: Any) -> Any:
+        if isinstance(values, Mapping):
+            return {name: of_one(one) for name, one in values.items()}
+        return values if index is None else values[index]
+
+    return {key: of_one(info[key]) for key in INFO_KEYS}
 
 
 class Scalars:
@@ -146,6 +151,9 @@ def same_info(expected: dict[str, Any], found: dict[str, Any]) -> None:
             for cause in CAUSES:
                 spent_j = [ledger[cause] for ledger in expected[key][mask]]
                 np.testing.assert_array_equal(spent_j, found[key][cause][mask])
+        elif key == "reward_terms":
+            for term in REWARD_TERMS:
+                np.testing.assert_array_equal(expected[key][term][mask], found[key][term][mask])
         else:
             assert expected[key].dtype == found[key].dtype
             np.testing.assert_array_equal(expected[key][mask], found[key][mask])

@@ -27,6 +27,9 @@ def test_shaped_rewards_telescope(mission_id: str, difficulty: str, discount: fl
         assert start > 0.0
         steps = list(drive(env, random_actions(rng, "discrete", 60, home)))
         weights = discount ** np.arange(len(steps) + 1)
+        for step in steps:
+            assert step.reward == sum(step.info["reward_terms"].values())
+            assert (step.info["reward_terms"]["score"] > 0.0) <= step.info["home"]
         paid = float(weights[:-1] @ [step.reward for step in steps])
         last = steps[-1]
         final = last.info["score"] / scale * weights[-2] if last.info["home"] else 0.0
@@ -47,6 +50,7 @@ def test_without_shaping_the_score_is_paid_at_home_and_nothing_else(mission_id: 
         env.reset(seed=seed)
         *before, last = drive(env, random_actions(rng, action_type, 60, home=0.1))
         assert [step.reward for step in before] == [0.0] * len(before)
+        assert last.info["reward_terms"] == {"score": last.reward, "shaping": 0.0}
         assert last.reward == (pytest.approx(last.info["score"] / scale) if last.info["home"] else 0.0)
         assert last.info["cost"] == float(last.info["stranded"])
         home += last.info["home"]
