@@ -42,13 +42,16 @@ class Planner(Policy):
     Args:
         setting: Constants of the environment.
         deviations: Standard deviations of the way home kept back, 0 or above.
+
+    Attributes:
+        rule: What decides when to turn back, and holds the beliefs.
     """
 
     def __init__(self, setting: Setting, deviations: float) -> None:
         self._setting, self._deviations = setting, deviations
         s, robot = setting.shared[0], setting.robot
         self._survey = bool(s["mission"] == SURVEY)
-        self._rule = AdaptiveDmaxRule(setting, Pace(float(self._survey), 0.0, 1.0), deviations)
+        self.rule = AdaptiveDmaxRule(setting, Pace(float(self._survey), 0.0, 1.0), deviations)
         self._turned = 1.5 if s["discrete"] else 1.0 / 3.0  # between go and return
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
@@ -69,15 +72,16 @@ class Planner(Policy):
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
-        homebound = self._rule.act(observations, begun)[:, 2] > self._turned
+        homebound = self.rule.act(observations, begun)[:, 2] > self._turned
         turns = homebound & (feature(observations, "outbound") > 0.0)
         speed_mps = self._thriftiest(0.1 * feature(observations, "grade") * np.where(turns, -1.0, 1.0))
         sensing_hz, stops = np.zeros(len(observations)), np.zeros(len(observations), np.bool_)
-        out = ~homebound
-        if self._survey and out.any():
-            commands = np.empty((len(observations), 3))
-            kernel.plan(self._beliefs(observations, begun), self._model, self._setting.shared, commands)
-            speed_mps[out], sensing_hz[out], stops[out] = commands[out, 0], commands[out, 1], commands[out, 2] > 0.0
+        if self._survey:
+            out = ~homebound
+            beliefs = self._beliefs(observations, begun)[out]
+            commands = np.empty((len(beliefs), 3))
+            kernel.plan(beliefs, self._model, self._setting.shared, commands)
+            speed_mps[out], sensing_hz[out], stops[out] = commands[:, 0], commands[:, 1], commands[:, 2] > 0.0
         mode = np.where(homebound, RETURN, np.where(stops, STOP, GO))
         return encode_actions(self._setting, speed_mps, sensing_hz, mode)
 
@@ -89,11 +93,11 @@ class Planner(Policy):
 
     def _beliefs(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.void]:
         s = self._setting.shared[0]
-        ratios, deviation = self._rule.believe(observations, begun)
+        ratios, deviation = self.rule.believe(observations, begun)
         beliefs = np.zeros(len(observations), kernel.BELIEF_DTYPE)
         beliefs["driving"], beliefs["sensing"] = np.maximum(ratios, _LEAST_RATIO).T
         beliefs["returning"] = ratios[:, 0] + self._deviations * deviation
-        beliefs["spare"] = self._rule.spare(observations, begun)
+        beliefs["spare"] = self.rule.spare(observations, begun)
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]

@@ -1,4 +1,4 @@
-"""What a learner starts from: what the best rule proposes, and what it believes of the way home."""
+"""What a learner starts from: what a rule or the planner proposes, and what it believes of the way home."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from homeward.agents.base import Observations, feature
 from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.pace import Pace
+from homeward.agents.planner import Planner
 from homeward.agents.tuned import PACES, RESERVES
 from homeward.envs.kernel import LEVELS
 from homeward.envs.options import Setting
 from homeward.envs.state import RETURN, STOP
 
-NO_GUIDE, ADAPTIVE = "none", "dmax_adaptive"
-GUIDES = (NO_GUIDE, ADAPTIVE)
+NO_GUIDE, ADAPTIVE, PLANNER = "none", "dmax_adaptive", "planner"
+GUIDES = (NO_GUIDE, ADAPTIVE, PLANNER)
 
 BELIEFS = ("spare", "spare_here", "need", "drive_ratio", "sensing_ratio", "deviation")
 """Further inputs: energy beyond the way home after the next decision and at once, share of the energy left that the way
@@ -29,22 +30,27 @@ _LIMIT = 3.0
 
 
 class Guide:
-    """Runs the rule `dmax_adaptive` beside a policy, and shows the policy what it proposes and believes.
+    """Runs a guide, `planner` or the rule `dmax_adaptive`, beside a policy, which sees what it proposes and believes.
 
     The inputs of the policy are the observation, the `BELIEFS`, and the proposal. In a discrete space that is one
     number a choice: 1 for the proposed speed and sensing rate; for stopping 1 or -1; for returning from -1 to 1,
-    positive where the rule returns, and the nearer to 0 the less energy lies between it and the other decision: a
+    positive where the guide returns, and the nearer to 0 the less energy lies between it and the other decision: a
     policy that adds a little to it turns a little earlier or later. In a continuous space it is an action.
 
     Args:
         setting: Constants of the environment.
-        pace: Speed and sensing rate of the rule.
-        deviations: Standard deviations that it keeps back.
+        deviations: Standard deviations that the guide keeps back.
+        pace: Speed and sensing rate of `dmax_adaptive`; `None` for the `planner`, which chooses them.
     """
 
-    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
-        self._setting, self._pace, self._deviations = setting, pace, deviations
-        self._rule = AdaptiveDmaxRule(setting, pace, deviations)
+    def __init__(self, setting: Setting, deviations: float, pace: Pace | None) -> None:
+        self._pace, self._deviations = pace, deviations
+        self._policy: Planner | AdaptiveDmaxRule
+        if pace is None:
+            self._policy = Planner(setting, deviations)
+            self._rule = self._policy.rule
+        else:
+            self._policy = self._rule = AdaptiveDmaxRule(setting, pace, deviations)
         self._discrete = bool(setting.shared["discrete"][0])
         self.proposals = 2 * LEVELS + 3 if self._discrete else 3
         self.extra = len(BELIEFS) + self.proposals
@@ -52,14 +58,16 @@ class Guide:
     @property
     def description(self) -> dict[str, Any]:
         """JSON that `guide_from` makes an equal guide from."""
-        return {"rule": ADAPTIVE, "pace": dataclasses.asdict(self._pace), "deviations": self._deviations}
+        if self._pace is None:
+            return {"rule": PLANNER, "deviations": self._deviations}
+        return {"rule": ADAPTIVE, "deviations": self._deviations, "pace": dataclasses.asdict(self._pace)}
 
     def inputs(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Inputs of the policy, shape (n, features + extra); arguments as in `homeward.agents.base.Policy.act`.
 
         An observation that is shown twice counts once.
         """
-        actions = self._rule.act(observations, begun)
+        actions = self._policy.act(observations, begun)
         again = np.zeros(len(begun), np.bool_)
         spare = self._rule.spare(observations, again)
         beliefs = self._beliefs(observations, again)
@@ -106,7 +114,9 @@ def _agreeing(sure: NDArray[np.float64], returns: NDArray[np.bool_]) -> NDArray[
 
 def make_guide(name: str, mission: str, setting: Setting) -> Guide | None:
     """A guide by its name, with the numbers of `homeward.agents.tuned`."""
-    return None if name == NO_GUIDE else Guide(setting, PACES[mission], RESERVES[name][mission])
+    if name == NO_GUIDE:
+        return None
+    return Guide(setting, RESERVES[name][mission], PACES[mission] if name == ADAPTIVE else None)
 
 
 def guide_from(description: Mapping[str, Any], setting: Setting) -> Guide:
@@ -115,7 +125,8 @@ def guide_from(description: Mapping[str, Any], setting: Setting) -> Guide:
     Raises:
         ValueError, KeyError, TypeError: It tells of none.
     """
-    if description["rule"] != ADAPTIVE:
-        raise ValueError(f"rule {description['rule']!r}")
-    pace = {name: float(value) for name, value in description["pace"].items()}
-    return Guide(setting, Pace(**pace), float(description["deviations"]))
+    rule = description["rule"]
+    if rule not in (ADAPTIVE, PLANNER):
+        raise ValueError(f"rule {rule!r}")
+    pace = {name: float(value) for name, value in description["pace"].items()} if rule == ADAPTIVE else None
+    return Guide(setting, float(description["deviations"]), None if pace is None else Pace(**pace))

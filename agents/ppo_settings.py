@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from homeward.agents.ppo_guide import ADAPTIVE, GUIDES
+from homeward.agents.ppo_guide import GUIDES, PLANNER
 
 
 class TrainingError(ValueError):
@@ -15,8 +15,8 @@ class TrainingError(ValueError):
 class PPOSettings:
     """Settings of proximal policy optimisation (Schulman et al. 2017, arXiv 1707.06347)."""
 
-    guide: str = ADAPTIVE
-    """Rule that the policy starts from and sees the proposals of: dmax_adaptive, or none."""
+    guide: str = PLANNER
+    """What the policy starts from and sees the proposals of: planner, dmax_adaptive, or none."""
     n_envs: int = 512
     """Missions side by side."""
     n_steps: int = 32

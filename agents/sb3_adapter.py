@@ -86,7 +86,10 @@ class SB3Adapter(VecEnv):
         if "final_info" in info:
             last = observations.copy()
             last[ended] = np.stack(info["final_obs"][ended])
-            last = self._inputs(last, np.zeros(self.num_envs, np.bool_))
+            if self._guide is not None and self._late_is_lost:  # nobody asks for its value: beliefs and proposal are 0
+                last = np.pad(last, ((0, 0), (0, self._guide.extra)))
+            else:
+                last = self._inputs(last, np.zeros(self.num_envs, np.bool_))
             for i in np.flatnonzero(ended).tolist():
                 late = bool(truncated[i] and not terminated[i])
                 infos[i] = self._final_info(info, i, last[i]) | {"TimeLimit.truncated": late}

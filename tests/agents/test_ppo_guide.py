@@ -1,4 +1,4 @@
-"""The guide: the first policy is the rule, what is shown twice counts once, and late missions are lost."""
+"""The guide: the first policy does as it proposes, what is shown twice counts once, and late missions are lost."""
 
 import dataclasses
 from typing import Any
@@ -20,25 +20,26 @@ from homeward.envs.vector import HomewardVectorEnv
 SETTINGS = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16)
 
 
-def guide_of(options: Options) -> Guide:
-    guide = make_guide("dmax_adaptive", options.mission, settle(options))
+def guide_of(options: Options, name: str = "planner") -> Guide:
+    guide = make_guide(name, options.mission, settle(options))
     assert guide is not None
     return guide
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 @pytest.mark.parametrize("mission", ["OutAndBack", "Survey", "Patrol"])
-def test_the_first_policy_drives_as_the_rule(mission: str, action_type: str) -> None:
+@pytest.mark.parametrize("name", ["dmax_adaptive", "planner"])
+def test_the_first_policy_drives_as_its_guide(name: str, mission: str, action_type: str) -> None:
     options = Options(mission, action_type=action_type)
-    model = make_model(options, SETTINGS, seed=0)
+    model = make_model(options, dataclasses.replace(SETTINGS, guide=name), seed=0)
     with torch.no_grad():
         head = model.policy.action_net
         assert isinstance(head, torch.nn.Linear)
         head.weight[:, : SETTINGS.hidden] = 0.0  # all but the proposal
-    rule = AGENTS["dmax_adaptive"](Request(options, settle(options), None, 0))
+    guide = AGENTS[name](Request(options, settle(options), None, 0))
     seeds = episode_seeds(0, 50)
-    ours = run_episodes(deployed(model, guide_of(options)), options, seeds).episodes
-    theirs = run_episodes(rule, options, seeds).episodes
+    ours = run_episodes(deployed(model, guide_of(options, name)), options, seeds).episodes
+    theirs = run_episodes(guide, options, seeds).episodes
     for name, values in vars(theirs).items():
         np.testing.assert_allclose(getattr(ours, name), values, rtol=1e-4 if action_type == "continuous" else 0.0)
 
@@ -73,18 +74,20 @@ def test_inputs_are_bounded_and_begin_with_the_observation() -> None:
         assert np.abs(inputs[:, len(NAMES) :]).max() <= 3.0
 
 
-def test_a_guide_comes_back_from_its_description() -> None:
+@pytest.mark.parametrize("name", ["dmax_adaptive", "planner"])
+def test_a_guide_comes_back_from_its_description(name: str) -> None:
     options = Options("Survey")
-    guide = guide_of(options)
+    guide = guide_of(options, name)
     again = guide_from(guide.description, settle(options))
     for one, other in zip(drive(options, guide, 1), drive(options, again, 1), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
-def test_the_adapter_shows_the_end_of_a_mission_and_the_start_of_the_next() -> None:
+@pytest.mark.parametrize("late_is_lost", [False, True])
+def test_the_adapter_shows_the_end_of_a_mission_and_the_start_of_the_next(late_is_lost: bool) -> None:
     options = Options("OutAndBack", decision_s=300.0)
     env = HomewardVectorEnv(4, autoreset_mode="SameStep", **vars(options))
-    adapter, twin = SB3Adapter(env, 0.0, guide_of(options)), guide_of(options)
+    adapter, twin = SB3Adapter(env, 0.0, guide_of(options), late_is_lost=late_is_lost), guide_of(options)
     plain = SB3Adapter(HomewardVectorEnv(4, autoreset_mode="SameStep", **vars(options)))
     for one in (adapter, plain):
         one.seed(0)
@@ -100,6 +103,7 @@ def test_the_adapter_shows_the_end_of_a_mission_and_the_start_of_the_next() -> N
             last = infos[i]["terminal_observation"]
             np.testing.assert_array_equal(last[: len(NAMES)], expected[i]["terminal_observation"])
             assert adapter.observation_space.contains(last)
+            assert last[len(NAMES) :].any() != late_is_lost
     assert ends > 4
 
 
