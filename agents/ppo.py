@@ -27,6 +27,7 @@ from homeward.agents.ppo_checkpoint import restore_checkpoint, save_checkpoint
 from homeward.agents.ppo_curve import Point, measure
 from homeward.agents.ppo_folder import TENSORBOARD
 from homeward.agents.ppo_guide import Guide, make_guide
+from homeward.agents.ppo_insight import Insight
 from homeward.agents.ppo_network import GuidedPolicy
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.sb3_adapter import SB3Adapter
@@ -113,7 +114,7 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     keywords = vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
     guide = make_guide(settings.guide, options.mission, missions.batch.setting)
-    env = SB3Adapter(missions, settings.stranding_cost, guide, late_is_lost=True)
+    env = SB3Adapter(missions, settings.stranding_cost, guide, late_is_lost=True, insight=settings.insight)
     with warnings.catch_warnings():
         # The device is documented where it is chosen.
         warnings.filterwarnings("ignore", "You are trying to run PPO on the GPU", UserWarning)
@@ -128,7 +129,11 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
             gae_lambda=settings.gae_lambda,
             clip_range=settings.clip,
             ent_coef=settings.entropy,
-            policy_kwargs={"hidden": settings.hidden, "proposals": 0 if guide is None else guide.proposals},
+            policy_kwargs={
+                "hidden": settings.hidden,
+                "insight": Insight.columns if settings.insight else 0,
+                "proposals": 0 if guide is None else guide.proposals,
+            },
             seed=seed,
             device=settings.device,
         )

@@ -24,19 +24,20 @@ class GuidedPolicy(ActorCriticPolicy):
     Args:
         *arguments: See Stable-Baselines3's class.
         hidden: Width of the hidden layers.
+        insight: Number of the first inputs, which only the value sees.
         proposals: Number of the last inputs, which the policy's last layer sees as they are (a residual on the rule,
             Johannink et al. 2019, arXiv 1812.03201); 0 where there is no rule.
         **keywords: See Stable-Baselines3's class.
     """
 
-    def __init__(self, *arguments: Any, hidden: int, proposals: int, **keywords: Any) -> None:
-        self._hidden, self._proposals = hidden, proposals
+    def __init__(self, *arguments: Any, hidden: int, insight: int, proposals: int, **keywords: Any) -> None:
+        self._hidden, self._insight, self._proposals = hidden, insight, proposals
         super().__init__(*arguments, **keywords)
         with torch.no_grad():
             self._begin()
 
     def _build_mlp_extractor(self) -> None:
-        self.mlp_extractor = _Layers(self.features_dim, self._hidden, self._proposals)  # type: ignore[assignment]
+        self.mlp_extractor = _Layers(self.features_dim, self._hidden, self._insight, self._proposals)  # type: ignore[assignment]
 
     def _begin(self) -> None:
         """Let the first policy follow the rule; or let it mostly go on: one that may turn back at every decision hardly
@@ -58,11 +59,12 @@ class GuidedPolicy(ActorCriticPolicy):
 class _Layers(nn.Module):
     """Hidden layers of policy and value; behind those of the policy stand the proposals."""
 
-    def __init__(self, inputs: int, hidden: int, proposals: int) -> None:
+    def __init__(self, inputs: int, hidden: int, insight: int, proposals: int) -> None:
         super().__init__()
-        self._proposals = proposals
+        self._insight, self._proposals = insight, proposals
         self.policy_net, self.value_net = (
-            nn.Sequential(nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh()) for _ in range(2)
+            nn.Sequential(nn.Linear(seen, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
+            for seen in (inputs - insight, inputs)
         )
         self.latent_dim_pi, self.latent_dim_vf = hidden + proposals, hidden
 
@@ -70,7 +72,7 @@ class _Layers(nn.Module):
         return self.forward_actor(inputs), self.forward_critic(inputs)
 
     def forward_actor(self, inputs: torch.Tensor) -> torch.Tensor:
-        hidden: torch.Tensor = self.policy_net(inputs)
+        hidden: torch.Tensor = self.policy_net(inputs[:, self._insight :])
         return torch.cat((hidden, inputs[:, -self._proposals :]), dim=1) if self._proposals else hidden
 
     def forward_critic(self, inputs: torch.Tensor) -> torch.Tensor:

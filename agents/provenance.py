@@ -13,7 +13,9 @@ from typing import Any
 import homeward
 from homeward.envs.options import Options, Setting
 
-_LEARNER = ("sb3_adapter.py", "rule.py", "dmax_adaptive.py", "pace.py", "tuned.py")
+_LEARNER = (
+    "sb3_adapter.py", "rule.py", "dmax_adaptive.py", "planner.py", "planner_kernel.py", "pace.py", "tuned.py",
+)  # fmt: skip
 _COMPARED = ("env", "robot", "route", "difficulty")
 
 

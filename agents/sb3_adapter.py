@@ -15,6 +15,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from homeward.agents.ppo_guide import Guide
+from homeward.agents.ppo_insight import Insight
 from homeward.envs.batch import INFO_KEYS
 from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.vector import HomewardVectorEnv
@@ -33,6 +34,7 @@ class SB3Adapter(VecEnv):
         guide: What makes the learner's inputs from observations, if they are not the observations.
         late_is_lost: Whether the time limit ends a mission as stranding does: nothing is scored and nothing is left to
             hope for, as the time is observed and a part of the task. Else it truncates, as Gymnasium has it.
+        insight: Whether the learner's inputs begin with what only the critic is to see; with `late_is_lost` only.
 
     Raises:
         ValueError: The environment resets in another way.
@@ -45,13 +47,14 @@ class SB3Adapter(VecEnv):
         guide: Guide | None = None,
         *,
         late_is_lost: bool = False,
+        insight: bool = False,
     ) -> None:
         if env.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode is {env.autoreset_mode.value}; make the environment with SameStep")
         self.env = env
-        space = env.single_observation_space
-        if guide is not None:
-            space = spaces.Box(-LIMIT, LIMIT, (len(FEATURES) + guide.extra,), np.float32)
+        self._insight = Insight(env.batch) if insight else None
+        self._around = Insight.columns if insight else 0, 0 if guide is None else guide.extra
+        space = spaces.Box(-LIMIT, LIMIT, (len(FEATURES) + sum(self._around),), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
         self._stranding_cost, self._guide, self._late_is_lost = stranding_cost, guide, late_is_lost
         self._returns = np.zeros(env.num_envs)
@@ -86,8 +89,8 @@ class SB3Adapter(VecEnv):
         if "final_info" in info:
             last = observations.copy()
             last[ended] = np.stack(info["final_obs"][ended])
-            if self._guide is not None and self._late_is_lost:  # nobody asks for its value: beliefs and proposal are 0
-                last = np.pad(last, ((0, 0), (0, self._guide.extra)))
+            if self._late_is_lost:  # nobody asks for its value: all but the observation is 0
+                last = np.pad(last, ((0, 0), self._around))
             else:
                 last = self._inputs(last, np.zeros(self.num_envs, np.bool_))
             for i in np.flatnonzero(ended).tolist():
@@ -98,7 +101,8 @@ class SB3Adapter(VecEnv):
         return self._inputs(observations, ended), rewards.astype(np.float32), ended, infos
 
     def _inputs(self, observations: NDArray[np.float32], begun: NDArray[np.bool_]) -> NDArray[np.float32]:
-        return observations if self._guide is None else self._guide.inputs(observations, begun)
+        inputs = observations if self._guide is None else self._guide.inputs(observations, begun)
+        return inputs if self._insight is None else np.concatenate((self._insight.see(begun), inputs), axis=1)
 
     def _final_info(self, info: dict[str, Any], i: int, last: NDArray[np.float32]) -> dict[str, Any]:
         final = info["final_info"]

@@ -42,12 +42,12 @@ RULES = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
 RECIPE = "recipe"
 ABLATION: dict[str, dict[str, Any]] = {
     RECIPE: {},
-    "no rule to start from": {"guide": "none"},
+    "from dmax_adaptive": {"guide": "dmax_adaptive"},
+    "from nothing": {"guide": "none"},
+    "critic without insight": {"insight": False},
     "no shaping": {"shaping": "none"},
     "stranding costs the score only": {"stranding_cost": 0.0},
-    "discount 0.9995": {"discount": 0.9995},
-    "lambda 0.8": {"gae_lambda": 0.8},
-    "entropy bonus 0.002": {"entropy": 0.002},
+    "stranding costs a good score": {"stranding_cost": 1.0},
 }
 """What to change in the recipe, of the arguments of train.py."""
 _RESAMPLES = 2000
