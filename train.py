@@ -60,6 +60,8 @@ class Args:
     """dmax or none."""
     decision_s: float | None = None
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
+    scaled_for: str | None = None
+    """Preset name or TOML file of the robot that routes and limits are scaled for, if not --robot."""
     ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
 
 
@@ -146,6 +148,7 @@ def _options(args: Args) -> Options:
         shaping=args.shaping,
         discount=args.ppo.discount,
         decision_s=args.decision_s,
+        scaled_for=args.scaled_for,
     )
 
 

@@ -117,7 +117,7 @@ class Batch:
         self.setting = settle(options)
         self.count = count
         self.records = _by_cache_lines(count, MISSION_DTYPE)
-        self._robots = np.full(count, self.setting.robot.record()[0], ROBOT_DTYPE)
+        self._robots = np.full(count, self.setting.true_robot.record()[0], ROBOT_DTYPE)
         self._routes = _by_cache_lines(count, ROUTE_DTYPE)
         self._constants = np.zeros(1, CONSTANTS_DTYPE)
         self._settle()
@@ -140,6 +140,7 @@ class Batch:
         """Lay the setting out as one record for the kernels, and let the setting show it."""
         setting, constants = self.setting, self._constants[0]
         constants["shared"], constants["nominal"] = setting.shared[0], setting.robot.record()[0]
+        constants["truth"] = setting.true_robot.record()[0]
         constants["fixed"], constants["day"] = setting.fixed[0], setting.day
         views = self._constants
         self.setting = dataclasses.replace(setting, shared=views["shared"], fixed=views["fixed"], day=views["day"][0])

@@ -67,7 +67,7 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
     m.returning = m.home = m.over = m.depleted = False
     m.direction = 1.0
     m.ledger_j[:] = 0.0
-    difficulty.draw(rng, p, nominal, m, shared)
+    difficulty.draw(rng, p, c.truth, m, shared)
     if shared.generated:
         generate(rng, route, m, shared.places, shared.length_m, shared.hidden_wind)
     else:
@@ -154,7 +154,7 @@ def _step(
 ) -> Any:
     """Step a mission by one decision and return the reward."""
     # Where nothing is hidden, all missions have the robot of the file: one record, always in the cache.
-    p = robot if shared.difficulty > KNOWN else nominal
+    p = robot if shared.own_robots else nominal
     decide(m, p, route, nominal, shared, speed_mps, sensing_hz, mode)
     energy_j, cost_j = gauge_energy(m, shared), home_cost(m, shared)
     reward = _judge(m, shared, energy_j - cost_j)
@@ -239,8 +239,8 @@ def step_in_parallel(
         m, c = records[i], constants[0]  # taken here, as records do not pass into a parallel loop
         rewards[i], terminated[i], truncated[i] = 0.0, False, False
         if begin[i]:
-            if c.shared.difficulty > KNOWN:
-                robots[i] = c.nominal
+            if c.shared.own_robots:
+                robots[i] = c.truth
             _begin(m, robots[i], routes[i], generators[np.int64(i)], c, observations[i])
         elif not m.over:
             _fetch_next_place(records, routes, i + _FETCH_AHEAD)
@@ -264,6 +264,6 @@ def reset_missions(
     """
     for i in indices:
         c = constants[0]
-        if c.shared.difficulty > KNOWN:
-            robots[i] = c.nominal
+        if c.shared.own_robots:
+            robots[i] = c.truth
         _begin(records[i], robots[i], routes[i], generators[i], c, observations[i])

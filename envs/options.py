@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.difficulty import DIFFICULTIES, KNOWN
 from homeward.envs.route_files import load_route
 from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route, RouteError
 from homeward.envs.state import INVERSES, MAX_PLACES, OUT_AND_BACK, PATROL, ROUTE_DTYPE, SHARED_DTYPE, SURVEY
@@ -82,6 +82,10 @@ class Options:
         discount: Discount factor that the shaping is consistent with, in (0, 1].
         decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts at cruise, and
             between a 20,000th and a fifth of it.
+        true_robot: The robot that really drives, where it is not `robot`, which the robot then only takes itself for:
+            its map home, its gauge and its commands are those of `robot`, what it consumes is not.
+        scaled_for: The robot that lengths, times and memory are scaled for, where it is not `robot`: robots that differ
+            then meet the same routes and limits.
 
     Raises:
         OptionError: A value is not allowed.
@@ -95,6 +99,8 @@ class Options:
     shaping: str = "dmax"
     discount: float = 0.9995
     decision_s: float | None = None
+    true_robot: str | Path | Robot | None = None
+    scaled_for: str | Path | Robot | None = None
 
     def __post_init__(self) -> None:
         for name, value, allowed in (
@@ -138,9 +144,10 @@ def _number(name: str, value: Any, most: float) -> float:
 
 @dataclass(frozen=True)
 class Setting:
-    """An environment's constants: the robot, `SHARED_DTYPE` record (1,), a given route and its day."""
+    """An environment's constants: robots, `SHARED_DTYPE` record (1,), a given route and its day."""
 
-    robot: Robot
+    robot: Robot  # as its file says, and as it takes itself to be
+    true_robot: Robot  # that really drives; hidden from agents
     shared: NDArray[np.void]
     fixed: NDArray[np.void]  # (1,), `ROUTE_DTYPE`
     day: NDArray[np.float64]  # (3,): temperature, wind, its direction
@@ -149,20 +156,23 @@ class Setting:
 def settle(options: Options) -> Setting:
     """Work out the constants of an environment.
 
-    Everything scales with the robot: distances with its d_max, time with how long its battery lasts, information and
-    memory with its fastest sensing rate, so that a mission takes a few hundred decisions with any robot.
+    Everything scales with the robot, or with another that is asked for: distances with its d_max, time with how long
+    its battery lasts, information and memory with its fastest sensing rate, so that a mission takes a few hundred
+    decisions with any robot.
 
     Raises:
         RobotError, RouteError, OptionError: An option cannot be used.
     """
     robot = load_robot(options.robot)
+    truth, scale = (robot if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
+    for one in (robot, truth, scale):
+        if not np.isfinite(d_max(one)):
+            raise OptionError(f"robot {one.name!r} never runs empty on the flat; check what its effects give back")
     mission = MISSIONS[options.mission]
-    cruise = float(optimal_speed(robot))
-    range_m = float(d_max(robot))
-    if not np.isfinite(range_m):
-        raise OptionError(f"robot {robot.name!r} never runs empty on the flat; check what its effects give back")
+    cruise = float(optimal_speed(scale))
+    range_m = float(d_max(scale))
     lasts_s = range_m / cruise
-    decision_s = _decision_s(options, robot, lasts_s)
+    decision_s = _decision_s(options, scale, lasts_s)
     generated = isinstance(options.route, str) and options.route in (GENERATED, HIDDEN_WIND)
     reach_m = _REACH * range_m
 
@@ -171,7 +181,7 @@ def settle(options: Options) -> Setting:
     fixed, day, interest = np.zeros(1, ROUTE_DTYPE), np.array([20.0, 0.0, 0.0]), _TYPICAL_INTEREST
     if not generated:
         route = options.route if isinstance(options.route, Route) else load_route(options.route, length_m / places)
-        _check_route(route, robot, mission, range_m, decision_s)
+        _check_route(route, scale, mission, range_m, decision_s)
         _write(route, fixed)
         places, length_m, interest = len(route.grade_rad), route.length_m, float(route.interest.mean())
         day = np.array([route.temperature_c, route.wind_mps, route.wind_from_rad])
@@ -180,6 +190,7 @@ def settle(options: Options) -> Setting:
     shared = np.zeros(1, SHARED_DTYPE)
     s = shared[0]
     s["mission"], s["difficulty"] = mission, DIFFICULTIES.index(options.difficulty)
+    s["own_robots"] = s["difficulty"] > KNOWN or truth is not robot
     s["generated"], s["hidden_wind"] = generated, generated and options.route == HIDDEN_WIND
     s["shaped"], s["discrete"] = options.shaping == "dmax", options.action_type == "discrete"
     s["max_decisions"] = int(np.ceil(2.0 * lasts_s / decision_s))
@@ -187,19 +198,23 @@ def settle(options: Options) -> Setting:
     s["min_speed_mps"], s["max_speed_mps"] = robot.min_speed_mps, robot.max_speed_mps
     s["max_sensing_hz"] = robot.max_sensing_hz
     s["places"], s["length_m"], s["place_m"], s["reach_m"] = places, length_m, length_m / places, reach_m
-    s["usable_j"], s["cruise_mps"] = robot.usable_energy_j, cruise
-    s["saturation_per_m"] = _HALF_INFORMATION * robot.max_sensing_hz / cruise
-    s["backlog_limit"] = _MEMORY * robot.max_sensing_hz * lasts_s
-    s["radio_hz"], s["link_m"] = _RADIO * robot.max_sensing_hz, _LINK * reach_m
+    s["usable_j"], s["cruise_mps"] = robot.usable_energy_j, float(optimal_speed(robot))
+    s["full_j"] = truth.usable_energy_j
+    s["saturation_per_m"] = _HALF_INFORMATION * scale.max_sensing_hz / cruise
+    s["backlog_limit"] = _MEMORY * scale.max_sensing_hz * lasts_s
+    s["radio_hz"], s["link_m"] = _RADIO * scale.max_sensing_hz, _LINK * reach_m
     s["pit_stop_s"] = pit_stop_s
     s["drag_j_per_m"] = robot.drag_ns2_per_m2 / robot.traction_efficiency
     # At half of the fastest sensing rate a metre yields two thirds of its information.
     s["information_per_m"] = interest * 2.0 / 3.0
-    sensing_hz = 0.5 * robot.max_sensing_hz if mission == SURVEY else 0.0
     duty = length_m / (length_m + cruise * pit_stop_s)
-    mission_range_m = float(d_max(robot, cruise, duty=duty, sensing_hz=sensing_hz))
-    s["energy_per_m"] = robot.usable_energy_j / mission_range_m
-    half_m = 0.5 * mission_range_m
+
+    def mission_range_m(one: Robot) -> float:
+        sensing_hz = 0.5 * one.max_sensing_hz if mission == SURVEY else 0.0
+        return float(d_max(one, float(optimal_speed(one)), duty=duty, sensing_hz=sensing_hz))
+
+    s["energy_per_m"] = robot.usable_energy_j / mission_range_m(robot)
+    half_m = 0.5 * mission_range_m(scale)
     if mission == SURVEY and interest <= 0.0:
         raise OptionError(
             "route has no interest anywhere, so a survey cannot score; give some place an interest above 0"
@@ -207,7 +222,7 @@ def settle(options: Options) -> Setting:
     s["score_scale"] = (half_m, half_m * s["information_per_m"], half_m / length_m)[mission]
     for inverse, name in INVERSES.items():
         s[inverse] = 1.0 / s[name]
-    return Setting(robot, shared, fixed, day)
+    return Setting(robot, truth, shared, fixed, day)
 
 
 def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:

@@ -102,6 +102,7 @@ SHARED_DTYPE = np.dtype(
     [
         ("mission", np.int64),
         ("difficulty", np.int64),
+        ("own_robots", np.bool_),  # whether missions have true robots that are not the one of the file
         ("hidden_wind", np.bool_),
         ("generated", np.bool_),
         ("shaped", np.bool_),
@@ -116,6 +117,7 @@ SHARED_DTYPE = np.dtype(
         ("length_m", np.float64),  # of the route
         ("reach_m", np.float64),  # distance scale of the observation
         ("usable_j", np.float64),  # of a full battery, as the robot believes
+        ("full_j", np.float64),  # the same in truth, before the day's battery health
         ("cruise_mps", np.float64),  # speed at which the way home is costed
         ("energy_per_m", np.float64),  # of the robot's own model, from d_max
         ("saturation_per_m", np.float64),  # samples per metre that give half of the information
@@ -136,9 +138,10 @@ SHARED_DTYPE = np.dtype(
 CONSTANTS_DTYPE = np.dtype(
     [
         ("shared", SHARED_DTYPE),
-        ("nominal", ROBOT_DTYPE),  # the robot as its file says
+        ("nominal", ROBOT_DTYPE),  # the robot as its file says, and as it takes itself to be
         ("fixed", ROUTE_DTYPE),  # the route of every mission, unless routes are generated
         ("day", np.float64, (3,)),  # of that route: temperature (C), wind (m/s) and its direction (rad)
+        ("truth", ROBOT_DTYPE),  # the robot around which the true ones are drawn: as a rule the nominal one
     ],
     align=True,
 )

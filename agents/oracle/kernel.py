@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from homeward.envs import missions
-from homeward.envs.difficulty import KNOWN
 from homeward.envs.driving import decide, map_place
 from homeward.envs.kernel import LEVELS
 from homeward.envs.state import GO, RETURN, STOP
@@ -26,7 +25,7 @@ def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: i
     s = c.shared
     speed_mps = s.min_speed_mps + (s.max_speed_mps - s.min_speed_mps) * speed_level / (LEVELS - 1)
     sensing_hz = s.max_sensing_hz * sensing_level / (LEVELS - 1)
-    decide(m, p if s.difficulty > KNOWN else c.nominal, route, c.nominal, s, speed_mps, sensing_hz, mode)
+    decide(m, p if s.own_robots else c.nominal, route, c.nominal, s, speed_mps, sensing_hz, mode)
 
 
 @compiled

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.batch import Batch
-from homeward.envs.difficulty import KNOWN
 from homeward.envs.features import gauge_energy, home_cost
 from homeward.envs.missions import information
 from homeward.envs.viewer.outlook import Outlook
@@ -146,7 +145,7 @@ def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 
     # As records with attributes, which the formulas of the environment take.
     m, s = batch.records.view(np.recarray)[index], batch.setting.shared.view(np.recarray)[0]
     places = batch.routes["places"][index, : int(s.places)]
-    robot = batch.robots[index] if s.difficulty > KNOWN else batch.setting.robot.record()[0]
+    robot = batch.robots[index] if s.own_robots else batch.setting.robot.record()[0]
     spare_j = gauge_energy(m, s) - home_cost(m, s)
     state = _state(m)
     going = not m.over and not outlook.is_patrol()

@@ -97,7 +97,7 @@ def test_a_decision_a_second_is_allowed_for_every_preset(robot: str) -> None:
 
 
 def test_a_wrong_keyword_lists_the_right_ones() -> None:
-    options = "robot, route, difficulty, action_type, shaping, discount, decision_s, "
+    options = "robot, route, difficulty, action_type, shaping, discount, decision_s, true_robot, scaled_for, "
     with pytest.raises(OptionError, match=options + "render_mode$"):
         gym.make(IDS["Patrol"], rute="box")
     with pytest.raises(OptionError, match=options + "num_envs, autoreset_mode, render_mode$"):
