@@ -17,15 +17,15 @@ from typing import Any
 
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.episode_plots import episode_png, route_png
-from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation_plots import profiles_png, scores_png
 from homeward.agents.evaluation_summary import Bounds, Evaluation
+from homeward.agents.evaluation_tasks import run_agents
 from homeward.agents.policy_file import DESCRIPTION, NetworkPolicy
 from homeward.agents.provenance import differences
 from homeward.agents.shield import Shield
@@ -34,6 +34,7 @@ from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.files import write_whole
+from homeward.parallel import ClusterError, TaskError, check_workers
 from homeward.physics import RobotError
 
 SHIELDED = "+shield"
@@ -68,7 +69,9 @@ class Args:
     optimum: bool = False
     """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds an episode."""
     jobs: int = 1
-    """Processes that look for it."""
+    """Processes at once on this machine: each takes one agent of one training seed on up to 512 episodes."""
+    cluster: str | None = None
+    """HOST:PORT of a Ray cluster to use instead; nothing has to be shared with it."""
 
 
 def main(args: Args) -> Evaluation:
@@ -76,28 +79,26 @@ def main(args: Args) -> Evaluation:
 
     Raises:
         AgentError, OptionError, RobotError, RouteError: An argument cannot be used.
+        ClusterError: The cluster cannot be used.
+        TaskError: An agent failed.
         OSError: The output folder cannot be written to.
     """
     options = _options(args)
     env = HomewardVectorEnv(**vars(options))
-    agents = {label: _policies(asked, env, args.seed) for label, asked in _named(args.agents).items()}
-    _warn_of_transfer(agents, args.env, env)
+    asked = _named(args.agents)
+    bare = {label: [make_policy(one.name, env, file, args.seed) for file in one.files] for label, one in asked.items()}
+    _warn_of_transfer(bare, args.env, env)
     seeds = episode_seeds(args.seed, args.episodes)
     if args.optimum:
         _check_optimum(options)
+    check_workers(args.jobs, args.cluster)
     args.out.mkdir(parents=True, exist_ok=True)
-    runs = {}
-    columns = (TextColumn("{task.description:<16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        optimum = _optimum(args, options, seeds, bar) if args.optimum else None
-        for label, (policies, shielded) in agents.items():
-            task = bar.add_task(label, total=len(policies) * args.episodes)
-            advance = functools.partial(bar.advance, task)
-            runs[label] = [
-                run_episodes(Shield(one, options, env.batch.setting) if shielded else one, options, seeds, advance)
-                for one in policies
-            ]
+    optimum = _optimum(args, options, seeds) if args.optimum else None
+    agents = {
+        label: [Shield(one, options, env.batch.setting) if asked[label].shielded else one for one in policies]
+        for label, policies in bare.items()
+    }
+    runs = run_agents(agents, options, seeds, jobs=args.jobs, cluster=args.cluster)
     evaluation = Evaluation(args.env, options, args.seed, seeds, runs, optimum)
     summary = evaluation.summary()
     files: dict[str, str | bytes] = {
@@ -165,10 +166,6 @@ def _training_seeds(folder: str) -> list[str]:
     return [folder]
 
 
-def _policies(asked: Asked, env: HomewardVectorEnv, seed: int) -> tuple[list[Policy], bool]:
-    return [make_policy(asked.name, env, file, seed) for file in asked.files], asked.shielded
-
-
 def _check_optimum(options: Options) -> None:
     from homeward.agents.oracle import OracleError, check
 
@@ -178,16 +175,15 @@ def _check_optimum(options: Options) -> None:
         raise AgentError(f"--optimum: {error}") from None
 
 
-def _optimum(args: Args, options: Options, seeds: Sequence[int], bar: Progress) -> Bounds:
+def _optimum(args: Args, options: Options, seeds: Sequence[int]) -> Bounds:
     from homeward.agents.oracle import solve
 
-    task = bar.add_task("optimum", total=args.episodes)
-    found = solve(options, seeds, args.jobs, functools.partial(bar.advance, task))
+    found = solve(options, seeds, args.jobs, args.cluster)
     return Bounds(found.lower, found.upper)
 
 
-def _warn_of_transfer(agents: Mapping[str, tuple[Sequence[Policy], bool]], env_id: str, env: HomewardVectorEnv) -> None:
-    for label, (policies, _) in agents.items():
+def _warn_of_transfer(agents: Mapping[str, Sequence[Policy]], env_id: str, env: HomewardVectorEnv) -> None:
+    for label, policies in agents.items():
         found = [
             difference
             for policy in policies
@@ -254,7 +250,8 @@ def _with_interval(value: float, ends: list[float] | None, write: Callable[[floa
 
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
-    return cli.run(main, Args, __doc__, (AgentError, OptionError, RobotError, RouteError))
+    refused = (AgentError, OptionError, RobotError, RouteError, TaskError, ClusterError)
+    return cli.run(main, Args, __doc__, refused)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from homeward.agents.base import Policy
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
-_SIDE_BY_SIDE = 512
+SIDE_BY_SIDE = 512
 """Missions that run at once."""
 
 
@@ -59,6 +59,19 @@ class Run:
     traces: NDArray[np.float32]
     interest: NDArray[np.float32]
 
+    def followed_by(self, others: Sequence[Run]) -> Run:
+        """This run and further ones of the same agent as one; only its own traces are kept."""
+        parts = (self, *others)
+        whole = {
+            one.name: np.concatenate([getattr(part.episodes, one.name) for part in parts]) for one in fields(Episodes)
+        }
+        decision_us = float(np.median([part.decision_us for part in parts]))
+        return replace(self, episodes=Episodes(**whole), decision_us=decision_us)
+
+    def without_traces(self) -> Run:
+        """The same run without what shows how its missions went."""
+        return replace(self, traces=np.empty((0, 0, len(TRACED)), np.float32), interest=np.empty((0, 0), np.float32))
+
 
 def episode_seeds(seed: int, count: int) -> list[int]:
     """Seeds of episodes, one each; the first ones are the same for any count.
@@ -76,40 +89,27 @@ def episode_seeds(seed: int, count: int) -> list[int]:
     return [int(word) | 1 << 63 for word in words]
 
 
-def run_episodes(
-    policy: Policy,
-    options: Options,
-    seeds: Sequence[int],
-    advance: Callable[[int], None] = lambda episodes: None,
-) -> Run:
+def run_episodes(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
     """Run one agent, a batch of missions side by side.
 
     Args:
         policy: The agent, made for such an environment.
         options: Keyword arguments of the environment.
-        seeds: Seed of each episode.
-        advance: Called with the number of episodes that just ended.
+        seeds: Seed of each episode, at least one.
     """
-    parts: list[Episodes] = []
-    times_us: list[float] = []
-    for start in range(0, len(seeds), _SIDE_BY_SIDE):
-        part = seeds[start : start + _SIDE_BY_SIDE]
-        env = HomewardVectorEnv(len(part), autoreset_mode="Disabled", **vars(options))
-        episodes, part_us, states = _run_batch(policy, env, part, advance)
-        parts.append(episodes)
-        times_us += part_us
-        if start == 0:
-            places = env.batch.setting.shared["places"][0]
-            traces, interest = states, env.batch.routes["places"]["interest"][:, :places].copy()
-    whole = {one.name: np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(Episodes)}
-    return Run(Episodes(**whole), float(np.median(times_us)), traces, interest)
+    first = _run_batch(policy, options, seeds[:SIDE_BY_SIDE])
+    others = [
+        _run_batch(policy, options, seeds[start : start + SIDE_BY_SIDE]).without_traces()
+        for start in range(SIDE_BY_SIDE, len(seeds), SIDE_BY_SIDE)
+    ]
+    return first.followed_by(others)
 
 
-def _run_batch(
-    policy: Policy, env: HomewardVectorEnv, seeds: Sequence[int], advance: Callable[[int], None]
-) -> tuple[Episodes, list[float], NDArray[np.float32]]:
+def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
     """Run missions to their ends on the bare batch, which leaves those that are over as they are."""
-    batch, count = env.batch, env.num_envs
+    count = len(seeds)
+    env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
+    batch = env.batch
     observations, _ = env.reset(seed=list(seeds))
     rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
     begun, over = np.ones(count, np.bool_), 0
@@ -118,12 +118,12 @@ def _run_batch(
         start = time.perf_counter()
         actions = policy.act(observations, begun)
         times_us.append(1e6 * (time.perf_counter() - start) / count)
-        ended = batch.step(actions, observations, rewards, terminated, truncated)
+        over += batch.step(actions, observations, rewards, terminated, truncated)
         states.append(_state(batch.records))
         begun = np.zeros(count, np.bool_)
-        over += ended
-        advance(ended)
-    return _outcome(batch.records), times_us, np.stack(states)
+    places = batch.setting.shared["places"][0]
+    interest = batch.routes["places"]["interest"][:, :places].copy()
+    return Run(_outcome(batch.records), float(np.median(times_us)), np.stack(states), interest)
 
 
 def _state(records: NDArray[np.void]) -> NDArray[np.float32]:

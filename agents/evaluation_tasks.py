@@ -5,18 +5,24 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
-
-import numpy as np
+from dataclasses import dataclass
 
 from homeward.agents.base import Policy
-from homeward.agents.evaluation import Episodes, Run, run_episodes
-from homeward.envs.options import Options
+from homeward.agents.evaluation import SIDE_BY_SIDE, Run, run_episodes
+from homeward.envs.options import Options, settle
+from homeward.envs.route_files import load_route
+from homeward.envs.routes import Route
 from homeward.parallel import run_tasks
 
-EPISODES_A_TASK = 512
-"""As many as run side by side; the same for any number of jobs, so that the outcome is."""
 
-_Task = tuple[Policy, Options, list[int]]
+@dataclass(frozen=True)
+class _Task:
+    """As many episodes as run side by side, for any number of jobs, so that the outcome is the same."""
+
+    policy: Policy
+    options: Options
+    seeds: list[int]
+    first: bool
 
 
 def run_agents(
@@ -32,7 +38,7 @@ def run_agents(
     Args:
         agents: By label the policy of each training seed, made for such an environment.
         options: Keyword arguments of the environment.
-        seeds: Seed of each episode.
+        seeds: Seed of each episode, at least one.
         jobs: Processes at once on this machine.
         cluster: HOST:PORT of a Ray cluster to use instead.
 
@@ -43,18 +49,32 @@ def run_agents(
         TaskError: An agent failed.
         ClusterError: The cluster cannot be used.
     """
-    starts = range(0, len(seeds), EPISODES_A_TASK)
-    tasks: dict[str, _Task] = {
-        _name(label, index, start): (policy, options, list(seeds[start : start + EPISODES_A_TASK]))
+    starts, carried = range(0, len(seeds), SIDE_BY_SIDE), self_contained(options)
+    tasks = {
+        _name(label, index, start): _Task(policy, carried, list(seeds[start : start + SIDE_BY_SIDE]), start == 0)
         for label, policies in agents.items()
         for index, policy in enumerate(policies)
         for start in starts
     }
-    done = run_tasks(_run, tasks, jobs=jobs, cluster=cluster, title="episodes")
-    return {
-        label: [_join([done[_name(label, index, start)] for start in starts]) for index in range(len(policies))]
-        for label, policies in agents.items()
-    }
+    done = run_tasks(_run, tasks, jobs=jobs, cluster=cluster, title="episodes", size=lambda task: len(task.seeds))
+
+    def whole(label: str, index: int) -> Run:
+        first, *others = (done[_name(label, index, start)] for start in starts)
+        return first.followed_by(others)
+
+    return {label: [whole(label, index) for index in range(len(policies))] for label, policies in agents.items()}
+
+
+def self_contained(options: Options) -> Options:
+    """The same environment, with what is in files instead of their paths, which other machines need not have.
+
+    Raises:
+        RobotError, RouteError, OptionError: An option cannot be used.
+    """
+    setting, route = settle(options), options.route
+    if not setting.shared["generated"][0] and not isinstance(route, Route):
+        route = load_route(route, float(setting.shared["place_m"][0]))
+    return dataclasses.replace(options, robot=setting.robot, route=route)
 
 
 def _name(label: str, index: int, start: int) -> str:
@@ -62,13 +82,6 @@ def _name(label: str, index: int, start: int) -> str:
 
 
 def _run(task: _Task) -> Run:
-    policy, options, seeds = task
     # A copy, as other processes have: what a policy draws must not depend on the tasks before.
-    return run_episodes(copy.deepcopy(policy), options, seeds)
-
-
-def _join(parts: Sequence[Run]) -> Run:
-    columns = [one.name for one in dataclasses.fields(Episodes)]
-    whole = {name: np.concatenate([getattr(part.episodes, name) for part in parts]) for name in columns}
-    decision_us = float(np.median([part.decision_us for part in parts]))
-    return dataclasses.replace(parts[0], episodes=Episodes(**whole), decision_us=decision_us)
+    run = run_episodes(copy.deepcopy(task.policy), task.options, task.seeds)
+    return run if task.first else run.without_traces()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import importlib
 import logging
 import os
 import platform
@@ -52,6 +53,7 @@ def run_tasks(
     cluster: str | None = None,
     keep: Callable[[str, Result], object] = lambda name, result: None,
     title: str = "tasks",
+    size: Callable[[Task], int] = lambda task: 1,
 ) -> dict[str, Result]:
     """Apply a function to every task.
 
@@ -65,7 +67,8 @@ def run_tasks(
         cluster: Address of a Ray cluster, HOST:PORT, whose cores are used instead.
         keep: Called here with the name and result of each task as it ends, in any order; what it writes need not be
             worked out again after an interruption.
-        title: What the progress bar on stderr is called.
+        title: What the progress bar on stderr counts.
+        size: How many of them a task is.
 
     Returns:
         Result of each task, in the order of the tasks.
@@ -77,9 +80,8 @@ def run_tasks(
     >>> run_tasks(len, {"short": "ab", "long": "abcdef"})
     {'short': 2, 'long': 6}
     """
-    if jobs < 1:
-        raise ClusterError(f"jobs = {jobs} is not allowed; give at least 1")
-    ended = _on_cluster(function, tasks, cluster) if cluster else _on_this_machine(function, tasks, jobs)
+    check_workers(jobs, cluster)
+    ended = _on_this_machine(function, tasks, jobs) if cluster is None else _on_cluster(function, tasks, cluster)
     results: dict[str, Result] = {}
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     console = Console(stderr=True)
@@ -88,12 +90,41 @@ def run_tasks(
         Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True,
                  disable=not console.is_terminal) as bar,
     ):  # fmt: skip
-        shown = bar.add_task(title, total=len(tasks))
+        shown = bar.add_task(title, total=sum(map(size, tasks.values())))
         for name, result in ended:
             keep(name, result)
             results[name] = result
-            bar.advance(shown)
+            bar.advance(shown, size(tasks[name]))
     return {name: results[name] for name in tasks}
+
+
+def check_workers(jobs: int, cluster: str | None) -> None:
+    """Refuse workers that cannot be had, before anything is read or written for them.
+
+    Args:
+        jobs: Tasks at once on this machine.
+        cluster: Address of a Ray cluster, HOST:PORT, if one is to be used.
+
+    Raises:
+        ClusterError: The number of jobs is not allowed, Ray is not installed, or no cluster answers.
+    """
+    if jobs < 1:
+        raise ClusterError(f"jobs = {jobs} is not allowed; give at least 1")
+    if cluster is None:
+        return
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        importlib.import_module("ray")
+    except ModuleNotFoundError as error:
+        raise ClusterError(f"--cluster needs {error.name}: pip install 'homeward[ray]'") from None
+    host, _, port = cluster.rpartition(":")
+    try:
+        # Ray itself goes on asking for many minutes.
+        socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
+    except (OSError, ValueError):
+        raise ClusterError(
+            f"no Ray cluster answers at {cluster!r}: give HOST:PORT as `ray start --head` printed it"
+        ) from None
 
 
 def _on_this_machine(
@@ -145,19 +176,8 @@ def _on_cluster(
 @contextlib.contextmanager
 def _connected(address: str) -> Iterator[Any]:
     """Ray, connected to a cluster; what it says of lost nodes goes to stderr, as stdout is the caller's."""
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    try:
-        import ray
-    except ModuleNotFoundError as error:
-        raise ClusterError(f"--cluster needs {error.name}: pip install 'homeward[ray]'") from None
-    host, _, port = address.rpartition(":")
-    try:
-        # Ray itself goes on asking for many minutes.
-        socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
-    except (OSError, ValueError):
-        raise ClusterError(
-            f"no Ray cluster answers at {address!r}: give HOST:PORT as `ray start --head` printed it"
-        ) from None
+    import ray
+
     with contextlib.redirect_stdout(sys.stderr):
         try:
             ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)

@@ -15,6 +15,7 @@ import evaluate
 import train
 from evaluate import Args, main, run
 from homeward import load_robot
+from homeward.agents import evaluation_tasks
 from homeward.agents.policy_file import DESCRIPTION
 from homeward.agents.ppo_settings import PPOSettings
 
@@ -53,6 +54,26 @@ def test_twice_the_same_but_for_the_clock(tmp_path: Path) -> None:
         contents.append(content)
     assert contents[0] == contents[1]
     assert (tmp_path / "a" / "episodes.csv").read_bytes() == (tmp_path / "b" / "episodes.csv").read_bytes()
+
+
+def test_the_number_of_jobs_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluation_tasks, "SIDE_BY_SIDE", 8)  # so that there are several tasks
+    for jobs in (1, 2):
+        main(Args(agents=("random", "dmax+shield"), episodes=20, jobs=jobs, out=tmp_path / str(jobs)))
+    alone, together = ((tmp_path / str(jobs) / "episodes.csv").read_bytes() for jobs in (1, 2))
+    assert alone == together
+
+
+def test_an_agent_that_fails_takes_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*arguments: object) -> None:
+        raise FloatingPointError("no\nnumber")
+
+    monkeypatch.setattr(evaluation_tasks, "run_episodes", fail)
+    assert run_with(monkeypatch, *SMALL, "--out", str(tmp_path)) == 2
+    expected = "evaluate.py: dmax, training seed 0, episodes from 0: FloatingPointError: no number\n"
+    assert capsys.readouterr().err == expected
 
 
 def test_options_reach_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,6 +248,7 @@ sys.exit(evaluate.run())
         (["--decision-s", "nan"], "decision_s = nan is not allowed"),
         (["--episodes", "0"], "at least 1 episode"),
         (["--seed", "-1"], "a seed of 0 or more"),
+        (["--jobs", "0"], "jobs = 0 is not allowed; give at least 1"),
     ],
 )
 def test_bad_arguments_take_one_line(

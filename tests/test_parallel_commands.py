@@ -3,36 +3,19 @@
 from __future__ import annotations
 
 import csv
+import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
+from homeward import __main__ as command
 from homeward import load_robot
-from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.agents.ppo_settings import TrainingError
 from homeward.commands import fleet, sweep, train
 from homeward.diagnosis import Diagnosis, RecordingError
 from homeward.parallel import TaskError
-
-SETTINGS = PPOSettings(n_envs=8, n_steps=8, batch_size=32, epochs=1, hidden=8)
-
-
-def write_recording(path: Path, payload: float, seed: int = 0) -> None:
-    """Two minutes of a robot that draws power by the formula of a heavier one, at 2 Hz."""
-    rng = np.random.default_rng(seed)
-    robot = load_robot("rusti")
-    speed_mps = np.repeat(rng.uniform(0.2, 1.0, 24), 10)
-    force_n = robot.rolling_resistance * (robot.mass_kg + payload) * 9.81
-    power_w = 0.6 + force_n * speed_mps / ((1.0 - robot.motor_loss) * (1.0 - robot.friction_loss))
-    power_w += rng.normal(0.0, 0.05, len(power_w))
-    rows = np.column_stack((0.5 * np.arange(len(power_w)), speed_mps, np.zeros(len(power_w)), power_w))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savetxt(path, rows, delimiter=",", header="time_s,speed_mps,grade_rad,power_w", comments="")
-
-
-def policies(folder: Path) -> dict[str, bytes]:
-    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("policy.safetensors"))}
+from tests.parallel_cases import SETTINGS, policies, write_recording
 
 
 def test_a_sweep_trains_every_seed_and_setting_wherever_it_runs(tmp_path: Path) -> None:
@@ -136,3 +119,19 @@ def test_a_fleet_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match="holds no recording"):
         fleet.main(fleet.Args(tmp_path, out=tmp_path / "out"))
+
+
+@pytest.mark.parametrize("name", ["evaluate", "sweep", "fleet"])
+def test_a_cluster_that_does_not_answer_takes_one_line(
+    name: str, garage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("ray")
+    given = {"evaluate": ["--agents", "dmax"], "sweep": [], "fleet": [str(garage), "--robot", "rusti"]}[name]
+    out = tmp_path / "out"
+    monkeypatch.setattr(sys, "argv", ["homeward", name, *given, "--cluster", "127.0.0.1:1", "--out", str(out)])
+    assert command.run() == 2
+    captured = capsys.readouterr()
+    assert captured.err == (
+        f"homeward {name}: no Ray cluster answers at '127.0.0.1:1': give HOST:PORT as `ray start --head` printed it\n"
+    )
+    assert (captured.out, out.exists()) == ("", False)

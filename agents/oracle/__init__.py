@@ -7,12 +7,13 @@ decisions finds it, around the plan and with the prices of the bound, see `homew
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.agents.evaluation_tasks import self_contained
 from homeward.agents.oracle.case import Case, case_of
 from homeward.agents.oracle.plan import bound_out_and_back, bound_patrol
 from homeward.agents.oracle.rates import REFUSED, measure_rates
@@ -49,18 +50,17 @@ class Optimum:
     actions: tuple[NDArray[np.int64], ...]
 
 
-def solve(
-    options: Options, seeds: Sequence[int], jobs: int = 1, advance: Callable[[int], None] = lambda episodes: None
-) -> Optimum:
+def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | None = None) -> Optimum:
     """Find the optimum of episodes, which are those of an environment reset with the same seeds.
 
     Args:
         options: Keyword arguments of the environment.
         seeds: Seed of each episode, as in `homeward.agents.evaluation.run_episodes`.
-        jobs: Processes at once.
-        advance: Called with the number of episodes that were just solved.
+        jobs: Processes at once on this machine.
+        cluster: HOST:PORT of a Ray cluster to use instead.
 
     Raises:
+        TaskError, ClusterError: See `homeward.parallel.run_tasks`.
         OracleError: The action space is continuous, or the robot has an effect for which there is no bound.
 
     >>> optimum = solve(Options("OutAndBack"), [7])
@@ -68,15 +68,16 @@ def solve(
     True
     """
     check(options)
+    carried = self_contained(options)
     tasks = {
         f"episodes {start} to {min(start + _TOGETHER, len(seeds)) - 1}": (
-            options,
+            carried,
             list(seeds[start : start + _TOGETHER]),
         )
         for start in range(0, len(seeds), _TOGETHER)
     }
     parts = run_tasks(
-        _solve_some, tasks, jobs=jobs, keep=lambda _, part: advance(len(part.lower)), title="optimum"
+        _solve_some, tasks, jobs=jobs, cluster=cluster, title="optimum", size=lambda task: len(task[1])
     ).values()
     return Optimum(
         np.concatenate([part.lower for part in parts]),

@@ -25,7 +25,7 @@ from homeward import Robot, RobotError, cli, load_robot
 from homeward.diagnosis import Diagnosis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.report import check_writable, write_outputs
 from homeward.files import write_whole
-from homeward.parallel import ClusterError, TaskError, code_hash, run_tasks
+from homeward.parallel import ClusterError, TaskError, check_workers, code_hash, run_tasks
 
 ROBOT, DIAGNOSIS, KEY = "robot.toml", "diagnosis.json", "inputs.sha256"
 
@@ -74,6 +74,7 @@ def main(args: Args) -> dict[str, Diagnosis]:
         ClusterError: The cluster cannot be used.
         OSError: The output folder cannot be written to.
     """
+    check_workers(args.jobs, args.cluster)
     cases = cases_of(args)
     check_writable(args.out)
 

@@ -24,7 +24,7 @@ from homeward.commands import train
 from homeward.envs.options import OptionError
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
-from homeward.parallel import ClusterError, TaskError, run_tasks
+from homeward.parallel import ClusterError, TaskError, check_workers, run_tasks
 from homeward.physics import RobotError
 
 MARK = "sweep.txt"
@@ -55,6 +55,7 @@ def main(args: Args) -> dict[str, Path]:
         ClusterError: The cluster cannot be used.
     """
     runs = runs_of(args)
+    check_workers(args.jobs, args.cluster)
     write_whole(args.train.out / MARK, "".join(f"{name}\n" for name in runs))
     folders = run_tasks(train_quietly, runs, jobs=args.jobs, cluster=args.cluster, title="runs")
     Console(stderr=True).print(f"{len(folders)} runs in {args.train.out}", markup=False, soft_wrap=True)
