@@ -13,6 +13,7 @@ from homeward.envs.options import Options, settle
 from homeward.envs.route_files import load_route
 from homeward.envs.routes import Route
 from homeward.parallel import run_tasks
+from homeward.physics import load_robot
 
 
 @dataclass(frozen=True)
@@ -71,10 +72,15 @@ def self_contained(options: Options) -> Options:
     Raises:
         RobotError, RouteError, OptionError: An option cannot be used.
     """
-    setting, route = settle(options), options.route
-    if not setting.shared["generated"][0] and not isinstance(route, Route):
-        route = load_route(route, float(setting.shared["place_m"][0]))
-    return dataclasses.replace(options, robot=setting.robot, route=route)
+    setting, route = settle(options).shared[0], options.route
+    if not setting["generated"] and not isinstance(route, Route):
+        route = load_route(route, float(setting["place_m"]))
+    robots = {
+        name: load_robot(given)
+        for name in ("robot", "true_robot", "scaled_for")
+        if (given := getattr(options, name)) is not None
+    }
+    return dataclasses.replace(options, route=route, **robots)
 
 
 def _name(label: str, index: int, start: int) -> str:

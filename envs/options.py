@@ -73,8 +73,8 @@ class Options:
         mission: `OutAndBack`, `Survey` or `Patrol`; the id says which.
         robot: Preset name, path of a robot file, or a `Robot`.
         route: `generated`, `hidden_wind` (generated, with a wind that helps on the way out and hurts on the way home),
-            the name or path of a CSV profile, or a `Route`. Wind is felt by robots with the effect `wind`: from
-            `uncertain` on, by all.
+            the name of a profile that ships, the path of a CSV profile or of a track (GPX, FIT, or CSV with positions),
+            or a `Route`. Wind is felt by robots with the effect `wind`: from `uncertain` on, by all.
         difficulty: `known` (as in the files, route seen), `uncertain` (battery health, rolling resistance, payload and
             headwind hidden, route seen a little ahead) or `harsh` (also rough patches and a biased fuel gauge).
         action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).

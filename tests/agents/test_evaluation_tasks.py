@@ -53,15 +53,17 @@ def test_parts_of_a_run_keep_the_traces_of_the_first_and_the_median_of_their_tim
 @pytest.mark.parametrize("route", ["hill.csv", "box", "hidden_wind"])
 def test_options_take_along_what_is_in_files(route: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    robot, hill = Path("mine.toml"), Path("hill.csv")
-    robot.write_text(dataclasses.replace(load_robot("rusti"), mass_kg=1.0).to_toml())
+    files = {name: Path(f"{name}.toml") for name in ("robot", "true_robot", "scaled_for")}
+    for mass_kg, file in enumerate(files.values(), start=1):
+        file.write_text(dataclasses.replace(load_robot("rusti"), mass_kg=float(mass_kg)).to_toml())
+    hill = Path("hill.csv")
     hill.write_text("distance_m,elevation_m,interest,wind_mps\n0,0,1,3\n700,31,2,3\n1500,7,1,3\n")
-    options = Options("Survey", robot=str(robot), route=route)
+    options = Options("Survey", route=route, **files)
     there = HomewardVectorEnv(**vars(options)).batch.setting
     carried = self_contained(options)
-    robot.unlink()
-    hill.unlink()
+    for file in (hill, *files.values()):
+        file.unlink()
     elsewhere = HomewardVectorEnv(**vars(carried)).batch.setting
-    assert elsewhere.robot == there.robot
+    assert (elsewhere.robot, elsewhere.true_robot) == (there.robot, there.true_robot)
     for one, other in ((there.shared, elsewhere.shared), (there.fixed, elsewhere.fixed), (there.day, elsewhere.day)):
         assert one.tobytes() == other.tobytes()
