@@ -67,7 +67,7 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
         curve: Its learning curve.
     """
     training = description["training"]
-    seed = training["seed"]
+    seed, guide = training["seed"], description["guide"]["rule"]
     low, high = row["gain_ci95"]
     least, most = row["stranded_ci95"]
     versions = ", ".join(f"{name} {version}" for name, version in description["versions"].items())
@@ -77,9 +77,8 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
 A policy for `{description["env"]}`, `{training["difficulty"]}`, robot `{training["robot"]}`, a decision every
 {description["decision_s"]:g} s. `evaluate.py --env {description["env"]} --agents ppo` uses it.
 
-* **What it is**: two hidden layers of {training["hidden"]} on the observation, on what the rule `dmax_adaptive`
-  believes of the way home, and on what that rule proposes; the proposal also goes straight to the last layer. The rule
-  runs along with the policy.
+* **What it is**: two hidden layers of {training["hidden"]} on the observation, on what `{guide}` believes of the way
+  home, and on what it proposes; the proposal also goes straight to the last layer. `{guide}` runs along with the policy.
 * **Trained by**: `{description["command"]}`, seed {seed}, {description["steps"]:,} decisions,
   {curve[-1].trained_s:.0f} s; the best of {row["seeds"]} seeds on the {EPISODES} missions of the learning curve.
 * **Versions**: {versions}. Weights `{description["weights_sha256"][:16]}`.
