@@ -26,21 +26,21 @@ SCALES = ("length_m", "reach_m", "link_m", "backlog_limit", "radio_hz", "saturat
           "max_decisions", "pit_stop_s", "score_scale", "information_per_m")  # fmt: skip
 
 
-def missions(seed: int = 3, **options: Any) -> tuple[HomewardEnv, list[Any]]:
+def missions(options: dict[str, Any]) -> tuple[HomewardEnv, list[Any]]:
     """A mission under random commands: its environment and, of every step, the observation and what was consumed."""
     env = HomewardEnv(**options)
-    env.reset(seed=seed)
-    steps = drive(env, random_actions(np.random.default_rng(seed), "discrete", 150, home=0.02))
+    env.reset(seed=3)
+    steps = drive(env, random_actions(np.random.default_rng(3), "discrete", 150, home=0.02))
     return env, [(step.observation, step.reward, dict(step.info["energy_j"])) for step in steps]
 
 
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_a_robot_that_is_what_it_takes_itself_for_is_the_usual_one(mission_id: str, difficulty: str) -> None:
-    options = {"mission": mission_id, "difficulty": difficulty, "robot": BELIEVED}
+    options: dict[str, Any] = {"mission": mission_id, "difficulty": difficulty, "robot": BELIEVED}
     same = dataclasses.replace(BELIEVED, name="same")
-    _, usual = missions(**options)
-    _, told = missions(**options, true_robot=same, scaled_for=same)
+    _, usual = missions(options)
+    _, told = missions(options | {"true_robot": same, "scaled_for": same})
     assert len(usual) == len(told) > 20
     for one, other in zip(usual, told, strict=True):
         np.testing.assert_array_equal(one[0], other[0])
@@ -49,10 +49,10 @@ def test_a_robot_that_is_what_it_takes_itself_for_is_the_usual_one(mission_id: s
 
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 def test_it_consumes_what_the_true_robot_does_and_maps_what_it_believes(difficulty: str) -> None:
-    common = {"mission": "Survey", "difficulty": difficulty}
-    mistaken, steps = missions(robot=BELIEVED, true_robot=TRUE, **common)
-    aware, expected = missions(robot=TRUE, scaled_for=BELIEVED, **common)
-    right, _ = missions(robot=BELIEVED, **common)
+    common: dict[str, Any] = {"mission": "Survey", "difficulty": difficulty}
+    mistaken, steps = missions(common | {"robot": BELIEVED, "true_robot": TRUE})
+    aware, expected = missions(common | {"robot": TRUE, "scaled_for": BELIEVED})
+    right, _ = missions(common | {"robot": BELIEVED})
     # The one is the other but for what it believes.
     assert [one[2] for one in steps] == [one[2] for one in expected]
     assert mission(mistaken)["energy_j"] == mission(aware)["energy_j"]
@@ -77,7 +77,7 @@ def test_its_gauge_shows_a_share_of_what_it_believes_in() -> None:
 @pytest.mark.parametrize("difficulty", ["known", "uncertain"])
 @pytest.mark.parametrize("count", [4, 300])  # one after another, and on all cores
 def test_side_by_side_it_goes_as_alone(count: int, difficulty: str) -> None:
-    options = {"mission": "Survey", "robot": BELIEVED, "true_robot": TRUE, "difficulty": difficulty}
+    options: dict[str, Any] = {"mission": "Survey", "robot": BELIEVED, "true_robot": TRUE, "difficulty": difficulty}
     env = HomewardVectorEnv(count, **options)
     observations, _ = env.reset(seed=11)
     alone = HomewardEnv(**options)
@@ -110,8 +110,10 @@ def test_robots_scaled_for_one_meet_the_same_routes_and_limits(mission_id: str) 
 
 @pytest.mark.parametrize("option", ["true_robot", "scaled_for"])
 def test_a_robot_that_is_none_is_refused(option: str) -> None:
+    unknown: dict[str, Any] = {option: "huskie"}
     with pytest.raises(RobotError, match="robot 'huskie' is neither a preset nor a file"):
-        HomewardEnv(**{option: "huskie"})
-    endless = dataclasses.replace(BELIEVED, effects={"regeneration": {"share": 0.9}, "hidden_grade": {"slope": -0.5}})
+        HomewardEnv(**unknown)
+    downhill = {"regeneration": {"share": 0.9}, "hidden_grade": {"slope": -0.5}}
+    endless: dict[str, Any] = {option: dataclasses.replace(BELIEVED, effects=downhill)}
     with pytest.raises(OptionError, match="'husky' never runs empty on the flat"):
-        HomewardEnv(**{option: endless})
+        HomewardEnv(**endless)
