@@ -18,18 +18,32 @@ from homeward.parallel import TaskError
 from tests.parallel_cases import SETTINGS, policies, write_recording
 
 
-def test_a_sweep_trains_every_seed_and_setting_wherever_it_runs(tmp_path: Path) -> None:
+def test_a_sweep_is_every_setting_with_every_seed(tmp_path: Path) -> None:
+    base = train.Args(out=tmp_path, ppo=SETTINGS)
+    runs = sweep.runs_of(sweep.Args((0, 1), ("learning_rate=1e-3,1e-2", "insight=True,False"), train=base))
+    assert {name: (run.ppo.learning_rate, run.ppo.insight, run.seed) for name, run in runs.items()} == {
+        f"learning_rate={rate}_insight={insight}/seed_{seed}": (rate, insight, seed)
+        for rate in (0.001, 0.01) for insight in (True, False) for seed in (0, 1)
+    }  # fmt: skip
+    assert all(run.out == tmp_path / name and run.ppo.hidden == SETTINGS.hidden for name, run in runs.items())
+
+
+def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3")
-    given: dict[str, Any] = {"seeds": (0, 1), "vary": ("learning_rate=1e-3,1e-2",)}
-    for jobs in (1, 2):
+
+    def args(jobs: int) -> sweep.Args:
         base = train.Args(steps=64, out=tmp_path / str(jobs), ppo=SETTINGS, curve=1)
-        sweep.main(sweep.Args(**given, jobs=jobs, train=base))
+        return sweep.Args((0,), ("learning_rate=1e-3,1e-2",), jobs=jobs, train=base)
+
+    for jobs in (1, 2):
+        sweep.main(args(jobs))
     alone, together = policies(tmp_path / "1"), policies(tmp_path / "2")
-    assert list(alone) == [f"learning_rate={rate}/seed_{seed}/policy.safetensors" for rate in ("0.001", "0.01") for seed in (0, 1)]  # fmt: skip  # noqa: E501
-    assert len(set(alone.values())) == 4
+    assert list(alone) == [f"learning_rate={rate}/seed_0/policy.safetensors" for rate in ("0.001", "0.01")]
+    assert len(set(alone.values())) == 2
     assert together == alone
-    sweep.main(sweep.Args(**given, train=train.Args(steps=64, out=tmp_path / "1", ppo=SETTINGS, curve=1)))
-    assert policies(tmp_path / "1") == alone  # finished: nothing is trained anew
+    files = {file: file.stat().st_mtime_ns for file in (tmp_path / "1").rglob("policy.safetensors")}
+    sweep.main(args(1))
+    assert {file: file.stat().st_mtime_ns for file in files} == files  # finished: nothing is trained anew
 
 
 @pytest.mark.parametrize(
@@ -38,6 +52,8 @@ def test_a_sweep_trains_every_seed_and_setting_wherever_it_runs(tmp_path: Path) 
         ({"vary": ("speed=1",)}, "there is no setting 'speed'; choose from"),
         ({"vary": ("clip=a",)}, "give float values, as clip=0.2"),
         ({"vary": ("clip=2",)}, "clip = 2.0 is not allowed"),
+        ({"vary": ("insight=no",)}, "give bool values, as insight=True"),
+        ({"vary": ("clip=0.1,0.10",)}, "gives clip=0.1/seed_0 twice; give each value once"),
         ({"seeds": (1, 1)}, "give each seed once"),
         ({"seeds": ()}, "give each seed once, and at least one"),
     ],

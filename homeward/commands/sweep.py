@@ -66,7 +66,7 @@ def runs_of(args: Args) -> dict[str, train.Args]:
     """What to train, by the name of its folder.
 
     Raises:
-        TrainingError: A setting does not exist or cannot take a value, or a seed is given twice.
+        TrainingError: A setting does not exist or cannot take a value, or a value or seed is given twice.
     """
     if len(set(args.seeds)) < max(len(args.seeds), 1):
         raise TrainingError(f"seeds {' '.join(map(str, args.seeds)) or 'none'}: give each seed once, and at least one")
@@ -82,6 +82,8 @@ def runs_of(args: Args) -> dict[str, train.Args]:
         settings = dataclasses.replace(base.ppo, **dict(chosen))
         for seed in args.seeds:
             name = "/".join([*("_".join(f"{key}={value}" for key, value in chosen).split()), f"seed_{seed}"])
+            if name in runs:
+                raise TrainingError(f"--vary {' '.join(args.vary)}: gives {name} twice; give each value once")
             out = base.out.resolve() / name
             runs[name] = dataclasses.replace(base, ppo=settings, seed=seed, out=out, resume=True)
     return runs
@@ -94,10 +96,15 @@ def _values(given: str) -> list[tuple[str, Any]]:
     if name not in defaults:
         raise TrainingError(f"--vary {given}: there is no setting {name!r}; choose from {', '.join(defaults)}")
     kind = type(defaults[name])
+    read = _truth if kind is bool else kind
     try:
-        return [(name, kind(value)) for value in values.split(",")]
-    except ValueError:
+        return [(name, read(value)) for value in values.split(",")]
+    except (ValueError, KeyError):
         raise TrainingError(f"--vary {given}: give {kind.__name__} values, as {name}={defaults[name]}") from None
+
+
+def _truth(given: str) -> bool:
+    return {"True": True, "False": False}[given]  # to bool itself, any text is true
 
 
 def train_quietly(args: train.Args) -> Path:
