@@ -75,12 +75,10 @@ def self_contained(options: Options) -> Options:
     setting, route = settle(options).shared[0], options.route
     if not setting["generated"] and not isinstance(route, Route):
         route = load_route(route, float(setting["place_m"]))
-    robots = {
-        name: load_robot(given)
-        for name in ("robot", "true_robot", "scaled_for")
-        if (given := getattr(options, name)) is not None
-    }
-    return dataclasses.replace(options, route=route, **robots)
+    truth, scale = (None if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
+    return dataclasses.replace(
+        options, robot=load_robot(options.robot), route=route, true_robot=truth, scaled_for=scale
+    )
 
 
 def _name(label: str, index: int, start: int) -> str:

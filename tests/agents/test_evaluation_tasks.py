@@ -53,15 +53,16 @@ def test_parts_of_a_run_keep_the_traces_of_the_first_and_the_median_of_their_tim
 @pytest.mark.parametrize("route", ["hill.csv", "box", "hidden_wind"])
 def test_options_take_along_what_is_in_files(route: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    files = {name: Path(f"{name}.toml") for name in ("robot", "true_robot", "scaled_for")}
-    for mass_kg, file in enumerate(files.values(), start=1):
+    files = [Path(f"{name}.toml") for name in ("mine", "true", "scale")]
+    for mass_kg, file in enumerate(files, start=1):
         file.write_text(dataclasses.replace(load_robot("rusti"), mass_kg=float(mass_kg)).to_toml())
     hill = Path("hill.csv")
     hill.write_text("distance_m,elevation_m,interest,wind_mps\n0,0,1,3\n700,31,2,3\n1500,7,1,3\n")
-    options = Options("Survey", route=route, **files)
+    mine, true, scale = files
+    options = Options("Survey", robot=mine, route=route, true_robot=true, scaled_for=scale)
     there = HomewardVectorEnv(**vars(options)).batch.setting
     carried = self_contained(options)
-    for file in (hill, *files.values()):
+    for file in (hill, *files):
         file.unlink()
     elsewhere = HomewardVectorEnv(**vars(carried)).batch.setting
     assert (elsewhere.robot, elsewhere.true_robot) == (there.robot, there.true_robot)
