@@ -55,6 +55,7 @@ class Term:
     spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # interval of what the schedule shows
     fixed: bool = False  # whether its columns are no response of the kernel
     natural: bool = True  # whether the size changes as the sizes of this effect do
+    of_rolling_kg: float | None = None  # C_rr m that its sizes are shares of, where they are: before the joint fit
 
     @property
     def linear(self) -> bool:

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from homeward.diagnosis.fitted import excited
 from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Term
-from homeward.diagnosis.parameters import Parameters, WithEffects, derivatives
+from homeward.diagnosis.parameters import ROLLING, Parameters, WithEffects, derivatives
 from homeward.diagnosis.refit import Refit, standard_errors
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
@@ -152,11 +152,17 @@ class Corrected:
         found: dict[str, Value] = {}
         for one, value, interval in zip(self.model.unknowns, self.values.tolist(), self.ci95, strict=True):
             if one.term == index:
-                found[one.parameter] = Value(value, interval, one.unit)
+                share = self._share(one)
+                found[one.parameter] = Value(share * value, (share * interval[0], share * interval[1]), one.unit)
         if term.effect == "intermittent_load":
             for name, unit in (("period_s", "s"), ("duty", "1")):
                 found[name] = Value(term.shape[name], term.spread[name], unit)
         return found
+
+    def _share(self, one: Unknown) -> float:
+        """Factor from a fitted size to one of the robot's, a share of the rolling resistance fitted with it."""
+        of_kg = self.model.terms[one.term].of_rolling_kg
+        return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
 
     def effects(self) -> dict[str, dict[str, float]]:
         """The physical effects as a robot file has them; faults of instruments are none of the robot's."""
@@ -168,7 +174,9 @@ class Corrected:
             switch = CATALOGUE[term.effect].parameters[0]
             numbers = {name: value.value for name, value in self.parameters_of(index).items() if name in known}
             mine = [
-                (one, value) for one, value in zip(self.model.unknowns, self.values, strict=True) if one.term == index
+                (one, self._share(one) * value)
+                for one, value in zip(self.model.unknowns, self.values, strict=True)
+                if one.term == index
             ]
             if term.effect == "wind":
                 numbers = {"exposure": 1.0}
@@ -178,6 +186,8 @@ class Corrected:
                 # The level that lasts longest says most about the next mission.
                 lasting = [float((term.schedule.level == (one.column or 0) + 1).sum()) for one, _ in mine]
                 numbers[switch.name] = float(mine[int(np.argmax(lasting))][1])
+            if term.of_rolling_kg is not None:
+                numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
             shape = {name: value for name, value in term.shape.items() if name in known | {"track_m"}}
             result[term.effect] = {**shape, **numbers}
         return result

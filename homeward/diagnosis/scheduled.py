@@ -71,6 +71,7 @@ def scheduled(effect: str, setting: Setting) -> Iterator[Term]:
     shape = _shape_in_time(effect, setting, parameter)
     if shape is None:
         return
+    rolling_kg = float(setting.theta[ROLLING]) if effect == "surface" else None
     axes: tuple[Axis, ...] = ("time", "place") if effect in _BY_PLACE else ("time",)
     for axis in axes:
         find = in_time if axis == "time" else by_place
@@ -84,12 +85,14 @@ def scheduled(effect: str, setting: Setting) -> Iterator[Term]:
             # Noise with memory has no gaps between its levels, however many changes follow it.
             cost = 1 if schedule.apart > _CLEARLY_APART else _COST_OF_A_CHANGE
             hidden = cost * schedule.changes + int(not natural)
-            yield Term(effect, schedule.columns(shape), low, high, hidden, rhythm, axis, schedule, spread, natural)
+            yield Term(effect, schedule.columns(shape), low, high, hidden, rhythm, axis, schedule, spread, natural,
+                       of_rolling_kg=rolling_kg)  # fmt: skip
     if effect == "sensor_offset":
         yield _drift(runs)
     if effect in _BY_PLACE:
         for columns in profile(shape, runs):
-            yield Term(effect, columns, *_limits(effect, parameter, True, columns.shape[1]), axis="place")
+            yield Term(effect, columns, *_limits(effect, parameter, True, columns.shape[1]), axis="place",
+                       of_rolling_kg=rolling_kg)  # fmt: skip
 
 
 def _drift(runs: Runs) -> Term:
