@@ -248,7 +248,7 @@ def show(result: dict[str, Any], analysis: Analysis, args: Args) -> None:
         + ", ".join(f"{one} {which}" for one, which in real["versions"].items()),
         box=box.SIMPLE_HEAD,
     )
-    table.add_column("driven by", no_wrap=True)
+    table.add_column("driven by", min_width=18)
     for heading in ("score", "minus first", "stranded", "late", "simulated"):
         table.add_column(heading, justify="right", no_wrap=True)
     for label, one in real["agents"].items():
