@@ -18,6 +18,7 @@ import torch
 from rich.console import Console
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
+from threadpoolctl import threadpool_limits
 from torch import nn
 
 import homeward
@@ -172,15 +173,16 @@ def _head(model: PPO) -> nn.Linear:
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep torch and numba to one thread each.
+    """Keep torch, numba and NumPy's linear algebra to one thread each.
 
-    Batches are too small to gain from more, and idle OpenMP threads of the one starve the other on a busy machine.
+    Batches are too small to gain from more, and idle threads of the one starve the other on a busy machine.
     """
     torch_threads, numba_threads = torch.get_num_threads(), numba.get_num_threads()
     torch.set_num_threads(1)
     numba.set_num_threads(1)
     try:
-        yield
+        with threadpool_limits(1, user_api="blas"):
+            yield
     finally:
         torch.set_num_threads(torch_threads)
         numba.set_num_threads(numba_threads)

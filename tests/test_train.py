@@ -264,7 +264,7 @@ def test_ctrl_c_takes_one_line_and_the_run_goes_on(tmp_path: Path, root: Path) -
 def test_the_first_policy_mostly_goes_on() -> None:
     from homeward.agents.ppo import make_model
 
-    model = make_model(Options("Survey"), dataclasses.replace(TINY, guide="none"), seed=0)
+    model = make_model(Options("Survey"), dataclasses.replace(TINY, guide="none", insight=False), seed=0)
     observations, _ = model.policy.obs_to_tensor(np.random.default_rng(0).uniform(-1.0, 1.0, (500, len(NAMES))))
     distributions: Any = model.policy.get_distribution(observations).distribution
     assert distributions[2].probs.mean(0).tolist() == pytest.approx([0.03, 0.96, 0.014], abs=0.005)
