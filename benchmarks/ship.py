@@ -78,7 +78,7 @@ A policy for `{description["env"]}`, `{training["difficulty"]}`, robot `{trainin
 {description["decision_s"]:g} s. `evaluate.py --env {description["env"]} --agents ppo` uses it.
 
 * **What it is**: two hidden layers of {training["hidden"]} on the observation, on what `{guide}` believes of the way
-  home, and on what it proposes; the proposal also goes straight to the last layer. `{guide}` runs along with the policy.
+  home, and on what it proposes; the proposal also goes straight to the last layer. `{guide}` runs along.
 * **Trained by**: `{description["command"]}`, seed {seed}, {description["steps"]:,} decisions,
   {curve[-1].trained_s:.0f} s; the best of {row["seeds"]} seeds on the {EPISODES} missions of the learning curve.
 * **Versions**: {versions}. Weights `{description["weights_sha256"][:16]}`.
