@@ -10,9 +10,10 @@ import pytest
 from benchmarks.ship import Args, main
 from homeward.agents.policy_file import PolicyFileError, load_policy, save_policy
 from homeward.agents.ppo_curve import Point, read_curve, write_curve
+from homeward.agents.ppo_guide import make_guide
 from homeward.envs.batch import action_space
 from homeward.envs.features import NAMES
-from homeward.envs.options import Options
+from homeward.envs.options import Options, settle
 
 ROW: dict[str, Any] = {
     "mission": "Survey", "difficulty": "uncertain", "variant": "recipe", "seeds": 2, "episodes": 2000,
@@ -23,13 +24,19 @@ ROW: dict[str, Any] = {
 
 
 def write_run(folder: Path, seed: int, score: float) -> None:
-    layer = (np.full((13, len(NAMES)), float(seed), np.float32), np.zeros(13, np.float32))
+    options = Options("Survey")
+    guide = make_guide("planner", "Survey", settle(options))
+    assert guide is not None
+    layers = [
+        (np.full((rows, columns), float(seed), np.float32), np.zeros(rows, np.float32))
+        for rows, columns in ((4, len(NAMES) + guide.extra), (13, 4 + guide.proposals))
+    ]
     training = {"seed": seed, "hidden": 64, "difficulty": "uncertain", "robot": "rusti_computer"}
     details = {
         "env": "homeward/Survey-v0", "training": training, "steps": 3000, "decision_s": 30.0,
         "command": "benchmarks/learn.py", "versions": {"homeward": "0.1.0"},
     }  # fmt: skip
-    save_policy(folder, [layer], action_space(Options("Survey")), details)
+    save_policy(folder, layers, action_space(options), details, guide)
     write_curve(folder, [Point(0, 0.0, 900.0, 0.05, 0.0), Point(3000, 12.0, score, 0.01, 0.0)])
 
 
@@ -45,6 +52,7 @@ def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
     assert read_curve(shipped)[-1].score == 1230.0
     assert policy.description["weights_sha256"][:16] in card
     for told in (
+        "on what `planner` believes",
         "`benchmarks/learn.py`, seed 0",
         "scores 1240",
         "+50 (+40 to +60",
