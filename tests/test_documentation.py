@@ -22,7 +22,7 @@ def test_every_environment_variable_is_documented(root: Path, readme: str) -> No
 
 
 def test_the_default_of_the_stranding_cost_is_the_one_documented(readme: str) -> None:
-    assert f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} of a good score" in readme
+    assert f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times a good score" in readme
 
 
 def test_every_route_that_ships_names_its_source(root: Path) -> None:

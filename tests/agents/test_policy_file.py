@@ -53,11 +53,12 @@ def test_what_is_read_is_what_was_written(folder: Path, path: str) -> None:
     assert sorted(entry.name for entry in folder.iterdir()) == [DESCRIPTION, WEIGHTS]
 
 
-@pytest.mark.parametrize("guide", ["none", "dmax_adaptive"])
+@pytest.mark.parametrize("guide", ["none", "dmax_adaptive", "planner"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, guide: str) -> None:
     from homeward.agents.ppo import layers_of, make_model
     from homeward.agents.ppo_guide import make_guide
+    from homeward.agents.ppo_insight import Insight
     from homeward.agents.ppo_settings import PPOSettings
 
     settings = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16, guide=guide)
@@ -67,10 +68,12 @@ def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: s
     setting = settle(options)
     save_policy(tmp_path, layers_of(model), model.action_space, {}, make_guide(guide, "Survey", setting))
     policy = load_policy(tmp_path, setting)
-    observations = np.random.default_rng(0).uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
-    begun = np.ones(500, np.bool_)
+    rng, begun = np.random.default_rng(0), np.ones(500, np.bool_)
+    observations = rng.uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
     twin = make_guide(guide, "Survey", setting)
-    expected, _ = model.predict(observations if twin is None else twin.inputs(observations, begun), deterministic=True)
+    inputs = observations if twin is None else twin.inputs(observations, begun)
+    insight = rng.uniform(-1.0, 1.0, (500, Insight.columns)).astype(np.float32)  # for the critic alone
+    expected, _ = model.predict(np.concatenate((insight, inputs), axis=1), deterministic=True)
     actions = policy.act(observations, begun)
     assert actions.dtype == (np.int64 if action_type == "discrete" else np.float32)
     np.testing.assert_allclose(actions, expected, atol=1e-5)

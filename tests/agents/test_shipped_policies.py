@@ -49,5 +49,5 @@ def test_its_card_tells_of_the_very_policy(mission: str) -> None:
     assert description["command"] in card
 
 
-def test_a_policy_ships_for_surveys() -> None:
-    assert "Survey" in MISSIONS
+def test_a_policy_ships_for_every_mission() -> None:
+    assert set(MISSIONS) == set(IDS)
