@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from homeward.envs.batch import Batch
 from homeward.envs.state import MAX_PLACES
+from homeward.physics import model
 
 HIDDEN = ("energy", "capacity", "rolling", "payload", "gauge_bias")
 """Hidden columns: true energy over the usable energy, and what differs from the robot's file, as shares."""
@@ -56,8 +57,8 @@ class Insight:
         batch, robot = self._batch, self._batch.setting.robot
         m, p = batch.records[begun], batch.robots[begun]
         places = batch.routes[begun]["places"][:, : self._places]
-        angle = m["wind_from_rad"][:, None] - places["heading_rad"]
-        along = (places["sin_grade"], places["interest"], m["wind_mps"][:, None] * np.cos(angle))
+        headwind_mps = model.headwind(m["wind_mps"][:, None], m["wind_from_rad"][:, None], places["heading_rad"])
+        along = (places["sin_grade"], places["interest"], headwind_mps)
         self._until[begun, :, 1:] = np.cumsum(np.stack(along, axis=1), axis=2)
         hidden = (
             m["capacity_j"] / batch.setting.shared["usable_j"] - 0.9,

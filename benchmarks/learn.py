@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
 from rich.table import Table
-from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 import train
@@ -34,6 +33,7 @@ from homeward.agents.policy_file import load_policy
 from homeward.agents.ppo_curve import EPISODES, SEED, Point, read_curve
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.registry import AGENTS, Request
+from homeward.agents.statistics import wilson
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, settle
 from homeward.files import write_whole
@@ -208,12 +208,6 @@ def interval(values: NDArray[np.float64]) -> tuple[float, float]:
     by_episode = rng.multinomial(episodes, np.full(episodes, 1.0 / episodes), _RESAMPLES) / episodes
     low, high = np.percentile(np.einsum("rs,se,re->r", by_seed, values, by_episode, optimize=True), [2.5, 97.5])
     return float(low), float(high)
-
-
-def wilson(count: int, of_all: int) -> list[float]:
-    """95 % interval of a rate."""
-    ends = stats.binomtest(count, of_all).proportion_ci(method="wilson")
-    return [float(ends.low), float(ends.high)]
 
 
 def reached_s(curve: list[Point], score: float) -> float | None:

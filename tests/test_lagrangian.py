@@ -1,8 +1,8 @@
 """The Lagrangian example prices stranding as it says, and runs from the command line."""
 
-import importlib.util
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,8 @@ pytest.importorskip("stable_baselines3")
 
 
 @pytest.fixture(scope="module")
-def example(root: Path) -> Any:
-    spec = importlib.util.spec_from_file_location("lagrangian_ppo", root / "examples" / "lagrangian_ppo.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["lagrangian_ppo"] = module
-    spec.loader.exec_module(module)
-    return module
+def example(load_example: Callable[[str], Any]) -> Any:
+    return load_example("lagrangian_ppo")
 
 
 def test_a_stranding_costs_the_multiplier(example: Any) -> None:

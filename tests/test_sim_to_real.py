@@ -1,10 +1,10 @@
 """The loop closes: what the example records leads back to the robot that drove, and its table says what it must."""
 
 import contextlib
-import importlib.util
 import io
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +22,8 @@ TRAINED = ("nominal-trained", "randomised-trained", "corrected-trained")
 
 
 @pytest.fixture(scope="module")
-def example(root: Path) -> Any:
-    spec = importlib.util.spec_from_file_location("sim_to_real", root / "examples" / "sim_to_real.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["sim_to_real"] = module
-    spec.loader.exec_module(module)
-    return module
+def example(load_example: Callable[[str], Any]) -> Any:
+    return load_example("sim_to_real")
 
 
 @pytest.fixture(scope="module")

@@ -50,6 +50,12 @@ def drag_force(robot: Any, speed_mps: Any) -> Any:
 
 
 @inline
+def headwind(wind_mps: Any, wind_from_rad: Any, heading_rad: Any) -> Any:
+    """Part of a wind that blows against a heading, m/s; negative from behind."""
+    return wind_mps * np.cos(wind_from_rad - heading_rad)
+
+
+@inline
 def wind_force(robot: Any, speed_mps: Any, headwind_mps: Any) -> Any:
     """Air drag against moving air beyond that in still air, c (u |u| - v^2) with u = v + w, N."""
     air_mps = speed_mps + headwind_mps
