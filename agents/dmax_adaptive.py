@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
 from homeward.agents.pace import Pace
-from homeward.agents.rule import TurnBackRule
+from homeward.agents.rule import BelievingRule, Outlook
 from homeward.envs.options import Setting
 from homeward.physics import ancillary_power
 
@@ -20,7 +20,7 @@ _UNSEEN = 0.1
 
 
 @final
-class AdaptiveDmaxRule(TurnBackRule):
+class AdaptiveDmaxRule(BelievingRule):
     """Learns on the way how much more than its model the robot consumes, and how much that varies.
 
     What a decision took is a ratio times its modelled driving plus another times its modelled sensing, and an error
@@ -35,30 +35,25 @@ class AdaptiveDmaxRule(TurnBackRule):
     """
 
     def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
-        super().__init__(setting, pace)
-        self._deviations = deviations
+        super().__init__(setting, pace, deviations)
         self._forget(0)
 
-    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond the corrected way home and the reserve, see `TurnBackRule.spare`."""
-        ratios, deviation = self.believe(observations, begun)
-        cost = feature(observations, "home_cost") + self.cost_of_going_on(observations)
-        return feature(observations, "energy") - (ratios[:, 0] + self._deviations * deviation) * cost
-
-    def believe(
-        self, observations: Observations, begun: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What the robot takes over what its model says: of driving and of sensing (n, 2), and the deviation (n,).
-
-        Arguments as in `act`; a decision that is shown twice counts once.
-        """
+    def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
+        """What it believes, see `BelievingRule.look`."""
         self._learn(observations, begun)
         target = (self._moment + np.diag(_PRIOR))[..., None]
         ratios: NDArray[np.float64] = np.linalg.solve(self._normal + _PRIOR, target)[..., 0]
         explained = np.einsum("ni,nij,nj->n", ratios, self._normal, ratios)
         residual: NDArray[np.float64] = self._square - 2.0 * np.einsum("ni,ni->n", ratios, self._moment) + explained
         spread = np.maximum(residual, 0.0) / np.maximum(self._last[:, 1], 1e-9)
-        return ratios, np.sqrt(spread + _UNSEEN**2)
+        home, onwards = feature(observations, "home_cost"), self.cost_of_going_on(observations)
+        return Outlook(
+            home=ratios[:, 0] * home,
+            onwards=ratios[:, 0] * onwards,
+            deviation=np.sqrt(spread + _UNSEEN**2) * (home + onwards),
+            driving=ratios[:, 0],
+            sensing=ratios[:, 1],
+        )
 
     def _forget(self, count: int) -> None:
         self._last = np.zeros((count, 2))  # energy used and modelled so far

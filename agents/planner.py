@@ -1,4 +1,4 @@
-"""Plans with what the robot knows: turns back as the adaptive rule does; speed, sensing and stops go by prices."""
+"""Plans with what the robot knows and finds out: when to turn back by that; speed, sensing and stops by prices."""
 
 from __future__ import annotations
 
@@ -10,28 +10,32 @@ from numpy.typing import NDArray
 from homeward.agents import planner_kernel as kernel
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.dmax_identified import IdentifiedDmaxRule
+from homeward.agents.identification import Identification
 from homeward.agents.pace import Pace
+from homeward.agents.rule import BelievingRule
 from homeward.envs.actions import encode_actions
 from homeward.envs.difficulty import KNOWN
 from homeward.envs.kernel import LEVELS
 from homeward.envs.missions import information
 from homeward.envs.options import Setting
-from homeward.envs.state import GO, RETURN, STOP, SURVEY
+from homeward.envs.state import GO, PATROL, RETURN, STOP, SURVEY
 from homeward.physics import ancillary_power, d_max
 
 _STEEPEST_SINE = 0.7
-_LEAST_RATIO = 0.1
-"""Least consumption over the model's that plans are made with: one must cost something."""
+_PROBE = 0.5
+"""Share of the range of speeds at which a probe is driven."""
 _TYPICAL_SHARE = 2.0 / 3.0
 """Share of a metre's information in the setting's expected one: that of half of the fastest rate."""
 
 
 @final
 class Planner(Policy):
-    """Plans anew at every decision, as far as the turn, by the robot's own model and its beliefs.
+    """Plans anew at every decision, as far as the turn, with the robot and the wind that it has identified.
 
-    When to turn back is decided by `AdaptiveDmaxRule`: since a score never falls on the way out, the best plan goes on
-    until the energy, less a reserve, is down to the way home. What it takes on the way is scaled by the same beliefs.
+    When to turn back is decided by `IdentifiedDmaxRule`: as a score never falls on the way out, the best plan goes on
+    until the energy, less a reserve, is down to the way home. A patrol, which can turn at its posts only, is driven by
+    `AdaptiveDmaxRule`.
 
     In a survey energy and memory have prices: that of a joule is the information that going on would buy with it, that
     of a sample is what it takes to send it from where a stop is just worth it. At every decision pairs of prices are
@@ -48,10 +52,17 @@ class Planner(Policy):
     """
 
     def __init__(self, setting: Setting, deviations: float) -> None:
-        self._setting, self._deviations = setting, deviations
+        self._setting = setting
         s, robot = setting.shared[0], setting.robot
         self._survey = bool(s["mission"] == SURVEY)
-        self.rule = AdaptiveDmaxRule(setting, Pace(float(self._survey), 0.0, 1.0), deviations)
+        pace = Pace(float(self._survey), 0.0, 1.0)
+        self.rule: BelievingRule
+        self._identification: Identification | None = None
+        if s["mission"] == PATROL:
+            self.rule = AdaptiveDmaxRule(setting, pace, deviations)
+        else:
+            self.rule = rule = IdentifiedDmaxRule(setting, pace, deviations)
+            self._identification = rule.identification
         self._turned = 1.5 if s["discrete"] else 1.0 / 3.0  # between go and return
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
@@ -74,14 +85,18 @@ class Planner(Policy):
         """Choose one action a mission, see `Policy.act`."""
         homebound = self.rule.act(observations, begun)[:, 2] > self._turned
         turns = homebound & (feature(observations, "outbound") > 0.0)
+        s = self._setting.shared[0]
         speed_mps = self._thriftiest(0.1 * feature(observations, "grade") * np.where(turns, -1.0, 1.0))
         sensing_hz, stops = np.zeros(len(observations)), np.zeros(len(observations), np.bool_)
-        if self._survey:
+        if self._survey and self._identification:
             out = ~homebound
-            beliefs = self._beliefs(observations, begun)[out]
+            beliefs = self._beliefs(observations, self._identification.unknown)[out]
             commands = np.empty((len(beliefs), 3))
-            kernel.plan(beliefs, self._model, self._setting.shared, commands)
+            kernel.plan(beliefs, self._identification.vehicle, self._model, self._setting.shared, commands)
             speed_mps[out], sensing_hz[out], stops[out] = commands[:, 0], commands[:, 1], commands[:, 2] > 0.0
+        if self._identification:
+            slow_mps = s["min_speed_mps"] + _PROBE * (s["max_speed_mps"] - s["min_speed_mps"])
+            speed_mps = np.where(self._identification.probes & ~homebound, slow_mps, speed_mps)
         mode = np.where(homebound, RETURN, np.where(stops, STOP, GO))
         return encode_actions(self._setting, speed_mps, sensing_hz, mode)
 
@@ -91,16 +106,19 @@ class Planner(Policy):
         nearest = np.abs(self._sines - sine[:, None]).argmin(axis=1)
         return np.asarray(model["speeds_mps"][model["per_m"][:, nearest].argmin(axis=0)])
 
-    def _beliefs(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.void]:
+    def _beliefs(self, observations: Observations, unknown: NDArray[np.float64]) -> NDArray[np.void]:
         s = self._setting.shared[0]
-        ratios, deviation = self.rule.believe(observations, begun)
+        outlook = self.rule.look(observations, np.zeros(len(observations), np.bool_))
         beliefs = np.zeros(len(observations), kernel.BELIEF_DTYPE)
-        beliefs["driving"], beliefs["sensing"] = np.maximum(ratios, _LEAST_RATIO).T
-        beliefs["returning"] = ratios[:, 0] + self._deviations * deviation
-        beliefs["spare"] = self.rule.spare(observations, begun)
+        beliefs["unknown"] = unknown
+        reserve = self.rule.deviations * outlook.deviation
+        beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
+        beliefs["spare"] = feature(observations, "energy") - outlook.home - outlook.onwards - reserve
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
+        for name in ("east", "north"):
+            beliefs[name] = feature(observations, name)
         for name, seen in (("here", "grade"), ("near", "grade_near"), ("beyond", "grade_mean")):
             beliefs[f"sine_{name}"] = 0.1 * feature(observations, seen)
         for name, seen in (("here", "interest"), ("near", "interest_near"), ("far", "interest_far")):

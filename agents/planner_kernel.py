@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from homeward.agents.identification_kernel import UNKNOWN, Ground, driving, modelled_driving
 from homeward.envs import missions
 from homeward.envs.kernel import LEVELS
 from homeward.physics.jit import compiled
@@ -16,25 +17,30 @@ STOPS = np.array([-1.0, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.5])
 """Distances up to which a stop for the radio pays, in half-rate distances of the link; below 0, samples are free."""
 SPREAD = np.array([0.245, 0.245, 0.422, 1.308, 2.779])
 """Interest of five equally frequent kinds of ground, over its mean: that of the places of 200 generated routes."""
+_LEAST_RATIO = 0.1
+"""Least consumption over the model's that plans are made with: one must cost something."""
 
 BELIEF_DTYPE = np.dtype(
     [
-        (name, np.float64)
-        for name in (
-            "driving",  # what it takes over what the model says
-            "sensing",
-            "returning",  # the same of the way home, with the reserve
-            "spare",  # energy beyond the way home and the reserve; energies are shares of the usable energy
-            "left_s",  # until the time limit
-            "position_m",
-            "backlog",  # samples
-            "sine_here",
-            "sine_near",
-            "sine_beyond",
-            "interest_here",
-            "interest_near",
-            "interest_far",  # below 0: unknown
-        )
+        ("unknown", np.float64, (len(UNKNOWN),)),  # as identified
+        *(
+            (name, np.float64)
+            for name in (
+                "reserve",  # share of the way home kept beyond it
+                "spare",  # energy beyond the way home and the reserve; energies are shares of the usable energy
+                "left_s",  # until the time limit
+                "position_m",
+                "backlog",  # samples
+                "east",  # direction of travel
+                "north",
+                "sine_here",
+                "sine_near",
+                "sine_beyond",
+                "interest_here",
+                "interest_near",
+                "interest_far",  # below 0: unknown
+            )
+        ),
     ]
 )
 """What a robot knows and believes."""
@@ -55,11 +61,12 @@ MODEL_DTYPE = np.dtype(
 
 
 @compiled
-def plan(beliefs: Any, models: Any, constants: Any, commands: Any) -> None:
+def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any) -> None:
     """Choose the next command of surveys on their way out: try prices, follow each to the turn, and take the best.
 
     Args:
         beliefs: `BELIEF_DTYPE`, shape (n,).
+        vehicle: Numbers of the robot's own model.
         models: `MODEL_DTYPE`, shape (1,).
         constants: Shared record, `SHARED_DTYPE`, shape (1,).
         commands: Written: speed (m/s), sensing rate (Hz) and 1 to stop for the radio, shape (n, 3).
@@ -68,14 +75,14 @@ def plan(beliefs: Any, models: Any, constants: Any, commands: Any) -> None:
     drives = np.empty((3, LEVELS + 1))
     for n in range(len(beliefs)):
         b = beliefs[n]
-        _drive(b, model, b.sine_here, drives[0])
-        _drive(b, model, b.sine_near, drives[1])
-        _drive(b, model, b.sine_beyond, drives[2])
+        _drive(b, vehicle, model, s, b.sine_here, drives[0])
+        _drive(b, vehicle, model, s, b.sine_near, drives[1])
+        _drive(b, vehicle, model, s, b.sine_beyond, drives[2])
         gain = model.interest * model.found[LEVELS - 1, LEVELS // 2]
         cost = (
             drives[2, LEVELS - 1]
             + drives[2, LEVELS]
-            + b.sensing * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
+            + b.unknown[0] * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
         )
         best, joule, sample = -1.0, gain / cost, 0.0
         for eagerness in EAGERNESS:
@@ -83,7 +90,7 @@ def plan(beliefs: Any, models: Any, constants: Any, commands: Any) -> None:
                 energy_price = eagerness * gain / cost
                 sample_price = 0.0
                 if stop >= 0.0:
-                    sample_price = energy_price * b.sensing * model.standing / _radio(s, stop * s.link_m, False)
+                    sample_price = energy_price * b.unknown[0] * model.standing / _radio(s, stop * s.link_m, False)
                 found = _follow(b, model, s, drives, energy_price, sample_price)
                 if found > best:
                     best, joule, sample = found, energy_price, sample_price
@@ -116,7 +123,7 @@ def _best_way(
         s_per_m = 1.0 / model.speeds_mps[speed]
         for rate in range(LEVELS):
             value = interest * model.found[speed, rate] - sample_price * model.rates_hz[rate] * s_per_m
-            value -= energy_price * (drive[speed] + b.sensing * model.sensing[rate] * s_per_m)
+            value -= energy_price * (drive[speed] + b.unknown[0] * model.sensing[rate] * s_per_m)
             if value > best:
                 best, best_speed, best_rate = value, speed, rate
     return best_speed, best_rate
@@ -140,9 +147,9 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
         way = here if ahead == 0 else near if ahead <= 2 else far if ahead <= 10 else beyond
         gain, energy, samples, time_s = way
         radio_hz = _radio(s, position_m, False)
-        if sample_price * radio_hz > energy_price * b.sensing * model.standing:
+        if sample_price * radio_hz > energy_price * b.unknown[0] * model.standing:
             stop_s = min(backlog / radio_hz, max(left_s, 0.0))
-            spare -= stop_s * b.sensing * model.standing
+            spare -= stop_s * b.unknown[0] * model.standing
             left_s -= stop_s
             backlog -= stop_s * radio_hz
         if spare <= 0.0 or left_s <= 0.0:
@@ -161,8 +168,8 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
             excess, radio_hz = backlog - s.backlog_limit, _radio(s, position_m, False)
             stop_s = excess / radio_hz
             backlog = s.backlog_limit
-            if stop_s * b.sensing * model.standing <= spare and stop_s <= left_s:
-                spare -= stop_s * b.sensing * model.standing
+            if stop_s * b.unknown[0] * model.standing <= spare and stop_s <= left_s:
+                spare -= stop_s * b.unknown[0] * model.standing
                 left_s -= stop_s
             else:
                 found -= way_m * gain * min(excess / max(taken, 1e-9), 1.0)
@@ -183,25 +190,31 @@ def _way(
         speed, rate = _best_way(b, model, drive, weight, energy_price, sample_price)
         s_per_m = 1.0 / model.speeds_mps[speed]
         gain += weight * model.found[speed, rate]
-        energy += drive[speed] + b.sensing * model.sensing[rate] * s_per_m
+        energy += drive[speed] + b.unknown[0] * model.sensing[rate] * s_per_m
         samples += model.rates_hz[rate] * s_per_m
         time_s += s_per_m
     return gain / count, energy / count + drive[LEVELS], samples / count, time_s / count
 
 
 @compiled
-def _drive(b: Any, model: Any, sine: float, drive: Any) -> None:
-    """Energy of a metre's driving out at each speed and, last, home at the fastest."""
-    for speed in range(LEVELS):
-        drive[speed] = b.driving * _metre(model, speed, sine)
-    drive[LEVELS] = b.returning * _metre(model, LEVELS - 1, -sine)
+def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
+    """Energy of a metre's driving out at each speed and, last, home at the fastest: at least a little."""
+    ground, slopes = Ground(sine, b.east, b.north), np.empty(len(UNKNOWN))
+    for level in range(LEVELS + 1):
+        speed, ahead = (level, 1.0) if level < LEVELS else (LEVELS - 1, -1.0)
+        speed_mps = model.speeds_mps[speed]
+        more_j = driving(v, b.unknown, ground, ahead, speed_mps, 0.0, slopes)
+        more_j -= b.unknown[0] * modelled_driving(v, ground, ahead, speed_mps)
+        modelled = _metre(model, speed, ahead * sine)
+        drive[level] = max(b.unknown[0] * modelled + more_j / s.usable_j, _LEAST_RATIO * modelled)
+    drive[LEVELS] *= 1.0 + b.reserve
 
 
 @compiled
 def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample_price: float, command: Any) -> None:
     """Command of the next decision at some prices."""
     radio_hz = _radio(s, b.position_m, False)
-    standing = energy_price * b.sensing * model.standing
+    standing = energy_price * b.unknown[0] * model.standing
     pays = sample_price * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
     # Of the next decision, a part may already be in the next place.
     step_m = s.max_speed_mps * s.decision_s

@@ -13,6 +13,7 @@ from homeward.agents.base import Observations, feature
 from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.pace import Pace
 from homeward.agents.planner import Planner
+from homeward.agents.rule import BelievingRule, Outlook
 from homeward.agents.tuned import PACES, RESERVES
 from homeward.envs.kernel import LEVELS
 from homeward.envs.options import Setting
@@ -48,7 +49,7 @@ class Guide:
         self._policy: Planner | AdaptiveDmaxRule
         if pace is None:
             self._policy = Planner(setting, deviations)
-            self._rule = self._policy.rule
+            self._rule: BelievingRule = self._policy.rule
         else:
             self._policy = self._rule = AdaptiveDmaxRule(setting, pace, deviations)
         self._discrete = bool(setting.shared["discrete"][0])
@@ -69,26 +70,13 @@ class Guide:
         """
         actions = self._policy.act(observations, begun)
         again = np.zeros(len(begun), np.bool_)
-        spare = self._rule.spare(observations, again)
-        beliefs = self._beliefs(observations, again)
+        outlook = self._rule.look(observations, again)
+        energy = feature(observations, "energy")
+        spare = energy - outlook.home - outlook.onwards - self._deviations * outlook.deviation
+        beliefs = _beliefs(energy, outlook)
         sure = np.clip(-spare / _SHARP, -1.0, 1.0)
         propose = self._choices if self._discrete else self._commands
         return np.concatenate((observations, beliefs, propose(actions, sure)), axis=1, dtype=np.float32)
-
-    def _beliefs(self, observations: Observations, again: NDArray[np.bool_]) -> NDArray[np.float64]:
-        ratios, deviation = self._rule.believe(observations, again)
-        energy, cost = feature(observations, "energy"), feature(observations, "home_cost")
-        need = ratios[:, 0] * cost
-        later = need + ratios[:, 0] * self._rule.cost_of_going_on(observations)
-        columns = (
-            10.0 * (energy - later),
-            40.0 * (energy - need),
-            need / np.maximum(energy, 1e-3),
-            4.0 * (ratios[:, 0] - 1.0),
-            4.0 * (ratios[:, 1] - 1.0),
-            5.0 * deviation,
-        )
-        return np.clip(np.stack(columns, axis=1), -_LIMIT, _LIMIT)
 
     def _choices(self, actions: NDArray[Any], sure: NDArray[np.float64]) -> NDArray[np.float64]:
         columns = np.zeros((len(actions), self.proposals))
@@ -105,6 +93,20 @@ class Guide:
         going = columns[:, 2] > -1.0 / 3.0
         columns[:, 2] = np.where(going, (1.0 + _agreeing(sure, columns[:, 2] > 1.0 / 3.0)) / 3.0, columns[:, 2])
         return columns
+
+
+def _beliefs(energy: NDArray[np.float64], outlook: Outlook) -> NDArray[np.float64]:
+    """Columns of `BELIEFS`."""
+    both = outlook.home + outlook.onwards
+    columns = (
+        10.0 * (energy - both),
+        40.0 * (energy - outlook.home),
+        outlook.home / np.maximum(energy, 1e-3),
+        4.0 * (outlook.driving - 1.0),
+        4.0 * (outlook.sensing - 1.0),
+        5.0 * outlook.deviation / np.maximum(both, 1e-9),
+    )
+    return np.clip(np.stack(columns, axis=1), -_LIMIT, _LIMIT)
 
 
 def _agreeing(sure: NDArray[np.float64], returns: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -57,7 +57,8 @@ class Insight:
         batch, robot = self._batch, self._batch.setting.robot
         m, p = batch.records[begun], batch.robots[begun]
         places = batch.routes[begun]["places"][:, : self._places]
-        headwind_mps = model.headwind(m["wind_mps"][:, None], m["wind_from_rad"][:, None], places["heading_rad"])
+        wind = m["wind_mps"][:, None], m["wind_from_rad"][:, None]
+        headwind_mps = model.headwind(*wind, places["east"], places["north"])
         along = (places["sin_grade"], places["interest"], headwind_mps)
         self._until[begun, :, 1:] = np.cumsum(np.stack(along, axis=1), axis=2)
         hidden = (

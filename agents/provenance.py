@@ -14,7 +14,8 @@ import homeward
 from homeward.envs.options import Options, Setting
 
 _LEARNER = (
-    "sb3_adapter.py", "rule.py", "dmax_adaptive.py", "planner.py", "planner_kernel.py", "pace.py", "tuned.py",
+    "sb3_adapter.py", "rule.py", "dmax_adaptive.py", "dmax_identified.py", "identification.py",
+    "identification_kernel.py", "planner.py", "planner_kernel.py", "pace.py", "tuned.py",
 )  # fmt: skip
 _COMPARED = ("env", "robot", "route", "difficulty")
 

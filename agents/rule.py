@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,24 @@ from homeward.physics import ancillary_power, d_max
 _STEEPEST_SINE = 0.7
 _CHANCES = 2.0
 """Decisions that going on is costed for: the next one, and another for the surprises of ground not driven yet."""
+
+
+class Outlook(NamedTuple):
+    """What a robot believes of itself and its way home, arrays of shape (n,); energies are shares of the usable energy.
+
+    Attributes:
+        home: Energy of the way home.
+        onwards: Energy of going on to the next chance to turn, and back.
+        deviation: Standard deviation of what both take.
+        driving: What driving takes over what the robot's model says.
+        sensing: The same of sensing.
+    """
+
+    home: NDArray[np.float64]
+    onwards: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+    driving: NDArray[np.float64]
+    sensing: NDArray[np.float64]
 
 
 class TurnBackRule(Policy):
@@ -89,6 +107,29 @@ class TurnBackRule(Policy):
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         # A quarter more, for the nearest speed level may lie below cruise.
         return np.asarray(left_s < 1.25 * (distance_m / s["cruise_mps"] + self._round_s))
+
+
+class BelievingRule(TurnBackRule):
+    """Corrects the way home by what it has measured, and keeps some standard deviations of that in reserve.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate.
+        deviations: Standard deviations k kept back, 0 or above.
+    """
+
+    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
+        super().__init__(setting, pace)
+        self.deviations = deviations
+
+    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Energy beyond the corrected way home and the reserve, see `TurnBackRule.spare`."""
+        outlook = self.look(observations, begun)
+        return feature(observations, "energy") - outlook.home - outlook.onwards - self.deviations * outlook.deviation
+
+    @abstractmethod
+    def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
+        """What it believes. Arguments as in `act`; a decision that is shown twice counts once."""
 
 
 def _mean_sine(observations: Observations) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from homeward.envs.batch import Batch, observation_space
 from homeward.envs.options import Options, Setting
 from homeward.envs.routes import GENERATED, HIDDEN_WIND
 from homeward.physics import ancillary_power
-from homeward.physics.model import GRAVITY_MPS2
+from homeward.physics.model import GRAVITY_MPS2, headwind
 
 DAYS = 1024
 """Imagined days of each kind."""
@@ -85,7 +85,6 @@ def imagine(options: Options, setting: Setting) -> Days:
     rolling = robots["rolling_resistance"] / nominal["rolling_resistance"]
     rougher = robots["surface_gain"] - nominal["surface_gain"]
     wind_mps = robots["wind_exposure"] * records["wind_mps"] * np.repeat([factor for _, factor in kinds], DAYS)
-    turned = np.cos(records["wind_from_rad"][:, None] - ways["heading_rad"])
     capacity = records["capacity_j"] / setting.robot.usable_energy_j
     return Days(
         capacity=capacity,
@@ -93,7 +92,9 @@ def imagine(options: Options, setting: Setting) -> Days:
         mass=(robots["mass_kg"] + robots["payload_mass_kg"]) / (nominal["mass_kg"] + nominal["payload_mass_kg"]),
         rolling=(float(rolling.min()), float(rolling.max())),
         ground=(1.0 + rougher[:, None] * ways["roughness"]).astype(np.float32),
-        headwind_mps=(wind_mps[:, None] * turned).astype(np.float32),
+        headwind_mps=headwind(wind_mps[:, None], records["wind_from_rad"][:, None], ways["east"], ways["north"]).astype(
+            np.float32
+        ),
     )
 
 

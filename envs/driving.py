@@ -80,7 +80,7 @@ def map_place(m: Any, place: Any, believed: Any, shared: Any, home_cost_j: float
     """See the place that the robot comes to for the first time, and cost it by its own model."""
     place.home_cost_j, place.headwind_mps = home_cost_j, 0.0
     if m.wind_mps > 0.0:
-        place.headwind_mps = model.headwind(m.wind_mps, m.wind_from_rad, place.heading_rad)
+        place.headwind_mps = model.headwind(m.wind_mps, m.wind_from_rad, place.east, place.north)
     cruise = shared.cruise_mps
     headwind = float(place.headwind_mps) if shared.difficulty == KNOWN else 0.0
     # The model's powers are worked out in the mission's own record, as if its windings were cold and its clock at 0.

@@ -31,6 +31,8 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
     ("backlog", "memory", "samples on board"),
     ("link", "1", "share of its rate that the radio keeps here"),
     ("headwind", "10 m/s", "wind against the direction of travel, 0 unless known"),
+    ("east", "1", "direction of travel, as the compass has it: its part towards east"),
+    ("north", "1", "its part towards north"),
     ("temperature", "20 K", "air temperature above 10 C"),
     ("score", "good score", "score if the robot were home now"),
     ("time", "time limit", "decisions taken"),
@@ -98,6 +100,8 @@ def observe(m: Any, shared: Any, energy_j: float, cost_j: float, out: Any) -> No
     out.headwind = 0.0
     if shared.difficulty == KNOWN:
         out.headwind = min(max(0.1 * m.direction * place.headwind_mps, -LIMIT), LIMIT)
+    out.east = m.direction * place.east
+    out.north = m.direction * place.north
     out.temperature = 0.05 * (m.temperature_c - 10.0)
     out.score = min(m.score * shared.per_score, LIMIT)
     out.time = m.decisions * shared.per_max_decisions

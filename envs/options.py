@@ -259,4 +259,5 @@ def _write(route: Route, target: NDArray[np.void]) -> None:
     places = target["places"][0, :count]
     places["sin_grade"] = np.sin(route.grade_rad)
     places["roughness"], places["interest"] = route.roughness, route.interest
-    places["curvature_per_m"], places["heading_rad"] = route.curvature_per_m, route.heading_rad
+    places["curvature_per_m"] = route.curvature_per_m
+    places["east"], places["north"] = np.cos(route.heading_rad), np.sin(route.heading_rad)

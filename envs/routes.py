@@ -132,6 +132,7 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
         step = (after - sine) / max(last - first, 1)
         curvature = 3.0 * turn / length_m
         bend = curvature * length_m / count
+        east, north, cos_bend, sin_bend = np.cos(heading), np.sin(heading), np.cos(bend), np.sin(bend)
         for k in range(first, last):
             place = route.places[k]
             sine += 0.5 * step
@@ -139,9 +140,10 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
             sine += 0.5 * step
             place.roughness = roughness
             place.curvature_per_m = curvature
-            place.heading_rad = heading
+            place.east, place.north = east, north
             place.interest = 0.3
             heading += bend
+            east, north = east * cos_bend - north * sin_bend, north * cos_bend + east * sin_bend
         sine, first = after, last
     for _ in range(HOT_SPOTS):
         height, half_width, centre = (
@@ -159,7 +161,7 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
     if tailwind_out:
         east, north = 0.0, 0.0
         for k in range(count):
-            east += np.cos(route.places[k].heading_rad)
-            north += np.sin(route.places[k].heading_rad)
+            east += route.places[k].east
+            north += route.places[k].north
         m.wind_mps = 3.0 + 3.0 * strength
         m.wind_from_rad = np.arctan2(-north, -east)

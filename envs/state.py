@@ -18,7 +18,8 @@ PLACE_DTYPE = np.dtype(
             "sin_grade",  # along the way out
             "roughness",
             "curvature_per_m",
-            "heading_rad",
+            "east",  # direction of the way out, as a unit vector
+            "north",
             "interest",
             "grade_near",  # mean ahead, within sight
             "interest_near",
@@ -31,7 +32,6 @@ PLACE_DTYPE = np.dtype(
             "back_j_per_m",  # towards home, drive only
             "out_j_per_m",  # away from home, drive only
             "standing_w",  # standing here, nothing sensed
-            "unused",
         )
     ],
     align=True,

@@ -130,7 +130,8 @@ def generated_routes(robot: Robot, kind: str, count: int, seed: int) -> list[Rou
     return [
         Route(
             float(shared["place_m"]), np.arcsin(places["sin_grade"].astype(np.float64)), places["roughness"],
-            places["interest"], places["heading_rad"], m["temperature_c"], m["wind_mps"], m["wind_from_rad"],
+            places["interest"], np.arctan2(places["north"], places["east"]), m["temperature_c"], m["wind_mps"],
+            m["wind_from_rad"],
         )
         for places, m in zip(drawn, missions, strict=True)
     ]  # fmt: skip

@@ -28,7 +28,7 @@ def seen(batch: Any, i: int) -> list[float]:
     m, p, robot = batch.records[i], batch.robots[i], batch.setting.robot
     usable_j, places = float(batch.setting.shared["usable_j"][0]), int(batch.setting.shared["places"][0])
     route = batch.routes[i]["places"][:places]
-    headwind_mps = m["wind_mps"] * np.cos(m["wind_from_rad"] - route["heading_rad"])
+    headwind_mps = m["wind_mps"] * np.cos(m["wind_from_rad"] - np.arctan2(route["north"], route["east"]))
     columns = [
         m["energy_j"] / usable_j,
         5.0 * (m["capacity_j"] / usable_j - 0.9),

@@ -57,7 +57,8 @@ def test_the_way_home_is_costed_as_it_turns_out_once_the_day_is_known(monkeypatc
         env.reset(seed=seeds)
         robots, records, nominal = env.batch.robots, env.batch.records, setting.robot
         places = env.batch.routes["places"][:, : setting.shared["places"][0]]
-        wind_mps = records["wind_mps"][:, None] * np.cos(records["wind_from_rad"][:, None] - places["heading_rad"])
+        heading_rad = np.arctan2(places["north"], places["east"])
+        wind_mps = records["wind_mps"][:, None] * np.cos(records["wind_from_rad"][:, None] - heading_rad)
         health = records["capacity_j"] / nominal.usable_energy_j
         mass = 1.0 + robots["payload_mass_kg"] / nominal.mass_kg
         return Days(health, health, mass, (0.8, 1.3), np.ones(places.shape, np.float32), wind_mps.astype(np.float32))

@@ -75,11 +75,13 @@ def test_interest_is_low_but_for_hot_spots(days: Any) -> None:
 
 def test_routes_wind_and_their_heading_is_the_integral_of_the_curvature(days: Any) -> None:
     _, places, length_m = days
-    heading, curvature = places["heading_rad"].astype(float), places["curvature_per_m"].astype(float)
+    heading = np.unwrap(np.arctan2(places["north"], places["east"]).astype(float), axis=1)
+    curvature = places["curvature_per_m"].astype(float)
+    np.testing.assert_allclose(np.hypot(places["east"], places["north"]), 1.0, rtol=1e-6)
     place_m = length_m / places.shape[1]
     np.testing.assert_allclose(np.diff(heading, axis=1), curvature[:, :-1] * place_m, atol=1e-4)
     assert curvature[:, 0].std() * length_m == pytest.approx(3.0, abs=0.15)
-    assert (heading[:, 0].min(), heading[:, 0].max()) == pytest.approx((0.0, 2.0 * math.pi), abs=0.02)
+    assert (heading[:, 0].min(), heading[:, 0].max()) == pytest.approx((-math.pi, math.pi), abs=0.02)
 
 
 def test_days_are_drawn_as_documented(days: Any) -> None:
@@ -109,7 +111,7 @@ def test_hidden_wind_helps_on_the_way_out_and_hurts_on_the_way_home() -> None:
     envs.reset(seed=0)
     records, places = envs.batch.records, envs.batch.routes["places"][:, : envs.batch.setting.shared["places"][0]]
     assert ((records["wind_mps"] >= 3.0) & (records["wind_mps"] <= 6.0)).all()
-    against = np.cos(records["wind_from_rad"][:, None] - places["heading_rad"])
+    against = np.cos(records["wind_from_rad"][:, None] - np.arctan2(places["north"], places["east"]))
     assert (against.mean(axis=1) < 0.0).all() and against.mean() < -0.5
     for _ in range(60):
         *_, info = envs.step(np.array([[4, 0, GO]] * 60))

@@ -15,7 +15,7 @@ from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics.robot import ROBOT_DTYPE
 from tests.envs.rollouts import MISSIONS, drive, make, random_actions
 
-GROUND = ("sin_grade", "roughness", "curvature_per_m", "heading_rad", "interest")
+GROUND = ("sin_grade", "roughness", "curvature_per_m", "east", "north", "interest")
 
 
 @pytest.mark.parametrize("mission", MISSIONS)
