@@ -20,12 +20,11 @@ from homeward.envs.options import Setting
 from homeward.physics import ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 
-_KNOWN, _HIDDEN = np.array([1.0, 1.0, 1.0]), np.array([1.116, 1.05, 1.1])
+_KNOWN, _HIDDEN = (np.array([1.0, 1.0, 1.0]), 0.1), (np.array([1.116, 1.05, 1.1]), 1.5)
+"""Gauge over truth, rolling resistance and mass over the file's, and the standard deviation of each part of the wind
+beyond what is known of it, m/s: where nothing is hidden; and else, as `homeward.envs` draws them."""
 _DEVIATIONS = np.array([0.072, 0.144, 0.058])
-"""Gauge over truth, rolling resistance and mass over the file's: means, where nothing is hidden and else, and standard
-deviations, of `homeward.envs.difficulty`."""
-_WIND_MPS = 1.5
-"""Standard deviation of each part of the wind, of `homeward.envs.routes`."""
+"""Standard deviations of the first three, of `homeward.envs.difficulty`."""
 _LEAST_ERROR = 0.0005
 """Error of a decision that is always reckoned with, as a share of its energy."""
 _GUESSES = 3
@@ -60,7 +59,7 @@ class Identification:
             idle_w=float(ancillary_power(robot, 0.0)),
             place_m=float(s["place_m"]),
         )
-        self._prior = _prior(_KNOWN if s["difficulty"] == KNOWN else _HIDDEN)
+        self._prior = _prior(*(_KNOWN if s["difficulty"] == KNOWN else _HIDDEN))
         self._first = np.zeros(_GUESSES + 1, GUESS_DTYPE)
         self._first["unknown"], self._first["error"] = self._prior.mean, _LEAST_ERROR
         self._first["factor"] = np.linalg.cholesky(self._prior.inverse)
@@ -162,11 +161,11 @@ class Identification:
         return np.asarray(costs_j / usable_j)
 
 
-def _prior(mean: NDArray[np.float64]) -> Prior:
+def _prior(mean: NDArray[np.float64], wind_mps: float) -> Prior:
     """Usual numbers, from the means of gauge, rolling resistance and mass; deviations to first order."""
     gauge, rolling, mass = mean
     slopes = np.array([[1.0, 0.0, 0.0], [rolling * mass, gauge * mass, gauge * rolling], [mass, 0.0, gauge]])
-    covariance = np.diag(np.full(5, _WIND_MPS**2))
+    covariance = np.diag(np.full(5, wind_mps**2))
     covariance[:3, :3] = slopes @ np.diag(_DEVIATIONS**2) @ slopes.T
     usual = np.array([gauge, gauge * rolling * mass, gauge * mass, 0.0, 0.0])
     return Prior(usual, np.linalg.inv(covariance), _LEAST_ERROR)

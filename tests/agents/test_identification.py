@@ -1,0 +1,136 @@
+"""Identification finds what is hidden from what the observation shows, and the way home takes what it says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from homeward.agents.evaluation import episode_seeds
+from homeward.agents.identification import Identification
+from homeward.envs.features import INDEX
+from homeward.envs.options import Options, settle
+from homeward.envs.state import GO, RETURN
+from homeward.envs.vector import HomewardVectorEnv
+
+MISSIONS = 64
+FAST, HALF = 4, 2
+
+
+class Drive:
+    """Missions that drive out and, later, home, watched by an identification."""
+
+    def __init__(self, count: int = MISSIONS, probes: bool = True, **options: Any) -> None:
+        self.options = Options(**{"mission": "OutAndBack", **options})
+        self.env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(self.options))
+        self.observations, _ = self.env.reset(seed=episode_seeds(3, count))
+        self.identification = Identification(settle(self.options))
+        self.identification.learn(self.observations, np.ones(count, np.bool_))
+        self._probes = probes
+
+    def go(self, decisions: int, mode: int = GO, looks: int = 1) -> None:
+        """Go on for some decisions; each observation is shown so often."""
+        count = self.env.num_envs
+        for _ in range(decisions):
+            slow = self.identification.probes & self._probes & (mode == GO)
+            actions = np.stack((np.where(slow, HALF, FAST), np.zeros(count, int), np.full(count, mode)), axis=1)
+            self.observations, *_ = self.env.step(actions)
+            for _ in range(looks):
+                self.identification.learn(self.observations, np.zeros(count, np.bool_))
+
+    def seen(self, name: str) -> NDArray[np.float32]:
+        return np.asarray(self.observations[:, INDEX[name]])
+
+    def truth(self) -> NDArray[np.float64]:
+        """The unknown numbers, from what is hidden."""
+        m, p, robot = self.env.batch.records, self.env.batch.robots, self.env.batch.setting.robot
+        gauge = robot.usable_energy_j / m["capacity_j"]
+        weight = gauge * (p["mass_kg"] + p["payload_mass_kg"]) / robot.mass_kg
+        rolling = weight * p["rolling_resistance"] / robot.rolling_resistance
+        wind = m["wind_mps"] * np.stack((np.cos(m["wind_from_rad"]), np.sin(m["wind_from_rad"])))
+        return np.stack((gauge, rolling, weight, *wind), axis=1)
+
+
+def test_it_finds_what_is_hidden() -> None:
+    drive = Drive()
+    before = np.abs(drive.identification.unknown - drive.truth())
+    drive.go(60)
+    after = np.abs(drive.identification.unknown - drive.truth())
+    assert (np.median(after, axis=0) < [0.02, 0.005, 0.005, 0.05, 0.05]).all()
+    assert (np.quantile(after, 0.95, axis=0) < 0.5 * np.quantile(before, 0.95, axis=0)).all()
+
+
+def test_the_way_home_takes_what_it_says() -> None:
+    drive = Drive()
+    drive.go(48)
+    home, deviation, *_ = drive.identification.look_home(drive.observations, 0.0).T
+    energy, by_the_file = drive.seen("energy").copy(), drive.seen("home_cost").copy()
+    drive.go(44, RETURN)
+    left = drive.seen("distance") > 0.0
+    assert (drive.seen("energy") > 0.0).all() and left.all()  # on the road still: nobody's mission is over
+    here, *_ = drive.identification.look_home(drive.observations, 0.0).T
+    took = energy - drive.seen("energy")
+    error = np.abs(home - here - took) / took
+    assert np.median(error) < 0.005 and np.quantile(error, 0.95) < 0.03
+    assert np.median(np.abs(by_the_file - took) / took) > 10.0 * np.median(error)
+    assert (np.abs(home - here - took) < 5.0 * deviation + 0.002).mean() > 0.9
+
+
+def test_a_change_of_speed_tells_the_wind_from_its_mirror_image() -> None:
+    errors = []
+    for probes in (False, True):
+        drive = Drive(256, probes)
+        drive.go(56)
+        errors.append(np.abs(drive.identification.unknown - drive.truth())[:, 3:].max(axis=1))
+    assert (errors[1] > 0.5).mean() < 0.5 * (errors[0] > 0.5).mean()
+
+
+def test_nothing_is_found_where_nothing_is_hidden() -> None:
+    drive = Drive(difficulty="known")
+    drive.go(40)
+    np.testing.assert_allclose(drive.identification.unknown[:, :3], 1.0, atol=1e-3)
+    home, *_ = drive.identification.look_home(drive.observations, 0.0).T
+    np.testing.assert_allclose(home, drive.seen("home_cost"), rtol=2e-3)
+
+
+def test_rough_ground_goes_into_the_map() -> None:
+    """At harsh the ground changes on the way: what it took beyond the numbers it takes again on the way home."""
+    drive = Drive(difficulty="harsh")
+    drive.go(40)
+    home, *_ = drive.identification.look_home(drive.observations, 0.0).T
+    energy = drive.seen("energy").copy()
+    drive.go(30, RETURN)
+    on_the_road = (drive.seen("energy") > 0.0) & (drive.seen("distance") > 0.0)
+    here, *_ = drive.identification.look_home(drive.observations, 0.0).T
+    took = energy - drive.seen("energy")
+    assert on_the_road.mean() > 0.9
+    assert np.median((np.abs(home - here - took) / took)[on_the_road]) < 0.12
+
+
+def test_what_is_shown_twice_counts_once() -> None:
+    once, twice = Drive(8), Drive(8)
+    once.go(30)
+    twice.go(30, looks=2)
+    np.testing.assert_array_equal(once.identification.unknown, twice.identification.unknown)
+
+
+@pytest.mark.parametrize("mission", ["OutAndBack", "Survey"])
+def test_a_mission_is_identified_alike_alone_and_among_others(mission: str) -> None:
+    together, alone = Drive(4, mission=mission), Drive(1, mission=mission)
+    together.go(30)
+    alone.go(30)
+    np.testing.assert_array_equal(together.identification.unknown[:1], alone.identification.unknown)
+
+
+def test_a_new_mission_begins_from_what_is_usual() -> None:
+    drive = Drive(4)
+    first = drive.identification.unknown.copy()
+    drive.go(30)
+    begun = np.array([True, False, False, False])
+    found = drive.identification.unknown.copy()
+    drive.observations, _ = drive.env.reset(options={"reset_mask": begun})
+    drive.identification.learn(drive.observations, begun)
+    np.testing.assert_array_equal(drive.identification.unknown[0], first[0])
+    np.testing.assert_array_equal(drive.identification.unknown[1:], found[1:])
