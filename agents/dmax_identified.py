@@ -34,6 +34,8 @@ class IdentifiedDmaxRule(BelievingRule):
         identification: What it has found out.
     """
 
+    chances = 1.0  # it knows what the next one takes
+
     def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
         super().__init__(setting, pace, deviations)
         self.identification = Identification(setting)
@@ -44,10 +46,11 @@ class IdentifiedDmaxRule(BelievingRule):
         self.identification.learn(observations, begun)
         gauge = self._gauge_error * (1.0 - feature(observations, "energy"))
         home, deviation, onwards, own_onwards = self.identification.look_home(observations, self._outward_m).T
+        sensing = self.identification.unknown[:, 0]
         return Outlook(
             home=home,
-            onwards=onwards + self._extra_share,
+            onwards=onwards + sensing * self._extra_share,
             deviation=np.hypot(deviation, gauge),
             driving=onwards / np.maximum(own_onwards, 1e-9),
-            sensing=self.identification.unknown[:, 0],
+            sensing=sensing,
         )

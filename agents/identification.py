@@ -157,7 +157,10 @@ class Identification:
         usable_j = self._setting.shared["usable_j"][0]
         costs_j = np.empty((len(observations), 4))
         home_cost_j = feature(observations, "home_cost") * usable_j
-        look_home(self.vehicle, self._position_m, home_cost_j, onwards_m, self._grounds, self._guesses, costs_j)
+        look_home(
+            self.vehicle, self._position_m, home_cost_j, onwards_m, 0.1 * feature(observations, "grade_near"),
+            self._grounds, self._guesses, costs_j,
+        )  # fmt: skip
         return np.asarray(costs_j / usable_j)
 
 

@@ -362,9 +362,16 @@ def _home(v: Any, position_m: float, home_cost_j: float, grounds: Any, guess: An
     return cost_j, variance
 
 
+@inline
+def _there_and_back(v: Any, unknown: Any, ground: Any, slopes: Any) -> Any:
+    """Energy of driving a metre out and home at cruise, J/m."""
+    out_j = driving(v, unknown, ground, 1.0, v.cruise_mps, 0.0, slopes)
+    return out_j + driving(v, unknown, ground, -1.0, v.cruise_mps, 0.0, slopes)
+
+
 @compiled
 def look_home(
-    v: Any, position_m: Any, home_cost_j: Any, onwards_m: float, grounds: Any, guesses: Any, out: Any
+    v: Any, position_m: Any, home_cost_j: Any, onwards_m: float, sine_near: Any, grounds: Any, guesses: Any, out: Any
 ) -> None:
     """What the way home takes by the gauge, and what going on does.
 
@@ -372,7 +379,8 @@ def look_home(
         v: `Vehicle`.
         position_m: Shape (n,).
         home_cost_j: By the robot's own model, shape (n,).
-        onwards_m: Metres of going on over ground as here.
+        onwards_m: Metres of going on, over ground as here or as near, whichever takes more.
+        sine_near: Slope of the ground ahead, shape (n,).
         grounds: `GROUND_DTYPE`, shape (n, places).
         guesses: From `identify`.
         out: Written: the way home, its standard deviation, going on and from there home, and the same by the robot's
@@ -380,7 +388,8 @@ def look_home(
     """
     slopes, metre = np.empty(5), np.empty(5)
     for i in range(len(position_m)):
-        ground = grounds[i, min(int(position_m[i] / v.place_m), len(grounds[i]) - 1)]
+        here = grounds[i, min(int(position_m[i] / v.place_m), len(grounds[i]) - 1)]
+        near = Ground(sine_near[i], here.east, here.north)
         idle_j_per_m = 2.0 * v.idle_w / v.cruise_mps
         mean = square = onwards = 0.0
         for k in range(guesses.shape[1] - 1):
@@ -389,9 +398,10 @@ def look_home(
                 home_j, variance = _home(v, position_m[i], home_cost_j[i], grounds[i], guess, (slopes, metre))
                 mean += guess.weight * home_j
                 square += guess.weight * (variance + home_j * home_j)
-                there_and_back = driving(v, guess.unknown, ground, 1.0, v.cruise_mps, 0.0, metre)
-                there_and_back += driving(v, guess.unknown, ground, -1.0, v.cruise_mps, 0.0, metre)
+                there_and_back = max(
+                    _there_and_back(v, guess.unknown, here, metre), _there_and_back(v, guess.unknown, near, metre)
+                )
                 onwards += guess.weight * (there_and_back + guess.unknown[_G] * idle_j_per_m)
-        own = modelled_driving(v, ground, 1.0, v.cruise_mps) + modelled_driving(v, ground, -1.0, v.cruise_mps)
+        own = modelled_driving(v, here, 1.0, v.cruise_mps) + modelled_driving(v, here, -1.0, v.cruise_mps)
         out[i, 0], out[i, 1] = mean, np.sqrt(max(square - mean * mean, 0.0))
         out[i, 2], out[i, 3] = onwards * onwards_m, (own + idle_j_per_m) * onwards_m

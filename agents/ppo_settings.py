@@ -27,7 +27,7 @@ class PPOSettings:
     """Decisions in a gradient step; divides n_envs times n_steps."""
     epochs: int = 4
     """Passes over the decisions in an update."""
-    learning_rate: float = 1e-3
+    learning_rate: float = 1e-4
     """Step size of Adam at the start; it falls linearly to a hundredth."""
     discount: float = 0.9995
     """Discount factor, also of the shaping; the way home is about a hundred decisions long and must still count."""
@@ -37,7 +37,7 @@ class PPOSettings:
     """How far an update may move the probability of an action."""
     entropy: float = 0.0
     """Weight of the entropy bonus."""
-    stranding_cost: float = 2.0
+    stranding_cost: float = 0.5
     """Reward lost by stranding beyond the score, as a share of a good score: without it, gambling pays too well."""
     hidden: int = 128
     """Width of the two hidden layers, of the policy and of the value."""

@@ -15,8 +15,6 @@ from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
 
 _STEEPEST_SINE = 0.7
-_CHANCES = 2.0
-"""Decisions that going on is costed for: the next one, and another for the surprises of ground not driven yet."""
 
 
 class Outlook(NamedTuple):
@@ -48,6 +46,9 @@ class TurnBackRule(Policy):
         pace: Speed and sensing rate.
     """
 
+    chances = 2.0
+    """Decisions that going on is costed for: the next one, and another for the surprises of ground not driven yet."""
+
     def __init__(self, setting: Setting, pace: Pace) -> None:
         self._setting, self._pace = setting, pace
         s = setting.shared[0]
@@ -59,7 +60,7 @@ class TurnBackRule(Policy):
         # Pit stops shorter than a decision can pass unseen; then there is no post to wait for.
         self._sees_posts = self._patrol and bool(s["pit_stop_s"] >= s["decision_s"])
         idle_w, busy_w = ancillary_power(setting.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
-        outward_s = _CHANCES * s["decision_s"]
+        outward_s = self.chances * s["decision_s"]
         extra_j = outward_s * (busy_w - idle_w)
         if self._patrol:
             outward_s = max(outward_s, s["length_m"] / s["cruise_mps"])

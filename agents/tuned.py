@@ -1,7 +1,7 @@
 """Numbers of the baselines for each mission, as `python benchmarks/tune_baselines.py` printed them.
 
 They have the highest mean score over 1024 missions with training seeds, `uncertain`, with the default robot; the
-planner's has the highest of those with which it strands no more often than `dmax_adaptive`.
+planner's has the highest sum over `uncertain` and `harsh`, relative to the best of each.
 """
 
 from __future__ import annotations
