@@ -36,7 +36,7 @@ class Args:
     """Environment id."""
     out: Path = Path("runs/ppo")
     """Folder of the run."""
-    steps: int = 2_000_000
+    steps: int = 1_000_000
     """Decisions to train on, made up to whole updates."""
     seed: int = 0
     """Seed of all that is drawn."""

@@ -42,6 +42,7 @@ GUESS_DTYPE = np.dtype(
         ("unknown", np.float64, (len(UNKNOWN),)),
         ("factor", np.float64, (len(UNKNOWN), len(UNKNOWN))),  # Cholesky's, of the inverse of their covariance
         ("error", np.float64),  # of a decision, as a share of its energy
+        ("rows", np.float64),  # drives that it was fitted to
         ("left_j", np.float64),  # that the way out took beyond what the numbers explain
         ("likelihood", np.float64),  # its logarithm
         ("weight", np.float64),  # among the guesses; 0 for none
@@ -244,7 +245,7 @@ def _fit(v: Any, prior: Any, drives: Any, grounds: Any, guess: Any, work: Any) -
         _factor(factor)
         if gained < _CONVERGED:
             break
-    guess.left_j = left_j
+    guess.left_j, guess.rows = left_j, len(drives)
     guess.error = np.sqrt(prior.least_error * prior.least_error + square)
     guess.likelihood = -unusual - len(drives) * (np.log(guess.error) + 0.5 * square / (guess.error * guess.error))
 
@@ -352,8 +353,9 @@ def _home(v: Any, position_m: float, home_cost_j: float, grounds: Any, guess: An
     slopes[_G] += home_cost_j - own_j
     # What the way out took for another reason, as rough ground, the way home takes too.
     cost_j = guess.unknown[_G] * (home_cost_j - own_j) + drive_j + guess.left_j
+    # Noise of single decisions averages out; what the way out took for no known reason may come again.
+    variance = guess.left_j * guess.left_j + (guess.error * cost_j) ** 2 / max(guess.rows, 1.0)
     # Forward substitution with the factor of the inverse covariance: the square of what comes out is the variance.
-    variance = (guess.error * cost_j) ** 2
     for a in range(len(slopes)):
         for b in range(a):
             slopes[a] -= guess.factor[a, b] * slopes[b]

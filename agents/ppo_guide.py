@@ -25,7 +25,7 @@ GUIDES = (NO_GUIDE, ADAPTIVE, PLANNER)
 BELIEFS = ("spare", "spare_here", "need", "drive_ratio", "sensing_ratio", "deviation")
 """Further inputs: energy beyond the way home after the next decision and at once, share of the energy left that the way
 home takes, by how much driving and sensing take more than modelled, and how much that varies."""
-_SHARP = 0.03
+_SHARP = 0.01
 """Energy to spare, as a share of the usable energy, from which the rule is sure to go on."""
 _LIMIT = 3.0
 

@@ -15,9 +15,9 @@ _MODE_LOGITS = (-1.5, 2.0, -2.2)  # stop 3 %, go 96 %, return 1.4 %: back after 
 _LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so as rarely beside it
 # Exploring costs energy, and one sensing too many on the way home may be the last: a policy that tries much learns to
 # leave room for its own trials, and turns back early.
-_TRUST = (7.0, 7.0)  # the proposed speed and sensing rate: 99.6 % each
-_TRUST_STOP, _TRUST_RETURN = 4.0, 8.0  # per unit of the proposal: return 0.03 % while the rule is sure to go on
-_STOP = -2.0  # stop 0.2 % where the rule goes on, 88 % where it stops
+_TRUST = (8.0, 8.0)  # the proposed speed and sensing rate: 99.9 % each
+_TRUST_STOP, _TRUST_RETURN = 5.0, 10.0  # per unit of the proposal: return 0.005 % while the rule is sure to go on
+_STOP = -3.0  # stop 0.03 % where the rule goes on, 88 % where it stops
 
 
 class GuidedPolicy(ActorCriticPolicy):

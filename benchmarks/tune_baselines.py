@@ -37,7 +37,7 @@ CANDIDATES = [
     for rate, interest, full in itertools.product((0.5, 0.75, 1.0), (0.0, 0.4, 0.5, 0.6, 0.8), (0.5, 0.7, 0.9, 0.95))
 ]
 SHARES = (0.0, 0.01, 0.02, 0.03, 0.04, 0.07, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.24, 0.26, 0.28, 0.3)
-DEVIATIONS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 3.5, 4.0)
+DEVIATIONS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0)
 RULES: dict[str, tuple[Callable[..., Policy], tuple[float, ...]]] = {
     "soc50": (StateOfChargeRule, (0.5,)),
     "dmax": (DmaxRule, SHARES),
