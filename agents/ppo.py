@@ -60,7 +60,7 @@ def train(
     restore: bool,
     console: Console,
 ) -> Trained:
-    """Train a policy and write it.
+    """Train a policy and write it as it was when it did best on the missions of the learning curve.
 
     Args:
         options: Of the environment; the shaping's discount is taken from the settings.
@@ -82,25 +82,27 @@ def train(
     with one_thread():
         model = make_model(options, settings, seed)
         model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
-        if restore:
-            restore_checkpoint(model, folder)
+        best = restore_checkpoint(model, folder) if restore else None
         guide = make_guide(settings.guide, options.mission, settle(options))
 
         def measured(steps: int, trained_s: float) -> Point:
             return measure(deployed(model, guide), options, steps, trained_s)
 
-        callback = TrainingCallback(folder, total, checkpoint_s, console, math.ceil(total / curve), measured)
+        callback = TrainingCallback(
+            folder, total, checkpoint_s, console, math.ceil(total / curve), measured, lambda: layers_of(model), best
+        )
         try:
             model.learn(total - model.num_timesteps, callback, reset_num_timesteps=False)
             callback.add_to_curve()
-            save_checkpoint(model, folder)  # for more steps some day
+            save_checkpoint(model, callback.best, folder)  # for more steps some day
         finally:
             callback.close()
             model.logger.close()
     versions = {"homeward": homeward.__version__, "python": platform.python_version()}
     versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
-    details = {**details, "steps": total, "versions": versions}
-    save_policy(folder, layers_of(model), model.action_space, details, guide)
+    assert callback.best is not None  # the curve has a point at the end
+    details = {**details, "steps": total, "best_after_steps": callback.best.steps, "versions": versions}
+    save_policy(folder, callback.best.layers, model.action_space, details, guide)
     return Trained(total, callback.home_rate, callback.score)
 
 

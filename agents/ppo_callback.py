@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
-from homeward.agents.ppo_checkpoint import save_checkpoint
+from homeward.agents.policy_file import Layer
+from homeward.agents.ppo_checkpoint import Best, save_checkpoint
 from homeward.agents.ppo_curve import Point, read_curve, write_curve
 
 
@@ -25,6 +26,12 @@ class TrainingCallback(BaseCallback):
         console: Where the progress bar goes; without a terminal, a line for each tenth of the run.
         every: Least decisions between points of the learning curve.
         measure: What the policy is worth, a point of the curve, after some decisions and seconds of training.
+        layers: The layers of the policy as it stands.
+        best: The best policy so far, of a run that is continued.
+
+    Attributes:
+        best: The policy that did best on the missions of the curve since training began, the latest of equals: one
+            that tries on goes astray now and then.
     """
 
     def __init__(
@@ -35,9 +42,11 @@ class TrainingCallback(BaseCallback):
         console: Console,
         every: int,
         measure: Callable[[int, float], Point],
+        layers: Callable[[], list[Layer]],
+        best: Best | None,
     ) -> None:
         super().__init__()
-        self._every, self._measure = every, measure
+        self._every, self._measure, self._layers, self.best = every, measure, layers, best
         self.home_rate = self.score = float("nan")
         self._folder, self._steps, self._checkpoint_s, self._console = folder, steps, checkpoint_s, console
         columns = (
@@ -61,7 +70,7 @@ class TrainingCallback(BaseCallback):
             self.add_to_curve()
         # The update before is done: nothing of it would be lost.
         if self.num_timesteps > self._start_step and time.monotonic() - self._saved_s >= self._checkpoint_s:
-            save_checkpoint(self.model, self._folder)  # type: ignore[arg-type]
+            save_checkpoint(self.model, self.best, self._folder)  # type: ignore[arg-type]
             self._saved_s = time.monotonic()
 
     def add_to_curve(self) -> None:
@@ -70,7 +79,12 @@ class TrainingCallback(BaseCallback):
             return
         now_s = time.monotonic()
         self._trained_s += now_s - self._resumed_s
-        self._curve.append(self._measure(self.num_timesteps, self._trained_s))
+        point = self._measure(self.num_timesteps, self._trained_s)
+        self._curve.append(point)
+        if point.steps and (self.best is None or point.score >= self.best.score):
+            self.best = Best(
+                point.steps, point.score, [(weight.copy(), bias.copy()) for weight, bias in self._layers()]
+            )
         write_curve(self._folder, self._curve)
         self._resumed_s = time.monotonic()
 

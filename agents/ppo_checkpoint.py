@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.save_util import load_from_zip_file, save_to_zip_file
 
+from homeward.agents.policy_file import Layer
 from homeward.agents.ppo_folder import CHECKPOINT, PREVIOUS, write_checkpoint
 from homeward.agents.ppo_settings import TrainingError
 
@@ -27,7 +29,16 @@ _PROGRESS = (
 """Attributes of the algorithm that change between updates, beside its parameters."""
 
 
-def save_checkpoint(model: PPO, folder: Path) -> None:
+@dataclass(frozen=True)
+class Best:
+    """The policy that did best on the missions of the learning curve so far: when, how well, and its layers."""
+
+    steps: int
+    score: float
+    layers: list[Layer]
+
+
+def save_checkpoint(model: PPO, best: Best | None, folder: Path) -> None:
     """Write all that a run needs to go on as if it had not stopped: parameters, progress, missions, random states.
 
     Raises:
@@ -37,14 +48,15 @@ def save_checkpoint(model: PPO, folder: Path) -> None:
         "env": model.env,
         "numpy": np.random.get_state(),  # noqa: NPY002 - what Stable-Baselines3 shuffles with
         "torch": torch.get_rng_state(),
+        "best": best,
     }
     buffer = io.BytesIO()
     save_to_zip_file(buffer, data, params=model.get_parameters())
     write_checkpoint(folder, buffer.getvalue())
 
 
-def restore_checkpoint(model: PPO, folder: Path) -> None:
-    """Continue from the latest checkpoint, or from the one before if that is damaged.
+def restore_checkpoint(model: PPO, folder: Path) -> Best | None:
+    """Continue from the latest checkpoint, or from the one before if that is damaged; return the best policy so far.
 
     Raises:
         TrainingError: No checkpoint can be read.
@@ -58,7 +70,8 @@ def restore_checkpoint(model: PPO, folder: Path) -> None:
             except Exception as error:  # a damaged pickle raises anything
                 print(f"{folder / name} cannot be read ({type(error).__name__})", file=sys.stderr)
             else:
-                return
+                best: Best | None = data["best"]
+                return best
     raise TrainingError(f"{folder} holds no checkpoint that can be read: delete it, or choose another --out")
 
 

@@ -1,7 +1,7 @@
 """How well a robot finds out what it is today, and what its way home takes: the table of docs/identification.md.
 
 `python benchmarks/identification.py` drives missions out for some decisions, asks everyone what the way home takes, and
-drives home to see what it took. It takes about a minute.
+drives home to see what it took. Then it lets the planner drive by worse gauges. It takes about two minutes.
 """
 
 from __future__ import annotations
@@ -20,17 +20,27 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
 from homeward import cli
-from homeward.agents.base import feature
+from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
-from homeward.agents.evaluation import episode_seeds
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.identification import Identification
 from homeward.agents.pace import NO_SENSING
+from homeward.agents.registry import AGENTS, Request
+from homeward.envs.features import INDEX
 from homeward.envs.kernel import LEVELS
-from homeward.envs.options import OptionError, Options
+from homeward.envs.options import OptionError, Options, settle
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
 
 Array = NDArray[np.float64]
+GAUGES = {
+    "exact": (0.0, 0.0),
+    "steps of 0.1 %": (1e-3, 0.0),
+    "noise of 0.1 %": (0.0, 1e-3),
+    "steps of 1 %": (1e-2, 0.0),
+}
+"""Step and standard deviation of the noise of gauges, as shares of the battery."""
+AGENTS_COMPARED = ("dmax_adaptive", "planner")
 
 
 @dataclass(frozen=True)
@@ -93,6 +103,42 @@ def main(args: Args) -> None:
         "Median and 95th percentile of the absolute error. `one speed`: identified without the changes of speed.",
         highlight=False,
     )
+    console.print(gauges(args))
+
+
+def gauges(args: Args) -> Table:
+    """Scores and strandings with an exact gauge and with worse ones."""
+    options = Options("OutAndBack")
+    setting, seeds = settle(options), episode_seeds(args.seed, args.missions)
+    table = Table(
+        title=f"OutAndBack, uncertain, by the gauge: score and stranded, {args.missions} missions", box=box.SIMPLE_HEAD
+    )
+    for heading in ("gauge", *AGENTS_COMPARED):
+        table.add_column(heading, justify="left" if heading == "gauge" else "right")
+    for name, (step, noise) in GAUGES.items():
+        row = [name]
+        for agent in AGENTS_COMPARED:
+            policy = AGENTS[agent](Request(options, setting, None, 0))
+            episodes = run_episodes(WorseGauge(policy, step, noise, args.seed), options, seeds).episodes
+            row.append(f"{episodes.score.mean():.4g}, {episodes.stranded.mean():.1%}")
+        table.add_row(*row)
+    return table
+
+
+class WorseGauge(Policy):
+    """Shows a policy the energy left in steps and with noise, as shares of the battery."""
+
+    def __init__(self, policy: Policy, step: float, noise: float, seed: int) -> None:
+        self._policy, self._step, self._noise = policy, step, noise
+        self._rng = np.random.default_rng(seed)
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission, see `Policy.act`."""
+        shown, energy = observations.copy(), feature(observations, "energy")
+        if self._noise:
+            energy += self._rng.normal(0.0, self._noise, len(energy))
+        shown[:, INDEX["energy"]] = np.round(energy / self._step) * self._step if self._step else energy
+        return self._policy.act(shown, begun)
 
 
 def median(errors: Array) -> float:

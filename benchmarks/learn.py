@@ -47,7 +47,8 @@ ABLATION: dict[str, dict[str, Any]] = {
     "critic without insight": {"insight": False},
     "no shaping": {"shaping": "none"},
     "stranding costs the score only": {"stranding_cost": 0.0},
-    "stranding costs a good score": {"stranding_cost": 1.0},
+    "stranding costs two good scores": {"stranding_cost": 2.0},
+    "ten times the learning rate": {"learning_rate": 1e-3},
 }
 """What to change in the recipe, of the arguments of train.py."""
 _RESAMPLES = 2000

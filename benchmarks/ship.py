@@ -49,7 +49,7 @@ def main(args: Args) -> None:
         if (row["difficulty"], row["variant"]) != ("uncertain", "recipe"):
             continue
         folders = sorted(args.runs.glob(f"{row['mission']}-uncertain-recipe-*"))
-        best = max(folders, key=lambda folder: read_curve(folder)[-1].score)
+        best = max(folders, key=lambda folder: max(point.score for point in read_curve(folder)[1:]))
         out = args.out / row["mission"]
         out.mkdir(parents=True, exist_ok=True)
         for name in (WEIGHTS, DESCRIPTION, CURVE):
@@ -80,7 +80,8 @@ A policy for `{description["env"]}`, `{training["difficulty"]}`, robot `{trainin
 * **What it is**: two hidden layers of {training["hidden"]} on the observation, on what `{guide}` believes of the way
   home, and on what it proposes; the proposal also goes straight to the last layer. `{guide}` runs along.
 * **Trained by**: `{description["command"]}`, seed {seed}, {description["steps"]:,} decisions,
-  {curve[-1].trained_s:.0f} s; the best of {row["seeds"]} seeds on the {EPISODES} missions of the learning curve.
+  {curve[-1].trained_s:.0f} s; kept as it was after {description["best_after_steps"]:,} decisions, and the best of
+  {row["seeds"]} seeds, both by the {EPISODES} missions of the learning curve.
 * **Versions**: {versions}. Weights `{description["weights_sha256"][:16]}`.
 * **On {row["episodes"]:,} unseen missions**: this policy scores {row["score_by_seed"][seed]:.4g}. Over all seeds of the
   recipe: score {row["score"]:.4g}, {row["gain"]:+.3g} ({low:+.3g} to {high:+.3g}, 95 %, paired) over `{row["rule"]}`

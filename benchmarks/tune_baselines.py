@@ -4,7 +4,7 @@
 training seeds, at difficulty `uncertain` with the default robot; a stranded robot scores 0. The pace has the highest
 sum of all rules' scores, each relative to the pace in use; the reserves are those that suit each rule best at that
 pace. One is found for the other in turn, beginning with the pace in use. The planner has a pace of its own; its reserve
-has the highest sum of scores at `uncertain` and `harsh`, each relative to the best there.
+has the highest sum of scores at `uncertain` and `harsh`, each relative to the best there; on Patrol it is the rule's.
 """
 
 from __future__ import annotations
@@ -95,7 +95,11 @@ def tune(mission: str, console: Console) -> tuple[Pace, dict[str, float]]:
         pace = best(totals)
         tables = try_reserves(mission, pace)
     chosen = best_reserves(tables)
-    of_planner, chosen["planner"] = tune_planner(mission)
+    of_planner: Tables = {}
+    if mission == "Patrol":  # there the planner drives by that rule
+        chosen["planner"] = chosen["dmax_adaptive"]
+    else:
+        of_planner, chosen["planner"] = tune_planner(mission)
     console.print(reserve_table(mission, tables | of_planner, chosen | dict.fromkeys(of_planner, chosen["planner"])))
     return pace, chosen
 

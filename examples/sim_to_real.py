@@ -65,16 +65,16 @@ PATCH_M = 30.0
 class Args:
     """How long to train, on how many missions to drive, and where to write."""
 
-    steps: int = 2_000_000
+    steps: int = 200_000
     """Decisions that each policy is trained on."""
-    episodes: int = 2000
+    episodes: int = 1000
     """Unseen missions on the real robot."""
     seed: int = 0
     """Seed of all that is drawn."""
     out: Path = Path("runs/sim_to_real")
     """Folder for recordings, diagnosis, policies and sim_to_real.json."""
-    ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=lambda: PPOSettings(guide="none"))
-    """By default without a rule to start from: one that measures its consumption conceals what its file lacks."""
+    ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
+    """As in train.py; policies start from the planner."""
 
 
 @dataclass(frozen=True)

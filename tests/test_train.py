@@ -340,7 +340,7 @@ def test_a_missing_library_says_what_to_install(
 
 
 def test_it_learns_to_come_home(tmp_path: Path) -> None:
-    ppo = PPOSettings(n_envs=128, n_steps=32, batch_size=512, epochs=8, guide="none")
+    ppo = PPOSettings(n_envs=128, n_steps=32, batch_size=512, epochs=8, guide="none", learning_rate=1e-3)
     args = Args(
         env="homeward/OutAndBack-v0", out=tmp_path, difficulty="known", steps=100_000, decision_s=120.0, ppo=ppo
     )
@@ -370,3 +370,14 @@ def test_settings_are_written_with_the_run(finished: Path) -> None:
     settings = json.loads((finished / RUN).read_text())["settings"]
     assert settings["n_envs"] == TINY.n_envs
     assert settings["robot"] == "rusti_computer"
+
+
+def test_the_policy_is_kept_as_it_was_when_it_did_best(tmp_path: Path) -> None:
+    train.main(args(tmp_path / "run", steps=8192, curve=8))
+    curve = read_curve(tmp_path / "run")
+    description = json.loads((tmp_path / "run" / "policy.json").read_text("utf-8"))
+    best = max(point.score for point in curve[1:])
+    assert description["best_after_steps"] == max(point.steps for point in curve[1:] if point.score == best)
+    kept = load_policy(tmp_path / "run", settle(Options("Survey", decision_s=120.0)))
+    again = measure(kept, Options("Survey", decision_s=120.0), 0, 0.0)
+    assert again.score == pytest.approx(best, rel=1e-5)
