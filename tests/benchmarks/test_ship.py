@@ -33,7 +33,7 @@ def write_run(folder: Path, seed: int, score: float) -> None:
     ]
     training = {"seed": seed, "hidden": 64, "difficulty": "uncertain", "robot": "rusti_computer"}
     details = {
-        "env": "homeward/Survey-v0", "training": training, "steps": 3000, "decision_s": 30.0,
+        "env": "homeward/Survey-v0", "training": training, "steps": 3000, "best_after_steps": 3000, "decision_s": 30.0,
         "command": "benchmarks/learn.py", "versions": {"homeward": "0.1.0"},
     }  # fmt: skip
     save_policy(folder, layers, action_space(options), details, guide)
