@@ -46,7 +46,7 @@ AGENT_WORDS = {
     "dmax": "the paper's rule: turns back when Eq. 8, at the average grade, just reaches home",
     "dmax_mapped": "costs the way home over the ground that it drove on the way out",
     "dmax_adaptive": "scales that cost by what it measures, and keeps a reserve of k standard deviations",
-    "planner": "turns back as `dmax_adaptive` does, and chooses speed, sensing and stops by what they are worth",
+    "planner": "finds out what the robot is today and turns back by that; senses and stops by what it is worth",
     "ppo": "a network trained by PPO",
 }
 """What each agent does."""

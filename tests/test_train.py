@@ -250,10 +250,16 @@ def test_a_run_killed_before_its_policy_was_written_writes_it(
     assert "nan" not in capsys.readouterr().err
 
 
+def heed_ctrl_c() -> None:
+    """A shell lets what it starts in the background ignore Ctrl-C, and children inherit that."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_ctrl_c_takes_one_line_and_the_run_goes_on(tmp_path: Path, root: Path) -> None:
     process = subprocess.Popen(
-        [*command(tmp_path / "run"), "--steps", "10_000_000"], cwd=root, stderr=subprocess.PIPE, text=True
-    )
+        [*command(tmp_path / "run"), "--steps", "10_000_000"], cwd=root, stderr=subprocess.PIPE, text=True,
+        preexec_fn=heed_ctrl_c,
+    )  # fmt: skip
     deadline = time.monotonic() + 120.0
     while not (tmp_path / "run" / CHECKPOINT).is_file() and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.01)
