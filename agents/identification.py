@@ -26,7 +26,8 @@ beyond what is known of it, m/s: where nothing is hidden; and else, as `homeward
 _DEVIATIONS = np.array([0.072, 0.144, 0.058])
 """Standard deviations of the first three, of `homeward.envs.difficulty`."""
 _LEAST_ERROR = 0.0005
-"""Error of a decision that is always reckoned with, as a share of its energy."""
+"""Error of a decision that is always reckoned with, as a share of its energy: ten times and more what single precision
+leaves of one in the observation."""
 _GUESSES = 3
 _PROBE = 8
 """Decisions of which one is a probe. At one speed a second wind from the other side often explains a drive as well."""

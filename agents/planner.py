@@ -113,7 +113,7 @@ class Planner(Policy):
         beliefs["unknown"] = unknown
         reserve = self.rule.deviations * outlook.deviation
         beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
-        beliefs["spare"] = feature(observations, "energy") - outlook.home - outlook.onwards - reserve
+        beliefs["spare"] = self.rule.spare_by(outlook, observations)
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]

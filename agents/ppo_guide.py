@@ -71,9 +71,8 @@ class Guide:
         actions = self._policy.act(observations, begun)
         again = np.zeros(len(begun), np.bool_)
         outlook = self._rule.look(observations, again)
-        energy = feature(observations, "energy")
-        spare = energy - outlook.home - outlook.onwards - self._deviations * outlook.deviation
-        beliefs = _beliefs(energy, outlook)
+        spare = self._rule.spare_by(outlook, observations)
+        beliefs = _beliefs(feature(observations, "energy"), outlook)
         sure = np.clip(-spare / _SHARP, -1.0, 1.0)
         propose = self._choices if self._discrete else self._commands
         return np.concatenate((observations, beliefs, propose(actions, sure)), axis=1, dtype=np.float32)

@@ -125,7 +125,10 @@ class BelievingRule(TurnBackRule):
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Energy beyond the corrected way home and the reserve, see `TurnBackRule.spare`."""
-        outlook = self.look(observations, begun)
+        return self.spare_by(self.look(observations, begun), observations)
+
+    def spare_by(self, outlook: Outlook, observations: Observations) -> NDArray[np.float64]:
+        """The same, by what it believes."""
         return feature(observations, "energy") - outlook.home - outlook.onwards - self.deviations * outlook.deviation
 
     @abstractmethod

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.identification import truth
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.identification import Identification
 from homeward.envs.features import INDEX
@@ -43,21 +44,12 @@ class Drive:
     def seen(self, name: str) -> NDArray[np.float32]:
         return np.asarray(self.observations[:, INDEX[name]])
 
-    def truth(self) -> NDArray[np.float64]:
-        """The unknown numbers, from what is hidden."""
-        m, p, robot = self.env.batch.records, self.env.batch.robots, self.env.batch.setting.robot
-        gauge = robot.usable_energy_j / m["capacity_j"]
-        weight = gauge * (p["mass_kg"] + p["payload_mass_kg"]) / robot.mass_kg
-        rolling = weight * p["rolling_resistance"] / robot.rolling_resistance
-        wind = m["wind_mps"] * np.stack((np.cos(m["wind_from_rad"]), np.sin(m["wind_from_rad"])))
-        return np.stack((gauge, rolling, weight, *wind), axis=1)
-
 
 def test_it_finds_what_is_hidden() -> None:
     drive = Drive()
-    before = np.abs(drive.identification.unknown - drive.truth())
+    before = np.abs(drive.identification.unknown - truth(drive.env))
     drive.go(60)
-    after = np.abs(drive.identification.unknown - drive.truth())
+    after = np.abs(drive.identification.unknown - truth(drive.env))
     assert (np.median(after, axis=0) < [0.02, 0.005, 0.005, 0.05, 0.05]).all()
     assert (np.quantile(after, 0.95, axis=0) < 0.5 * np.quantile(before, 0.95, axis=0)).all()
 
@@ -83,7 +75,7 @@ def test_a_change_of_speed_tells_the_wind_from_its_mirror_image() -> None:
     for probes in (False, True):
         drive = Drive(256, probes)
         drive.go(56)
-        errors.append(np.abs(drive.identification.unknown - drive.truth())[:, 3:].max(axis=1))
+        errors.append(np.abs(drive.identification.unknown - truth(drive.env))[:, 3:].max(axis=1))
     assert (errors[1] > 0.5).mean() < 0.5 * (errors[0] > 0.5).mean()
 
 
