@@ -18,7 +18,6 @@ from homeward.agents.identification_kernel import (
 from homeward.envs.difficulty import KNOWN
 from homeward.envs.options import Setting
 from homeward.physics import ancillary_power
-from homeward.physics.model import GRAVITY_MPS2
 
 _KNOWN, _HIDDEN = (np.array([1.0, 1.0, 1.0]), 0.1), (np.array([1.116, 1.05, 1.1]), 1.5)
 """Gauge over truth, rolling resistance and mass over the file's, and the standard deviation of each part of the wind
@@ -28,7 +27,7 @@ _DEVIATIONS = np.array([0.072, 0.144, 0.058])
 _LEAST_ERROR = 0.0005
 """Error of a decision that is always reckoned with, as a share of its energy: ten times and more what single precision
 leaves of one in the observation."""
-_GUESSES = 3
+_GUESSES = 6
 _PROBE = 8
 """Decisions of which one is a probe. At one speed a second wind from the other side often explains a drive as well."""
 
@@ -53,7 +52,7 @@ class Identification:
         self._setting = setting
         self.vehicle = Vehicle(
             rolling_resistance=robot.rolling_resistance,
-            weight_n=float(nominal["mass_kg"] + nominal["payload_mass_kg"]) * GRAVITY_MPS2,
+            mass_kg=float(nominal["mass_kg"] + nominal["payload_mass_kg"]),
             drag_ns2_per_m2=robot.drag_ns2_per_m2,
             per_efficiency=1.0 / robot.traction_efficiency,
             cruise_mps=float(s["cruise_mps"]),

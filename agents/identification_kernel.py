@@ -26,14 +26,21 @@ _G, _R, _S, _EAST, _NORTH = range(5)
 _LEAST = np.array([0.5, 0.2, 0.4, -15.0, -15.0])
 _MOST = np.array([3.0, 6.0, 6.0, 15.0, 15.0])
 """Bounds of a fit, beyond all that `homeward.envs.difficulty` and `homeward.envs.routes` draw: steps stop there."""
-STARTS_MPS = np.array([(0.0, 0.0), (2.0, 0.0), (0.0, 2.0), (-2.0, 0.0), (0.0, -2.0)])
-"""Winds to begin from: none, and about the routes' mean (Rayleigh of scale 1.5 m/s: 1.9 m/s) from four sides."""
-# The next were chosen by trial on OutAndBack, uncertain: more starts and steps change its score by under 0.1 %.
-_BEGIN_AGAIN = 16  # decisions after which they are tried again
+STARTS_MPS = np.array(
+    [
+        [(0.0, 0.0), (2.0, 0.0), (0.0, 2.0), (-2.0, 0.0), (0.0, -2.0)],
+        [(0.0, 0.0), (2.1, 2.1), (-2.1, 2.1), (-2.1, -2.1), (2.1, -2.1)],
+    ]
+)
+"""Winds to begin from, in turn: none, and about the routes' mean or more (1.9 m/s: Rayleigh of scale 1.5 m/s) from
+four sides."""
+# The next were chosen by trial on OutAndBack, uncertain, with two robots.
+_BEGIN_AGAIN = 8  # decisions after which they are tried again
 _STEPS, _HALVINGS = 4, 4  # Gauss-Newton steps of a fit, and how often one that makes it worse is halved
 _CONVERGED = 0.01  # gain in the logarithm of the likelihood below which a fit ends
-_FIRST_ERROR = 0.01  # from which a fit from elsewhere begins, so that it finds its way
-_HOPELESS = 1e-4  # likelihood over that of the best guess below which one is given up
+_FITS = 3  # of a guess from elsewhere, each with the error that the one before has left
+_FIRST_ERROR = 0.01  # from which those begin, so that they find their way
+_HOPELESS = 1e-6  # likelihood over that of the best guess below which one is given up
 
 DRIVE_DTYPE = np.dtype([(name, np.float64) for name in ("used_j", "modelled_j", "from_m", "to_m", "speed_mps")])
 """What driving on at one speed took: by the gauge and by the robot's own model, from where to where."""
@@ -52,10 +59,10 @@ GUESS_DTYPE = np.dtype(
 
 
 class Vehicle(NamedTuple):
-    """Numbers of the robot's own model."""
+    """Numbers of the robot's own model, as `homeward.physics.model` asks for them."""
 
     rolling_resistance: float
-    weight_n: float
+    mass_kg: float  # with its payload
     drag_ns2_per_m2: float
     per_efficiency: float
     cruise_mps: float
@@ -86,7 +93,7 @@ class Prior(NamedTuple):
 @inline
 def _rolling_and_climbing(v: Any, sine: float) -> tuple[float, float]:
     """Rolling friction and weight along a slope by the file, N."""
-    return v.rolling_resistance * v.weight_n * np.sqrt(max(1.0 - sine * sine, 0.0)), v.weight_n * sine
+    return model.rolling_force(v, np.sqrt(max(1.0 - sine * sine, 0.0))), model.grade_force(v, sine)
 
 
 @inline
@@ -104,13 +111,13 @@ def driving(v: Any, unknown: Any, ground: Any, ahead: float, speed_mps: float, l
     """
     rolling_n, climbing_n = _rolling_and_climbing(v, ahead * ground.sine)
     east, north = ahead * ground.east, ahead * ground.north
-    air_mps = speed_mps + unknown[_EAST] * east + unknown[_NORTH] * north
-    drag_n = v.drag_ns2_per_m2 * air_mps * abs(air_mps)
+    headwind_mps = unknown[_EAST] * east + unknown[_NORTH] * north
+    drag_n = model.drag_force(v, speed_mps) + model.wind_force(v, speed_mps, headwind_mps)
     force_n = unknown[_R] * rolling_n + unknown[_S] * climbing_n + unknown[_G] * drag_n
     if force_n <= least_n:
         slopes[:] = 0.0
         return 0.0
-    gust = 2.0 * unknown[_G] * v.drag_ns2_per_m2 * abs(air_mps) * v.per_efficiency
+    gust = 2.0 * unknown[_G] * v.drag_ns2_per_m2 * abs(speed_mps + headwind_mps) * v.per_efficiency
     slopes[_G] = drag_n * v.per_efficiency
     slopes[_R], slopes[_S] = rolling_n * v.per_efficiency, climbing_n * v.per_efficiency
     slopes[_EAST], slopes[_NORTH] = gust * east, gust * north
@@ -254,7 +261,24 @@ def _fit(v: Any, prior: Any, drives: Any, grounds: Any, guess: Any, work: Any) -
             break
     guess.left_j, guess.rows = left_j, len(drives)
     guess.error = np.sqrt(prior.least_error * prior.least_error + square)
-    guess.likelihood = -unusual - len(drives) * (np.log(guess.error) + 0.5 * square / (guess.error * guess.error))
+    guess.likelihood = _likelihood(unusual, square, guess.error, len(drives))
+
+
+@inline
+def _likelihood(unusual: float, square: float, error: float, rows: int) -> float:
+    """Logarithm of a guess's likelihood."""
+    return float(-unusual - rows * (np.log(error) + 0.5 * square / (error * error)))
+
+
+@inline
+def _begin(v: Any, prior: Any, drives: Any, grounds: Any, guess: Any, work: Any) -> None:
+    """Make all other numbers of a guess those that suit its wind, and its error what that leaves."""
+    (target, normal), more = work
+    guess.error = _FIRST_ERROR
+    for _ in range(2):
+        _suit_wind(v, prior, guess.unknown, drives, grounds, guess.error, work)
+        _, square, _ = _misfit(v, prior, guess.unknown, drives, grounds, guess.error, target, normal, more)
+        guess.error = np.sqrt(prior.least_error * prior.least_error + square)
 
 
 @inline
@@ -265,17 +289,26 @@ def _is(one: Any, other: Any) -> bool:
 
 
 @inline
-def _keep(guesses: Any, trial: Any) -> None:
-    """Put a trial in the place of the guess that it is, or else of the worst, if it is likelier."""
-    place = 0
+def _find(guesses: Any, trial: Any) -> int:
+    """Which of the guesses a trial is, or their number."""
+    place = len(guesses)
     for k in range(len(guesses)):
         if guesses[k].weight > 0.0 and _is(guesses[k], trial):
-            place = k
-            break
-        if guesses[place].weight > 0.0 and (
-            guesses[k].weight == 0.0 or guesses[k].likelihood < guesses[place].likelihood
-        ):
-            place = k
+            place = min(place, k)
+    return place
+
+
+@inline
+def _keep(guesses: Any, trial: Any) -> None:
+    """Put a trial in the place of the guess that it is, or else of the worst, if it is likelier."""
+    place = _find(guesses, trial)
+    if place == len(guesses):
+        place = 0
+        for k in range(len(guesses)):
+            if guesses[place].weight > 0.0 and (
+                guesses[k].weight == 0.0 or guesses[k].likelihood < guesses[place].likelihood
+            ):
+                place = k
     if guesses[place].weight == 0.0 or trial.likelihood > guesses[place].likelihood:
         trial.weight = 1.0
         guesses[place] = trial
@@ -332,12 +365,14 @@ def identify(
             if own[k].weight > 0.0:
                 _fit(v, prior, driven, grounds[i], own[k], work)
         if begin_again:
-            for start in range(len(STARTS_MPS)):
-                trial.unknown[:] = own[0].unknown
-                trial.unknown[_EAST:] = STARTS_MPS[start]
-                trial.error = _FIRST_ERROR
-                _fit(v, prior, driven, grounds[i], trial, work)
-                _fit(v, prior, driven, grounds[i], trial, work)
+            begin = guesses[i, 0].unknown.copy()
+            for wind in STARTS_MPS[decisions[i] // _BEGIN_AGAIN % len(STARTS_MPS)]:
+                trial.unknown[:_EAST], trial.unknown[_EAST:] = begin[:_EAST], wind
+                _begin(v, prior, driven, grounds[i], trial, work[-1])
+                for _ in range(_FITS):
+                    _fit(v, prior, driven, grounds[i], trial, work)
+                    if _find(own, trial) < len(own):
+                        break
                 _keep(own, trial)
         _weigh(own)
 

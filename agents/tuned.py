@@ -1,8 +1,8 @@
 """Numbers of the baselines for each mission, as `python benchmarks/tune_baselines.py` printed them.
 
 They have the highest mean score over 1024 missions with training seeds, `uncertain`, with the default robot; the
-planner's has the highest sum over `uncertain` and `harsh`, relative to the best of each. On Survey that would be 3:
-with 4 it strands in 2 % at `harsh` instead of 6 %, for half a per cent of the score. On Patrol it is its rule's.
+planner's, one for OutAndBack and Survey, has the highest sum over both at `uncertain` and `harsh`, relative to the best
+of each; on Patrol it is its rule's.
 """
 
 from __future__ import annotations
