@@ -356,7 +356,8 @@ def identify(
         if not asked[i]:
             continue
         own, trial, driven = guesses[i, :-1], guesses[i, -1], drives[i, : counts[i]]
-        begin_again = decisions[i] % _BEGIN_AGAIN == 0
+        # On the way home nothing hangs on it any more.
+        begin_again = decisions[i] % _BEGIN_AGAIN == 0 and driven[-1].to_m > driven[-1].from_m
         if not begin_again:
             left_j = _left_j(v, own[0].unknown, driven[-1], grounds[i], own[0].error, slopes, metre)
             if abs(left_j) <= 0.5 * own[0].error * driven[-1].modelled_j:
