@@ -52,6 +52,8 @@ ABLATION: dict[str, dict[str, Any]] = {
 }
 """What to change in the recipe, of the arguments of train.py."""
 _RESAMPLES = 2000
+_LEAST_GAP = 0.01
+"""Share of the optimum that the best rule has to miss for there to be a gap to close."""
 _WIDTH = 150  # columns of the table
 _CHECKPOINT_S = 60.0
 
@@ -73,7 +75,9 @@ class Args:
     episodes: int = 2000
     """Unseen episodes to compare on."""
     optimum: int = 0
-    """Episodes, of the same, to compare with the optimum with full knowledge, too; about a second each."""
+    """Episodes, of the same, to compare with the optimum with full knowledge, too."""
+    jobs: int = 2
+    """Processes that find the optimum."""
     ablation: bool = False
     """Change one part of the recipe at a time."""
 
@@ -132,7 +136,7 @@ def compare(args: Args, mission: str, difficulty: str, variant: str, changes: Ma
         tuple(read_curve(folder) for folder in folders),
         rule, of_rule.score, of_rule.stranded,
         float(of(rule, options, tuple(episode_seeds(SEED, EPISODES))).score.mean()),
-        optimum(options, seeds[: args.optimum]) if args.optimum else None,
+        optimum(options, seeds[: args.optimum], args.jobs) if args.optimum else None,
     )  # fmt: skip
 
 
@@ -164,9 +168,9 @@ def best_rule(options: Options, seeds: tuple[int, ...]) -> tuple[str, Episodes]:
 
 
 @functools.cache
-def optimum(options: Options, seeds: tuple[int, ...]) -> NDArray[np.float64]:
+def optimum(options: Options, seeds: tuple[int, ...], jobs: int) -> NDArray[np.float64]:
     """Scores that the oracle reaches with full knowledge."""
-    return solve(options, seeds).lower
+    return solve(options, seeds, jobs).lower
 
 
 def summary(result: Result) -> dict[str, Any]:
@@ -185,29 +189,43 @@ def summary(result: Result) -> dict[str, Any]:
         "reaches_rule_s": [reached_s(curve, result.rule_on_curve) for curve in result.curves],
         "final_level_s": [reached_s(curve, 0.99 * curve[-1].score) for curve in result.curves],
         "trained_s": [curve[-1].trained_s for curve in result.curves],
-        "optimum": None, "gap_closed": None,
+        "optimum": None, "gap_closed": None, "gap_closed_ci95": None,
     }  # fmt: skip
     if result.optimum is not None:
         part = slice(0, len(result.optimum))
-        gap = float((result.optimum - result.rule_score[part]).mean())
-        row |= {
-            "optimum": {
-                "episodes": len(result.optimum),
-                "score": float(result.optimum.mean()),
-                "rule_score": float(result.rule_score[part].mean()),
-            },
-            "gap_closed": float(gain[:, part].mean()) / gap,
+        gap = result.optimum - result.rule_score[part]
+        row["optimum"] = {
+            "episodes": len(gap),
+            "score": float(result.optimum.mean()),
+            "rule_score": float(result.rule_score[part].mean()),
         }
+        if gap.mean() > _LEAST_GAP * result.optimum.mean():
+            row["gap_closed"] = float(gain[:, part].mean() / gap.mean())
+            row["gap_closed_ci95"] = gap_closed_interval(gain[:, part], gap)
     return row
 
 
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
     """95 % percentile interval of the mean of (seeds, episodes), both resampled."""
+    return _middle(_resampled(values))
+
+
+def gap_closed_interval(gain: NDArray[np.float64], gap: NDArray[np.float64]) -> tuple[float, float]:
+    """The same of the mean of (seeds, episodes) over that of (episodes,), both of the same episodes at each draw."""
+    return _middle(_resampled(gain) / _resampled(np.broadcast_to(gap, gain.shape)))
+
+
+def _resampled(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means of resampled seeds and episodes: the same ones for all values of one shape."""
     rng = np.random.default_rng(0)
     seeds, episodes = values.shape
     by_seed = rng.multinomial(seeds, np.full(seeds, 1.0 / seeds), _RESAMPLES) / seeds
     by_episode = rng.multinomial(episodes, np.full(episodes, 1.0 / episodes), _RESAMPLES) / episodes
-    low, high = np.percentile(np.einsum("rs,se,re->r", by_seed, values, by_episode, optimize=True), [2.5, 97.5])
+    return np.asarray(np.einsum("rs,se,re->r", by_seed, values, by_episode, optimize=True))
+
+
+def _middle(means: NDArray[np.float64]) -> tuple[float, float]:
+    low, high = np.percentile(means, [2.5, 97.5])
     return float(low), float(high)
 
 
@@ -221,7 +239,7 @@ def table(rows: list[dict[str, Any]], args: Args) -> Table:
     shown = Table(title=f"PPO on {args.episodes} unseen episodes, {args.seeds} training seeds", box=box.SIMPLE_HEAD)
     for heading in (
         "mission", "variant", "score", "best rule", "minus best rule (95 %)", "stranded (95 %)", "rule stranded",
-        "gap closed", "reaches rule, s", "1 % of final, s", "trained, s",
+        "gap closed (95 %)", "reaches rule, s", "1 % of final, s", "trained, s",
     ):  # fmt: skip
         shown.add_column(heading, justify="left" if heading in ("mission", "variant") else "right")
     for row in rows:
@@ -235,10 +253,20 @@ def table(rows: list[dict[str, Any]], args: Args) -> Table:
             f"{row['gain']:+.3g}\n({low:+.3g} to {high:+.3g})",
             f"{row['stranded_rate']:.2%}\n({least:.2%} to {most:.2%})",
             f"{row['rule_stranded_rate']:.2%}",
-            "" if row["gap_closed"] is None else f"{row['gap_closed']:.0%}",
+            gap_cell(row),
             *(median_s(row[name]) for name in ("reaches_rule_s", "final_level_s", "trained_s")),
         )
     return shown
+
+
+def gap_cell(row: dict[str, Any]) -> str:
+    """Share of the gap to the optimum that is closed, and its interval."""
+    if row["optimum"] is None:
+        return ""
+    if row["gap_closed"] is None:
+        return "no gap"
+    low, high = row["gap_closed_ci95"]
+    return f"{row['gap_closed']:.1%}\n({low:.1%} to {high:.1%})"
 
 
 def median_s(times: list[float | None]) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.learn import Args, Result, interval, main, reached_s, summary
+from benchmarks.learn import Args, Result, gap_cell, gap_closed_interval, interval, main, reached_s, summary
 from homeward.agents.ppo_curve import Point
 from homeward.agents.ppo_settings import TrainingError
 
@@ -38,8 +38,25 @@ def test_figures_of_a_result() -> None:
     assert row["gain_ci95"] == [10.0, 20.0]
     assert (row["stranded_rate"], row["rule_stranded_rate"]) == (0.125, 0.5)
     assert row["gap_closed"] == pytest.approx(15.0 / 30.0)
+    assert row["gap_closed_ci95"] == pytest.approx((10.0 / 30.0, 20.0 / 30.0))
     assert row["reaches_rule_s"] == [1.0, 1.0]
     assert row["final_level_s"] == [2.0, 1.0]
+
+
+def test_a_share_of_a_gap_has_an_interval_and_hardly_a_gap_has_neither() -> None:
+    rule, rng = np.full(400, 100.0), np.random.default_rng(1)
+    gap = rng.normal(20.0, 5.0, 400)
+    low, high = gap_closed_interval(np.stack([0.5 * gap] * 3), gap)
+    assert low == pytest.approx(0.5) == high  # paired: gain and gap rise and fall together
+    low, high = gap_closed_interval(rng.normal(10.0, 5.0, (3, 400)), gap)
+    assert low < 0.5 < high and high - low < 0.1
+    nobody = np.zeros((1, 400), np.bool_)
+    row = summary(
+        Result(
+            "Patrol", "uncertain", "recipe", rule[None], nobody, (CURVE,), "dmax", rule, nobody[0], 100.0, rule + 0.5
+        )
+    )
+    assert (row["gap_closed"], gap_cell(row)) == (None, "no gap")
 
 
 def test_a_score_that_is_not_reached_has_no_time() -> None:
