@@ -1,17 +1,19 @@
-"""Other learners than PPO: one with a memory and one off policy, the table "Other learners" of docs/learning.md.
+"""Learning from nothing: what shaping, a memory and another learner do, the table of docs/learning.md.
 
-`python benchmarks/learners.py` trains PPO, recurrent PPO (sb3-contrib) and deep Q-learning (Stable-Baselines3) on the
-same missions, all of them from nothing and from the observation alone, and compares them with the best rule on unseen
-episodes. Finished runs are kept in OUT, so that a run that was killed goes on with the next one.
+`python benchmarks/learners.py` trains PPO with the shaping by d_max, without any and paid as it goes, recurrent PPO
+(sb3-contrib) and deep Q-learning (Stable-Baselines3) on the same missions, all of them from nothing and from the
+observation alone, and compares them with the best rule on unseen episodes. Finished runs are kept in OUT, so that a run
+that was killed goes on with the next one.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, final
@@ -60,7 +62,7 @@ class Args:
     """Folder of the results."""
     missions: tuple[str, ...] = ("Survey", "OutAndBack")
     """Missions to train for."""
-    learners: tuple[str, ...] = ("ppo", "recurrent ppo", "dqn")
+    learners: tuple[str, ...] = ("ppo", "ppo unshaped", "ppo naive", "recurrent ppo", "dqn")
     """Learners."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
@@ -116,7 +118,12 @@ def _rate(stranded: int, count: int) -> str:
 def one_run(args: Args, options: Options, learner: str, seed: int) -> dict[str, Any]:
     """Train with one seed and run the unseen episodes, or find what came of it in an earlier run."""
     made_with = {name: version(name) for name in ("homeward", "stable-baselines3", "sb3-contrib", "torch")}
-    key = {"steps": args.steps, "episodes": args.episodes, "options": asdict(options), "made_with": made_with}
+    key = {
+        "steps": args.steps,
+        "episodes": args.episodes,
+        "options": dataclasses.asdict(options),
+        "made_with": made_with,
+    }
     file = args.out / f"{options.mission}-{options.difficulty}-{learner.replace(' ', '_')}-{seed}.json"
     if file.is_file():
         kept: dict[str, Any] = json.loads(file.read_text())
@@ -144,6 +151,21 @@ def missions(options: Options, count: int, seed: int) -> SB3Adapter:
 def train_ppo(options: Options, steps: int, seed: int) -> Policy:
     """PPO as `train.py --guide none --learning-rate 1e-3` does it, but for the critic's insight."""
     model = make_model(options, SETTINGS, seed)
+    model.learn(steps)
+    return deployed(model, None)
+
+
+def train_ppo_unshaped(options: Options, steps: int, seed: int) -> Policy:
+    """The same, with nothing but the score at the end."""
+    return train_ppo(dataclasses.replace(options, shaping="none"), steps, seed)
+
+
+def train_ppo_naively(options: Options, steps: int, seed: int) -> Policy:
+    """The same, paid as it goes."""
+    model = make_model(options, SETTINGS, seed)
+    env = model.env
+    assert isinstance(env, SB3Adapter)
+    model.set_env(PaidAsItGoes(env))
     model.learn(steps)
     return deployed(model, None)
 
@@ -176,6 +198,8 @@ def train_dqn(options: Options, steps: int, seed: int) -> Policy:
 
 LEARNERS: dict[str, Callable[[Options, int, int], Policy]] = {
     "ppo": train_ppo,
+    "ppo unshaped": train_ppo_unshaped,
+    "ppo naive": train_ppo_naively,
     "recurrent ppo": train_recurrent,
     "dqn": train_dqn,
 }
@@ -212,6 +236,31 @@ class FlatActions(VecEnvWrapper):
     def step_wait(self) -> VecEnvStepReturn:
         """Step all missions."""
         return self.venv.step_wait()
+
+
+class PaidAsItGoes(VecEnvWrapper):
+    """Pays what the score rises by at once, whether or not the robot gets home, and takes the cost of stranding."""
+
+    def __init__(self, venv: SB3Adapter) -> None:
+        super().__init__(venv)
+        self._batch = venv.env.batch
+
+    def reset(self) -> VecEnvObs:
+        """Begin all missions."""
+        return self.venv.reset()
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step all missions."""
+        batch = self._batch
+        before = batch.records["score"].copy()
+        observations, _, dones, infos = self.venv.step_wait()
+        after = batch.records["score"].copy()
+        ended = np.flatnonzero(dones)
+        stranded = np.array([infos[i]["stranded"] for i in ended], np.bool_)
+        after[ended] = np.where(stranded, before[ended], [infos[i]["score"] for i in ended])
+        rewards = (after - before) * batch.setting.shared["per_score"][0]
+        rewards[ended] -= SETTINGS.stranding_cost * stranded
+        return observations, rewards.astype(np.float32), dones, infos
 
 
 @final

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.learners import Args, choices, main, train_recurrent
+from benchmarks.learners import Args, PaidAsItGoes, choices, main, missions, train_recurrent
 from homeward.agents.ppo_settings import TrainingError
 from homeward.agents.shield import decode_actions
 from homeward.envs.options import Options, settle
@@ -18,6 +18,26 @@ def test_there_is_every_way_to_go_on_one_stop_and_one_way_home() -> None:
     assert len(np.unique(table, axis=0)) == len(table) == 27
     assert (np.bincount(table[:, 2]) == [1, 25, 1]).all()
     assert decode_actions(setting, table[-1:]).homeward.all()
+
+
+def test_paid_as_it_goes_a_mission_adds_up_to_its_score_and_stranding_costs() -> None:
+    options = Options("OutAndBack")
+    adapter = missions(options, 64, 0)
+    env = PaidAsItGoes(adapter)
+    env.reset()
+    earned, ended = np.zeros(64), 0
+    for decision in range(400):
+        returns = (np.arange(64) % 2 == 0) & (decision >= 40)  # the others drive on until they are empty
+        _, rewards, dones, infos = env.step(np.stack((np.full(64, 4), np.zeros(64, int), 1 + returns), axis=1))
+        earned += rewards
+        for i in np.flatnonzero(dones):
+            score = infos[i]["score"] * adapter.env.batch.setting.shared["per_score"][0]
+            if infos[i]["home"]:
+                assert earned[i] == pytest.approx(score, abs=1e-4)
+            else:
+                assert earned[i] > -0.5 * infos[i]["stranded"]  # it keeps what it was paid
+            earned[i], ended = 0.0, ended + 1
+    assert ended > 100
 
 
 def test_a_finished_run_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -45,5 +65,5 @@ def test_a_recurrent_policy_remembers_until_missions_begin() -> None:
 
 
 def test_an_unknown_learner_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TrainingError, match="give --learners of ppo, recurrent ppo, dqn"):
+    with pytest.raises(TrainingError, match="give --learners of ppo, ppo unshaped"):
         main(Args(out=tmp_path, learners=("sarsa",)))
