@@ -51,8 +51,8 @@ UNTOLD = f"{HIDDEN_WIND}, untold"
 class Args:
     """What to run."""
 
-    policies: tuple[str, ...] = ("random", "onward", "wanderer", "soc50", "dmax_adaptive")
-    """Agents of evaluate.py that need no file, onward (never turns back) and wanderer (nor does it; draws the rest)."""
+    policies: tuple[str, ...] = ("random", "onward", "wanderer", "soc50", "dmax_adaptive", "planner", "ppo")
+    """Agents of evaluate.py that ship, onward (never turns back) and wanderer (nor does it; draws the rest)."""
     missions: tuple[str, ...] = tuple(MISSIONS)
     """Missions."""
     routes: tuple[str, ...] = (GENERATED, HIDDEN_WIND, UNTOLD)

@@ -88,7 +88,7 @@ A policy for `{description["env"]}`, `{training["difficulty"]}`, robot `{trainin
   ({row["rule_score"]:.4g}); stranded {row["stranded_rate"]:.2%} ({least:.2%} to {most:.2%}), the rule
   {row["rule_stranded_rate"]:.2%}.
 * **Limits**: trained on one robot, one difficulty and generated routes. Anywhere else it is a transfer, and
-  `evaluate.py` warns. It strands now and then, as above: put a shield around it where that matters.
+  `evaluate.py` warns. Where every stranding matters, put a shield around it (`ppo+shield`).
 
 | decisions | training, s | score | stranded |
 |---|---|---|---|
