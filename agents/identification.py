@@ -22,6 +22,8 @@ from homeward.physics import ancillary_power
 _KNOWN, _HIDDEN = (np.array([1.0, 1.0, 1.0]), 0.1), (np.array([1.116, 1.05, 1.1]), 1.5)
 """Gauge over truth, rolling resistance and mass over the file's, and the standard deviation of each part of the wind
 beyond what is known of it, m/s: where nothing is hidden; and else, as `homeward.envs` draws them."""
+_STRONG_WIND_MPS = 3.2
+"""The same deviation of winds of U(3, 6) m/s, those of the routes `hidden_wind`."""
 _DEVIATIONS = np.array([0.072, 0.144, 0.058])
 """Standard deviations of the first three, of `homeward.envs.difficulty`."""
 _LEAST_ERROR = 0.0005
@@ -41,12 +43,13 @@ class Identification:
 
     Args:
         setting: Constants of the environment.
+        expects_strong_wind: Whether winds as on the routes `hidden_wind` are usual.
 
     Attributes:
         vehicle: Numbers of the robot's own model.
     """
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: Setting, *, expects_strong_wind: bool = False) -> None:
         robot, s = setting.robot, setting.shared[0]
         nominal = robot.record()[0]
         self._setting = setting
@@ -59,7 +62,10 @@ class Identification:
             idle_w=float(ancillary_power(robot, 0.0)),
             place_m=float(s["place_m"]),
         )
-        self._prior = _prior(*(_KNOWN if s["difficulty"] == KNOWN else _HIDDEN))
+        usual, wind_mps = _KNOWN if s["difficulty"] == KNOWN else _HIDDEN
+        if expects_strong_wind and s["difficulty"] > KNOWN:
+            wind_mps = _STRONG_WIND_MPS
+        self._prior = _prior(usual, wind_mps)
         self._first = np.zeros(_GUESSES + 1, GUESS_DTYPE)
         self._first["unknown"], self._first["error"] = self._prior.mean, _LEAST_ERROR
         self._first["factor"] = np.linalg.cholesky(self._prior.inverse)
@@ -73,6 +79,21 @@ class Identification:
         self._grounds = np.zeros((count, int(s["places"])), GROUND_DTYPE)
         self._guesses = np.tile(self._first, (count, 1))
         self._energy, self._modelled, self._position_m = np.ones(count), np.zeros(count), np.zeros(count)
+
+    @property
+    def position_m(self) -> NDArray[np.float64]:
+        """Where missions are, shape (n,)."""
+        return self._position_m
+
+    @property
+    def grounds(self) -> NDArray[np.void]:
+        """The way out as it was seen, `GROUND_DTYPE`, shape (n, places)."""
+        return self._grounds
+
+    @property
+    def guesses(self) -> NDArray[np.void]:
+        """`GUESS_DTYPE`, shape (n, guesses): those with a weight explain the drive."""
+        return self._guesses[:, :-1]
 
     @property
     def unknown(self) -> NDArray[np.float64]:

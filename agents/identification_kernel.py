@@ -30,16 +30,22 @@ STARTS_MPS = np.array(
     [
         [(0.0, 0.0), (2.0, 0.0), (0.0, 2.0), (-2.0, 0.0), (0.0, -2.0)],
         [(0.0, 0.0), (2.1, 2.1), (-2.1, 2.1), (-2.1, -2.1), (2.1, -2.1)],
+        [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0), (-5.0, 0.0), (0.0, -5.0)],
+        [(0.0, 0.0), (3.5, 3.5), (-3.5, 3.5), (-3.5, -3.5), (3.5, -3.5)],
     ]
 )
-"""Winds to begin from, in turn: none, and about the routes' mean or more (1.9 m/s: Rayleigh of scale 1.5 m/s) from
-four sides."""
+"""Winds to begin from, in turn: none, and from four sides about the routes' mean (1.9 m/s: Rayleigh of scale 1.5 m/s),
+more, or, where a drive is not explained, a strong one."""
+_USUAL = 2  # how many of these rounds there are where it is
 # The next were chosen by trial on OutAndBack, uncertain, with two robots.
-_BEGIN_AGAIN = 8  # decisions after which they are tried again
+_BEGIN_AGAIN, _BEGIN_SOON = 8, 2  # decisions after which they are tried: where the drive is explained and where not
+_UNEXPLAINED = 2.0  # error of a guess, over the least, above which it is not
 _STEPS, _HALVINGS = 4, 4  # Gauss-Newton steps of a fit, and how often one that makes it worse is halved
 _CONVERGED = 0.01  # gain in the logarithm of the likelihood below which a fit ends
+_SUITS = 3  # of all numbers to a wind, before that moves
 _FITS = 3  # of a guess from elsewhere, each with the error that the one before has left
 _FIRST_ERROR = 0.01  # from which those begin, so that they find their way
+_ELSE_ERROR = 0.1  # by which all but driving may be off before there must have been driving
 _HOPELESS = 1e-6  # likelihood over that of the best guess below which one is given up
 
 DRIVE_DTYPE = np.dtype([(name, np.float64) for name in ("used_j", "modelled_j", "from_m", "to_m", "speed_mps")])
@@ -134,8 +140,10 @@ def modelled_driving(v: Any, ground: Any, ahead: float, speed_mps: float) -> flo
 
 
 @inline
-def _decision(v: Any, unknown: Any, d: Any, grounds: Any, least_n: float, slopes: Any, metre: Any) -> float:
-    """Energy of a decision by the gauge, J, and by how much each unknown number raises it."""
+def _decision(
+    v: Any, unknown: Any, d: Any, grounds: Any, least_n: float, slopes: Any, metre: Any
+) -> tuple[float, float]:
+    """Energy of driving and of all else in a decision by the gauge, J, and by how much each number raises both."""
     slopes[:] = 0.0
     drive_j = own_j = 0.0
     ahead = 1.0 if d.to_m > d.from_m else -1.0
@@ -151,15 +159,19 @@ def _decision(v: Any, unknown: Any, d: Any, grounds: Any, least_n: float, slopes
             slopes[a] += way_m * metre[a]
         reached_m, k = max(border_m, reached_m), min(k + 1, last)
     slopes[_G] += d.modelled_j - own_j
-    return float(unknown[_G] * (d.modelled_j - own_j) + drive_j)
+    return drive_j, float(unknown[_G] * (d.modelled_j - own_j))
 
 
 @inline
 def _left_j(v: Any, unknown: Any, d: Any, grounds: Any, error: float, slopes: Any, metre: Any) -> float:
     """Energy of a decision that a guess does not explain, J."""
-    left_j = d.used_j - _decision(v, unknown, d, grounds, 0.0, slopes, metre)
-    if left_j > error * d.modelled_j:  # it had to be driven where the guess lets it roll by itself
-        left_j = d.used_j - _decision(v, unknown, d, grounds, -np.inf, slopes, metre)
+    drive_j, else_j = _decision(v, unknown, d, grounds, 0.0, slopes, metre)
+    left_j = d.used_j - drive_j - else_j
+    if (
+        left_j > error * d.modelled_j + _ELSE_ERROR * else_j
+    ):  # it had to be driven where the guess lets it roll by itself
+        drive_j, else_j = _decision(v, unknown, d, grounds, -np.inf, slopes, metre)
+        left_j = d.used_j - drive_j - else_j
     return float(left_j)
 
 
@@ -271,14 +283,15 @@ def _likelihood(unusual: float, square: float, error: float, rows: int) -> float
 
 
 @inline
-def _begin(v: Any, prior: Any, drives: Any, grounds: Any, guess: Any, work: Any) -> None:
-    """Make all other numbers of a guess those that suit its wind, and its error what that leaves."""
+def _begin(v: Any, prior: Any, drives: Any, grounds: Any, guess: Any, wind: Any, work: Any) -> None:
+    """Make a wind a guess, with all other numbers the likeliest ones for it."""
     (target, normal), more = work
-    guess.error = _FIRST_ERROR
-    for _ in range(2):
-        _suit_wind(v, prior, guess.unknown, drives, grounds, guess.error, work)
-        _, square, _ = _misfit(v, prior, guess.unknown, drives, grounds, guess.error, target, normal, more)
-        guess.error = np.sqrt(prior.least_error * prior.least_error + square)
+    guess.unknown[:] = prior.mean
+    guess.unknown[_EAST:] = wind
+    for _ in range(_SUITS):
+        _suit_wind(v, prior, guess.unknown, drives, grounds, _FIRST_ERROR, work)
+    _, square, _ = _misfit(v, prior, guess.unknown, drives, grounds, _FIRST_ERROR, target, normal, more)
+    guess.error = np.sqrt(prior.least_error * prior.least_error + square)
 
 
 @inline
@@ -356,8 +369,10 @@ def identify(
         if not asked[i]:
             continue
         own, trial, driven = guesses[i, :-1], guesses[i, -1], drives[i, : counts[i]]
+        explained = own[0].error <= _UNEXPLAINED * prior.least_error
+        every, rounds = (_BEGIN_AGAIN, _USUAL) if explained else (_BEGIN_SOON, len(STARTS_MPS))
         # On the way home nothing hangs on it any more.
-        begin_again = decisions[i] % _BEGIN_AGAIN == 0 and driven[-1].to_m > driven[-1].from_m
+        begin_again = decisions[i] % every == 0 and driven[-1].to_m > driven[-1].from_m
         if not begin_again:
             left_j = _left_j(v, own[0].unknown, driven[-1], grounds[i], own[0].error, slopes, metre)
             if abs(left_j) <= 0.5 * own[0].error * driven[-1].modelled_j:
@@ -366,11 +381,11 @@ def identify(
             if own[k].weight > 0.0:
                 _fit(v, prior, driven, grounds[i], own[k], work)
         if begin_again:
-            begin = guesses[i, 0].unknown.copy()
-            for wind in STARTS_MPS[decisions[i] // _BEGIN_AGAIN % len(STARTS_MPS)]:
-                trial.unknown[:_EAST], trial.unknown[_EAST:] = begin[:_EAST], wind
-                _begin(v, prior, driven, grounds[i], trial, work[-1])
-                for _ in range(_FITS):
+            for wind in STARTS_MPS[decisions[i] // every % rounds]:
+                _begin(v, prior, driven, grounds[i], trial, wind, work[-1])
+                for fit in range(_FITS):
+                    if fit < _FITS - 1:  # with more, all would go where it is usual to be
+                        trial.error = min(trial.error, _FIRST_ERROR)
                     _fit(v, prior, driven, grounds[i], trial, work)
                     if _find(own, trial) < len(own):
                         break
@@ -379,7 +394,7 @@ def identify(
 
 
 @inline
-def _home(v: Any, position_m: float, home_cost_j: float, grounds: Any, guess: Any, work: Any) -> tuple[float, float]:
+def way_home(v: Any, position_m: float, home_cost_j: float, grounds: Any, guess: Any, work: Any) -> tuple[float, float]:
     """The way home by one guess, J, and its variance."""
     slopes, metre = work
     slopes[:] = 0.0
@@ -440,7 +455,7 @@ def look_home(
         for k in range(guesses.shape[1] - 1):
             guess = guesses[i, k]
             if guess.weight > 0.0:
-                home_j, variance = _home(v, position_m[i], home_cost_j[i], grounds[i], guess, (slopes, metre))
+                home_j, variance = way_home(v, position_m[i], home_cost_j[i], grounds[i], guess, (slopes, metre))
                 mean += guess.weight * home_j
                 square += guess.weight * (variance + home_j * home_j)
                 there_and_back = max(
