@@ -66,6 +66,8 @@ class Identification:
         if expects_strong_wind and s["difficulty"] > KNOWN:
             wind_mps = _STRONG_WIND_MPS
         self._prior = _prior(usual, wind_mps)
+        # In shorter pit stops, turns pass unseen: how far the robot went is not known, and nothing is learned from it.
+        self._sees_turns = bool(s["pit_stop_s"] == 0.0 or s["pit_stop_s"] >= s["decision_s"])
         self._first = np.zeros(_GUESSES + 1, GUESS_DTYPE)
         self._first["unknown"], self._first["error"] = self._prior.mean, _LEAST_ERROR
         self._first["factor"] = np.linalg.cholesky(self._prior.inverse)
@@ -116,7 +118,7 @@ class Identification:
         energy, modelled = feature(observations, "energy"), feature(observations, "modelled")
         position_m = feature(observations, "distance") * s["reach_m"]
         self._see_ground(observations, position_m)
-        asked = modelled > self._modelled
+        asked = (modelled > self._modelled) & self._sees_turns
         new = np.zeros(len(begun), DRIVE_DTYPE)
         new["used_j"] = (self._energy - energy) * s["usable_j"]
         new["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
