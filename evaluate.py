@@ -95,7 +95,7 @@ def main(args: Args) -> Evaluation:
     args.out.mkdir(parents=True, exist_ok=True)
     optimum = _optimum(args, options, seeds) if args.optimum else None
     agents = {
-        label: [Shield(one, options, env.batch.setting) if asked[label].shielded else one for one in policies]
+        label: [Shield(one, env.batch.setting) if asked[label].shielded else one for one in policies]
         for label, policies in bare.items()
     }
     runs = run_agents(agents, options, seeds, jobs=args.jobs, cluster=args.cluster)

@@ -2,13 +2,12 @@
 
 `python benchmarks/shield.py` runs every policy on the same episodes bare and shielded and prints the table of
 docs/evaluation.md; OUT/shield.json holds it. Finished rows are kept, so that a run that was killed goes on.
-`--tune` prints the strandings by margin instead, on training seeds, and the margin of each confidence that
-`agents/shield.py` takes from it.
+`--tune` prints the strandings by deviations kept back instead, on training seeds, and how many of them each confidence
+of `agents/shield.py` takes.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import itertools
 import json
@@ -29,7 +28,7 @@ from homeward import cli
 from homeward.agents import AgentError, Policy, make_policy, shield
 from homeward.agents.base import Observations
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
-from homeward.agents.shield import MARGINS, Shield
+from homeward.agents.shield import DEVIATIONS, Shield
 from homeward.agents.statistics import Bootstrap, interval, wilson
 from homeward.envs.actions import encode_actions
 from homeward.envs.kernel import LEVELS
@@ -41,7 +40,7 @@ from homeward.files import write_whole
 
 TUNED_ON = 4096
 """Missions of each row of the tuning; their seeds are 0 and on, as in training."""
-GRID = (0.0, 0.02, 0.05, 0.1, 0.15)
+GRID = (2.0, 4.0, 6.0, 8.0)
 RECKLESS = ("onward", "wanderer")
 UNTOLD = f"{HIDDEN_WIND}, untold"
 """Hidden wind, and a shield that expects the usual one."""
@@ -66,7 +65,7 @@ class Args:
     out: Path = Path("runs/shield")
     """Folder of the results."""
     tune: bool = False
-    """Print strandings by margin on training seeds instead."""
+    """Print strandings by deviations on training seeds instead."""
 
 
 @final
@@ -108,8 +107,7 @@ def policy_of(name: str, options: Options, setting: Setting) -> Policy:
 
 def shielded(name: str, options: Options, setting: Setting, *, untold: bool = False) -> Shield:
     """A policy in its shield, which may expect the usual wind on a day with another."""
-    expected = dataclasses.replace(options, route=GENERATED) if untold else options
-    return Shield(policy_of(name, options, setting), expected, settle(expected))
+    return Shield(policy_of(name, options, setting), setting, expects_strong_wind=False if untold else None)
 
 
 def row_of(args: Args, mission: str, route: str, name: str) -> dict[str, Any]:
@@ -180,36 +178,36 @@ def _rows(args: Args) -> Iterator[tuple[str, str, str]]:
 
 
 def _digest() -> str:
-    """Hash of the shield's own sources: rows that another shield made are not kept."""
+    """Hash of the sources of the shield: rows that another shield made are not kept."""
     folder = Path(shield.__file__).parent
-    sources = sorted(folder.glob("shield*.py"))
+    sources = sorted([*folder.glob("shield*.py"), *folder.glob("identification*.py")])
     return hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()[:16]
 
 
 def tune(args: Args, console: Console) -> None:
-    """Strandings of the reckless policies by margin, and the least margin that keeps each confidence."""
-    table = Table(title=f"strandings of {TUNED_ON} missions by margin, training seeds", box=box.SIMPLE_HEAD)
-    for heading in ("mission", "route", "policy", *(f"{margin:g}" for margin in GRID)):
+    """Strandings of the reckless policies by deviations, and the fewest that keep each confidence."""
+    table = Table(title=f"strandings of {TUNED_ON} missions by deviations, training seeds", box=box.SIMPLE_HEAD)
+    for heading in ("mission", "route", "policy", *(f"{deviations:g}" for deviations in GRID)):
         table.add_column(heading)
     worst = dict.fromkeys(GRID, 0)
-    asked, kept = max(MARGINS), dict(MARGINS)
+    asked, kept = max(DEVIATIONS), dict(DEVIATIONS)
     for mission, route, name in itertools.product(args.missions, (GENERATED, HIDDEN_WIND), RECKLESS):
         options = Options(mission, route=route, difficulty=args.difficulty)
         found = []
-        for margin in GRID:
-            MARGINS[asked] = margin
+        for deviations in GRID:
+            DEVIATIONS[asked] = deviations
             episodes = run_episodes(shielded(name, options, settle(options)), options, range(TUNED_ON)).episodes
             found.append(int(episodes.stranded.sum()))
-            worst[margin] = max(worst[margin], found[-1])
+            worst[deviations] = max(worst[deviations], found[-1])
         table.add_row(mission, route, name, *map(str, found))
     console.print(table)
     for confidence in kept:
-        enough = [margin for margin in GRID if wilson(worst[margin], TUNED_ON)[1] < 1.0 - confidence]
-        console.print(f"confidence {confidence:g}: margin {enough[0] if enough else 'beyond the grid'}")
+        enough = [deviations for deviations in GRID if wilson(worst[deviations], TUNED_ON)[1] < 1.0 - confidence]
+        console.print(f"confidence {confidence:g}: deviations {enough[0] if enough else 'beyond the grid'}")
 
 
 def main(args: Args) -> None:
-    """Print the table, or what the margins were chosen from.
+    """Print the table, or what the deviations were chosen from.
 
     Raises:
         AgentError, OptionError: A policy, mission or route is not known.
