@@ -22,7 +22,7 @@ def test_outcomes_do_not_depend_on_where_they_run(monkeypatch: pytest.MonkeyPatc
     options, seeds = Options("OutAndBack"), episode_seeds(3, 40)
     env = HomewardVectorEnv(**vars(options))
     agents = {name: [make_policy(name, env, seed=1)] for name in ("random", "dmax_adaptive")}
-    agents["shielded"] = [Shield(make_policy("dmax", env), options, env.batch.setting)]
+    agents["shielded"] = [Shield(make_policy("dmax", env), env.batch.setting)]
     alone, together = (run_agents(agents, options, seeds, jobs=jobs) for jobs in (1, 2))
     straight = run_episodes(make_policy("dmax_adaptive", env), options, seeds)
     for name in agents:
