@@ -22,13 +22,13 @@ from homeward.physics.model import drag_force
 DEVIATIONS = {0.999: 6.0}
 """Standard deviations of the way home kept back, for each confidence that can be asked for; see docs/evaluation.md."""
 _SHARE = 0.02
-"""Share of the way home kept back beside them."""
+"""Share of the way home kept back beside them: chosen with them, on the same missions."""
 _MOST_BIAS = 0.15
 """By how much a gauge that is biased is off at most, as a share of what was used (`homeward.envs.difficulty`)."""
 _SPARE_DECISIONS = 3.0
 """Decisions by which a robot is home before the time limit."""
 _PROBE = 0.5
-"""Share of the range of speeds at which a probe is driven."""
+"""Share of the range of speeds at which a probe is driven, as by the planner."""
 
 
 @dataclass(frozen=True)
@@ -112,10 +112,10 @@ class Shield(Policy):
         ends_m = np.where(inwards, np.maximum(position_m - way_m, 0.0), np.minimum(position_m + way_m, s["length_m"]))
         arrives = wanted.homeward & (ends_m <= 0.0) & (wanted.speed_mps > 0.0)
         lasts_s = np.where(arrives, position_m / np.maximum(wanted.speed_mps, 1e-9), s["decision_s"])
-        energy = feature(observations, "energy")
         plans = np.zeros(len(observations), PLAN_DTYPE)
-        plans["in_doubt"], plans["energy_j"] = in_doubt, energy * s["usable_j"]
-        plans["bias_j"] = self._most_bias * s["usable_j"]  # of the way out and of the way home
+        plans["in_doubt"] = in_doubt
+        # The gauge may be off by so much of the way out and of the way home, which take all of the battery together.
+        plans["energy_j"] = (feature(observations, "energy") - self._most_bias) * s["usable_j"]
         plans["home_cost_j"] = feature(observations, "home_cost") * s["usable_j"]
         plans["position_m"], plans["ends_m"] = position_m, ends_m
         plans["moves_m"] = np.where(inwards, position_m - ends_m, way_m)

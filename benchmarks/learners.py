@@ -38,7 +38,9 @@ from homeward import cli
 from homeward.agents.base import Observations, Policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.ppo import deployed, make_model, one_thread
+from homeward.agents.ppo_network import _MODE_LOGITS
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.agents.provenance import made_with
 from homeward.agents.sb3_adapter import SB3Adapter
 from homeward.agents.statistics import wilson
 from homeward.envs.actions import encode_actions
@@ -50,8 +52,6 @@ from homeward.files import write_whole
 
 SETTINGS = PPOSettings(guide="none", insight=False, learning_rate=1e-3)
 """Of PPO; the others take from them what they share."""
-_MODE_LOGITS = (-1.5, 2.0, -2.2)
-"""Stop 3 %, go 96 %, return 1.4 %: a robot that may turn back at every decision else hardly gets anywhere by chance."""
 
 
 @dataclass(frozen=True)
@@ -117,12 +117,12 @@ def _rate(stranded: int, count: int) -> str:
 
 def one_run(args: Args, options: Options, learner: str, seed: int) -> dict[str, Any]:
     """Train with one seed and run the unseen episodes, or find what came of it in an earlier run."""
-    made_with = {name: version(name) for name in ("homeward", "stable-baselines3", "sb3-contrib", "torch")}
+    code = made_with(settle(options)) | {name: version(name) for name in ("stable-baselines3", "sb3-contrib", "torch")}
     key = {
         "steps": args.steps,
         "episodes": args.episodes,
         "options": dataclasses.asdict(options),
-        "made_with": made_with,
+        "made_with": code,
     }
     file = args.out / f"{options.mission}-{options.difficulty}-{learner.replace(' ', '_')}-{seed}.json"
     if file.is_file():

@@ -105,7 +105,7 @@ def test_actions_are_decoded_as_the_environment_takes_them(action_type: str) -> 
         assert commands.homeward.tolist() == [mode == RETURN] * 3
 
 
-def test_a_confidence_without_a_margin_is_refused() -> None:
+def test_a_confidence_that_nothing_was_tuned_for_is_refused() -> None:
     options = Options("Survey")
     with pytest.raises(ValueError, match=r"confidence = 0.5 is not allowed; choose from 0.999"):
         Shield(Onward(settle(options)), settle(options), confidence=0.5)
