@@ -56,7 +56,14 @@ def main(args: Args) -> list[dict[str, Any]]:
         )
         .debugging(seed=args.seed)
     )
-    ray.init(num_cpus=1 + args.workers, include_dashboard=False, log_to_driver=False, object_store_memory=100_000_000)
+    # A cluster of its own, whatever else of Ray runs on this machine.
+    ray.init(
+        address="local",
+        num_cpus=1 + args.workers,
+        include_dashboard=False,
+        log_to_driver=False,
+        object_store_memory=100_000_000,
+    )
     algorithm = config.build_algo()
     history = []
     for _ in range(args.iterations):
