@@ -29,6 +29,9 @@ _DEVIATIONS = np.array([0.072, 0.144, 0.058])
 _LEAST_ERROR = 0.0005
 """Error of a decision that is always reckoned with, as a share of its energy: ten times and more what single precision
 leaves of one in the observation."""
+_NOWHERE = -1  # place of a robot that has seen none
+_ON_BORDER = 1e-4
+"""Share of a place within which a robot is taken to be on its border."""
 _GUESSES = 6
 _PROBE = 8
 """Decisions of which one is a probe. At one speed a second wind from the other side often explains a drive as well."""
@@ -81,6 +84,7 @@ class Identification:
         self._grounds = np.zeros((count, int(s["places"])), GROUND_DTYPE)
         self._guesses = np.tile(self._first, (count, 1))
         self._energy, self._modelled, self._position_m = np.ones(count), np.zeros(count), np.zeros(count)
+        self._furthest = np.full(count, _NOWHERE)
 
     @property
     def position_m(self) -> NDArray[np.float64]:
@@ -114,16 +118,19 @@ class Identification:
         if begun.any():
             self._decisions[begun], self._counts[begun], self._guesses[begun] = 0, 0, self._first
             self._energy[begun], self._modelled[begun], self._position_m[begun] = 1.0, 0.0, 0.0
+            self._furthest[begun] = _NOWHERE
         s = self._setting.shared[0]
         energy, modelled = feature(observations, "energy"), feature(observations, "modelled")
         position_m = feature(observations, "distance") * s["reach_m"]
         self._see_ground(observations, position_m)
-        asked = (modelled > self._modelled) & self._sees_turns
         new = np.zeros(len(begun), DRIVE_DTYPE)
         new["used_j"] = (self._energy - energy) * s["usable_j"]
         new["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
         new["from_m"], new["to_m"] = self._position_m, position_m
         new["speed_mps"] = feature(observations, "speed") * s["max_speed_mps"]
+        # One that came to an end of the route stands there in the end, and does not say how fast it came.
+        arrives = (new["speed_mps"] == 0.0) & (new["from_m"] != new["to_m"])
+        asked = (modelled > self._modelled) & ~arrives & self._sees_turns
         self._note(new, asked)
         self._energy, self._modelled, self._position_m = energy, modelled, position_m
         identify(
@@ -139,7 +146,8 @@ class Identification:
         def place(position_m: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.floor(position_m / place_m)
 
-        goes_on = (self._counts[rows] > 0) & (before["speed_mps"] == new["speed_mps"])
+        goes_on = (self._counts[rows] > 0) & (before["to_m"] == new["from_m"])
+        goes_on &= before["speed_mps"] == new["speed_mps"]
         goes_on &= np.sign(before["to_m"] - before["from_m"]) == np.sign(new["to_m"] - new["from_m"])
         goes_on &= place(before["from_m"]) == place(new["to_m"])
         for name in ("used_j", "modelled_j"):
@@ -150,10 +158,15 @@ class Identification:
         self._drives[rows, self._counts[rows] - 1] = new
 
     def _see_ground(self, observations: Observations, position_m: NDArray[np.float64]) -> None:
-        """Note the place that the robot is in on its way out, and take it for what lies ahead."""
-        place = (position_m / self.vehicle.place_m + 1e-4).astype(np.int64)
+        """Note the place that the robot is in on its way out, and take it for what lies beyond all that was seen."""
+        at = position_m / self.vehicle.place_m
+        place = (at + _ON_BORDER).astype(np.int64)
+        # On a border, rounding says which side is shown: that counts until the place is seen from within.
+        within = np.abs(at - np.rint(at)) > _ON_BORDER
         outwards = (feature(observations, "returning") == 0.0) & (feature(observations, "outbound") > 0.0)
-        ahead = outwards[:, None] & (np.arange(self._grounds.shape[1]) >= place[:, None])
+        new = outwards & ((place > self._furthest) | (place == self._furthest) & within)
+        self._furthest = np.where(new, place, self._furthest)
+        ahead = new[:, None] & (np.arange(self._grounds.shape[1]) >= place[:, None])
         for name, seen in (
             ("sine", 0.1 * feature(observations, "grade")),
             ("east", feature(observations, "east")),

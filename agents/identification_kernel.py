@@ -40,6 +40,7 @@ _USUAL = 2  # how many of these rounds there are where it is
 # The next were chosen by trial on OutAndBack, uncertain, with two robots.
 _BEGIN_AGAIN, _BEGIN_SOON = 8, 2  # decisions after which they are tried: where the drive is explained and where not
 _UNEXPLAINED = 2.0  # error of a guess, over the least, above which it is not
+_UNLIKELY = 10.0  # half of the squared distance from what is usual above which it is not: one in 800, were all normal
 _STEPS, _HALVINGS = 4, 4  # Gauss-Newton steps of a fit, and how often one that makes it worse is halved
 _CONVERGED = 0.01  # gain in the logarithm of the likelihood below which a fit ends
 _SUITS = 3  # of all numbers to a wind, before that moves
@@ -197,6 +198,16 @@ def _solve(factor: Any, target: Any) -> None:
         for k in range(i + 1, len(target)):
             target[i] -= factor[k, i] * target[k]
         target[i] /= factor[i, i]
+
+
+@inline
+def _unusual(prior: Any, unknown: Any) -> float:
+    """Half of the squared distance from what is usual, in standard deviations."""
+    half = 0.0
+    for a in range(len(unknown)):
+        for b in range(len(unknown)):
+            half += 0.5 * prior.inverse[a, b] * (unknown[a] - prior.mean[a]) * (unknown[b] - prior.mean[b])
+    return half
 
 
 @inline
@@ -369,7 +380,7 @@ def identify(
         if not asked[i]:
             continue
         own, trial, driven = guesses[i, :-1], guesses[i, -1], drives[i, : counts[i]]
-        explained = own[0].error <= _UNEXPLAINED * prior.least_error
+        explained = own[0].error <= _UNEXPLAINED * prior.least_error and _unusual(prior, own[0].unknown) <= _UNLIKELY
         every, rounds = (_BEGIN_AGAIN, _USUAL) if explained else (_BEGIN_SOON, len(STARTS_MPS))
         # On the way home nothing hangs on it any more.
         begin_again = decisions[i] % every == 0 and driven[-1].to_m > driven[-1].from_m

@@ -48,27 +48,23 @@ class Shield(Policy):
     whether what the policy wants leaves enough for that. The way home is costed by what `Identification` finds out: by
     each of the guesses that explain the drive, with some standard deviations on top; the worst counts. So that there is
     something to find out, every eighth decision of the way out is driven no faster than half speed, unless nothing is
-    hidden. The time limit is minded as well.
+    hidden. It reckons with strong winds, as on the routes `hidden_wind`, on all routes. The time limit is minded as well.
 
     Args:
         policy: The policy to be shielded.
         setting: Constants of the environment.
         confidence: That the robot gets home, one of `DEVIATIONS`.
-        expects_strong_wind: Whether winds as on the routes `hidden_wind` are usual; by default as on the setting's.
 
     Raises:
         ValueError: There is no number of deviations for that confidence.
     """
 
-    def __init__(
-        self, policy: Policy, setting: Setting, confidence: float = 0.999, *, expects_strong_wind: bool | None = None
-    ) -> None:
+    def __init__(self, policy: Policy, setting: Setting, confidence: float = 0.999) -> None:
         if confidence not in DEVIATIONS:
             raise ValueError(f"confidence = {confidence} is not allowed; choose from {', '.join(map(str, DEVIATIONS))}")
         s = setting.shared[0]
         self._policy, self._setting, self._deviations = policy, setting, DEVIATIONS[confidence]
-        strong = bool(s["hidden_wind"]) if expects_strong_wind is None else expects_strong_wind
-        self._identification = Identification(setting, expects_strong_wind=strong)
+        self._identification = Identification(setting, expects_strong_wind=True)
         self._safe_action = encode_actions(setting, s["cruise_mps"], 0.0, RETURN)[0]
         home_mps = float(decode_actions(setting, self._safe_action[None]).speed_mps[0])
         v, cruise_mps = self._identification.vehicle, float(s["cruise_mps"])

@@ -42,8 +42,6 @@ TUNED_ON = 4096
 """Missions of each row of the tuning; their seeds are 0 and on, as in training."""
 GRID = (2.0, 4.0, 6.0, 8.0)
 RECKLESS = ("onward", "wanderer")
-UNTOLD = f"{HIDDEN_WIND}, untold"
-"""Hidden wind, and a shield that expects the usual one."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +52,8 @@ class Args:
     """Agents of evaluate.py that ship, onward (never turns back) and wanderer (nor does it; draws the rest)."""
     missions: tuple[str, ...] = tuple(MISSIONS)
     """Missions."""
-    routes: tuple[str, ...] = (GENERATED, HIDDEN_WIND, UNTOLD)
-    """Routes: generated, hidden_wind, or the latter with a shield that expects the usual wind."""
+    routes: tuple[str, ...] = (GENERATED, HIDDEN_WIND)
+    """Routes: generated or hidden_wind."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     episodes: int = 4000
@@ -105,18 +103,17 @@ def policy_of(name: str, options: Options, setting: Setting) -> Policy:
     return make_policy(name, HomewardVectorEnv(**vars(options)))
 
 
-def shielded(name: str, options: Options, setting: Setting, *, untold: bool = False) -> Shield:
-    """A policy in its shield, which may expect the usual wind on a day with another."""
-    return Shield(policy_of(name, options, setting), setting, expects_strong_wind=False if untold else None)
+def shielded(name: str, options: Options, setting: Setting) -> Shield:
+    """A policy in its shield."""
+    return Shield(policy_of(name, options, setting), setting)
 
 
 def row_of(args: Args, mission: str, route: str, name: str) -> dict[str, Any]:
     """One row of the table."""
-    untold = route == UNTOLD
-    options = Options(mission, route=HIDDEN_WIND if untold else route, difficulty=args.difficulty)
+    options = Options(mission, route=route, difficulty=args.difficulty)
     setting, seeds = settle(options), episode_seeds(args.seed, args.episodes)
     bare = run_episodes(policy_of(name, options, setting), options, seeds).episodes
-    safe = run_episodes(shielded(name, options, setting, untold=untold), options, seeds)
+    safe = run_episodes(shielded(name, options, setting), options, seeds)
     means = Bootstrap({"bare": bare.score[None], "safe": safe.episodes.score[None]}, args.seed).means()
     return {
         "bare": _figures(bare),

@@ -54,6 +54,26 @@ def test_it_finds_what_is_hidden() -> None:
     assert (np.quantile(after, 0.95, axis=0) < 0.5 * np.quantile(before, 0.95, axis=0)).all()
 
 
+@pytest.mark.parametrize("probes", [True, False])
+def test_a_patrol_to_and_fro_keeps_the_ground_that_it_saw(probes: bool) -> None:
+    drive = Drive(mission="Patrol", probes=probes)  # without probes all observations are made on borders of places
+    drive.go(80)
+    wrong = np.abs(drive.identification.unknown - truth(drive.env))
+    assert (np.median(wrong, axis=0) < ([0.001] * 3 + [0.01] * 2 if probes else [0.1] * 3 + [2.0] * 2)).all()
+    assert np.median(drive.identification.guesses["error"][:, 0]) < 0.001
+
+
+def test_nothing_is_learned_from_how_fast_it_came_to_an_end_of_the_route() -> None:
+    drive, arrived = Drive(mission="Patrol"), False
+    for _ in range(40):
+        before_m = drive.identification.position_m
+        drive.go(1)
+        arrived |= bool(((drive.seen("speed") == 0.0) & (drive.identification.position_m != before_m)).any())
+    drives = drive.identification._drives
+    assert arrived
+    assert (drives["speed_mps"][drives["from_m"] != drives["to_m"]] > 0.0).all()
+
+
 def test_the_way_home_takes_what_it_says() -> None:
     drive = Drive()
     drive.go(48)

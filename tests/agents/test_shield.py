@@ -70,15 +70,6 @@ def test_it_probes_on_the_way_out_unless_nothing_is_hidden() -> None:
         assert speeds == expected
 
 
-def test_who_expects_strong_wind_turns_earlier() -> None:
-    options = Options("OutAndBack")
-    furthest = []
-    for strong in (False, True):
-        policy = Shield(Onward(settle(options)), settle(options), expects_strong_wind=strong)
-        furthest.append(run_episodes(policy, options, episode_seeds(2, 64)).episodes.furthest_m.mean())
-    assert furthest[1] < furthest[0]
-
-
 def test_a_biased_gauge_is_reckoned_with() -> None:
     options = Options("OutAndBack", difficulty="harsh")
     safe = shielded(Onward(settle(options)), options, 200).episodes
