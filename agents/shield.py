@@ -48,7 +48,8 @@ class Shield(Policy):
     whether what the policy wants leaves enough for that. The way home is costed by what `Identification` finds out: by
     each of the guesses that explain the drive, with some standard deviations on top; the worst counts. So that there is
     something to find out, every eighth decision of the way out is driven no faster than half speed, unless nothing is
-    hidden. It reckons with strong winds, as on the routes `hidden_wind`, on all routes. The time limit is minded as well.
+    hidden. It reckons with strong winds everywhere, as they are on the routes `hidden_wind`. The time limit is minded
+    as well.
 
     Args:
         policy: The policy to be shielded.

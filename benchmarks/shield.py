@@ -170,7 +170,6 @@ def table_of(args: Args, rows: dict[str, Any]) -> Table:
 
 
 def _rows(args: Args) -> Iterator[tuple[str, str, str]]:
-    # A patrol stays on one road close to home: a wind is as often against it as with it.
     return itertools.product(args.missions, args.routes, args.policies)
 
 
