@@ -39,7 +39,7 @@ class IdentifiedDmaxRule(BelievingRule):
     def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
         super().__init__(setting, pace, deviations)
         self.identification = Identification(setting)
-        self._gauge_error = _GAUGE_ERROR if setting.shared["difficulty"][0] == HARSH else 0.0
+        self._gauge_error = gauge_error(setting)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
         """What it believes, see `BelievingRule.look`."""
@@ -54,3 +54,8 @@ class IdentifiedDmaxRule(BelievingRule):
             driving=onwards / np.maximum(own_onwards, 1e-9),
             sensing=sensing,
         )
+
+
+def gauge_error(setting: Setting) -> float:
+    """Standard deviation of the gauge's bias, as a share of what was used."""
+    return _GAUGE_ERROR if setting.shared["difficulty"][0] == HARSH else 0.0

@@ -11,9 +11,10 @@ from homeward.agents import planner_kernel as kernel
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.dmax_identified import IdentifiedDmaxRule
+from homeward.agents.dmax_lap import LapRule
 from homeward.agents.identification import Identification
 from homeward.agents.pace import Pace
-from homeward.agents.rule import BelievingRule
+from homeward.agents.rule import BelievingRule, sees_posts
 from homeward.envs.actions import encode_actions
 from homeward.envs.difficulty import KNOWN
 from homeward.envs.kernel import LEVELS
@@ -34,8 +35,8 @@ class Planner(Policy):
     """Plans anew at every decision, as far as the turn, with the robot and the wind that it has identified.
 
     When to turn back is decided by `IdentifiedDmaxRule`: as a score never falls on the way out, the best plan goes on
-    until the energy, less a reserve, is down to the way home. A patrol, which can turn at its posts only, is driven by
-    `AdaptiveDmaxRule`.
+    until the energy, less a reserve, is down to the way home. A patrol goes by `LapRule` or, where its posts pass
+    unseen, by `AdaptiveDmaxRule`.
 
     In a survey energy and memory have prices: that of a joule is the information that going on would buy with it, that
     of a sample is what it takes to send it from where a stop is just worth it. At every decision pairs of prices are
@@ -59,7 +60,7 @@ class Planner(Policy):
         self.rule: BelievingRule
         self._identification: Identification | None = None
         if s["mission"] == PATROL:
-            self.rule = AdaptiveDmaxRule(setting, pace, deviations)
+            self.rule = (LapRule if sees_posts(setting) else AdaptiveDmaxRule)(setting, pace, deviations)
         else:
             self.rule = rule = IdentifiedDmaxRule(setting, pace, deviations)
             self._identification = rule.identification

@@ -14,7 +14,7 @@ import homeward
 from homeward.envs.options import Options, Setting
 
 _LEARNER = (
-    "sb3_adapter.py", "rule.py", "dmax_adaptive.py", "dmax_identified.py", "identification.py",
+    "sb3_adapter.py", "rule.py", "dmax_adaptive.py", "dmax_identified.py", "dmax_lap.py", "identification.py",
     "identification_kernel.py", "planner.py", "planner_kernel.py", "pace.py", "tuned.py",
 )  # fmt: skip
 _COMPARED = ("env", "robot", "route", "difficulty")

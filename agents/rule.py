@@ -57,8 +57,7 @@ class TurnBackRule(Policy):
         # Eq. 8 with a full battery: what a metre takes of it at each grade.
         self._shares_per_m = 1.0 / np.asarray(d_max(setting.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
         self._reach_m = float(s["reach_m"])
-        # Pit stops shorter than a decision can pass unseen; then there is no post to wait for.
-        self._sees_posts = self._patrol and bool(s["pit_stop_s"] >= s["decision_s"])
+        self._sees_posts = sees_posts(setting)
         idle_w, busy_w = ancillary_power(setting.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
         outward_s = self.chances * s["decision_s"]
         extra_j = outward_s * (busy_w - idle_w)
@@ -75,10 +74,14 @@ class TurnBackRule(Policy):
         distance_m = feature(observations, "distance") * self._reach_m
         turns = (self.spare(observations, begun) < 0.0) | self._late(observations, distance_m)
         if self._sees_posts:
-            turns &= distance_m <= 0.0
+            turns &= self._may_turn(distance_m)
         elif not self._patrol:
             turns |= distance_m >= (1.0 - 1e-6) * s["length_m"]
         return self._pace.act(self._setting, observations, turns | (feature(observations, "returning") > 0.0))
+
+    def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Where a patrol may turn back for good, shape (n,)."""
+        return np.asarray(distance_m <= 0.0)
 
     @abstractmethod
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -134,6 +137,12 @@ class BelievingRule(TurnBackRule):
     @abstractmethod
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
         """What it believes. Arguments as in `act`; a decision that is shown twice counts once."""
+
+
+def sees_posts(setting: Setting) -> bool:
+    """Whether a patrol notices its posts: pit stops shorter than a decision can pass unseen."""
+    s = setting.shared[0]
+    return bool(s["mission"] == PATROL and s["pit_stop_s"] >= s["decision_s"])
 
 
 def _mean_sine(observations: Observations) -> NDArray[np.float64]:

@@ -4,8 +4,8 @@
 training seeds, at difficulty `uncertain` with the default robot; a stranded robot scores 0. The pace has the highest
 sum of all rules' scores, each relative to the pace in use; the reserves are those that suit each rule best at that
 pace. One is found for the other in turn, beginning with the pace in use. The planner has a pace of its own, and one
-reserve: that with the highest sum of scores on OutAndBack and Survey at `uncertain` and `harsh`, each relative to the
-best there; on Patrol it is the rule's.
+reserve for OutAndBack and Survey: that with the highest sum of scores at `uncertain` and `harsh`, each relative to the
+best there; and, found in the same way, another for Patrol, where it counts laps.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def outcome(options: Options, make: Callable[[Setting], Policy]) -> tuple[float,
     return float(episodes.score.mean()), float(episodes.stranded.mean())
 
 
-def tune_planner() -> tuple[Tables, float]:
-    """Run the planner with every reserve, and choose the best over two missions and two difficulties.
+def tune_planner(*missions: str) -> tuple[Tables, float]:
+    """Run the planner with every reserve, and choose the best over missions and two difficulties.
 
     Where it can identify all that is hidden, it hardly needs a reserve: what one is worth shows at `harsh`.
     """
@@ -73,7 +73,7 @@ def tune_planner() -> tuple[Tables, float]:
             one: outcome(Options(mission, difficulty=difficulty), functools.partial(Planner, deviations=one))
             for one in DEVIATIONS
         }
-        for mission, difficulty in itertools.product(("OutAndBack", "Survey"), ("uncertain", "harsh"))
+        for mission, difficulty in itertools.product(missions, ("uncertain", "harsh"))
     }
     most = {name: max(score for score, _ in table.values()) for name, table in tables.items()}
     return tables, best({one: sum(table[one][0] / most[name] for name, table in tables.items()) for one in DEVIATIONS})
@@ -144,9 +144,10 @@ def main() -> None:
     tuned = {mission: tune(mission, console) for mission in ("OutAndBack", "Survey", "Patrol")}
     for mission, (pace, reserves) in tuned.items():
         console.print(f"{mission}: {pace}, {reserves}", highlight=False, soft_wrap=True)
-    tables, reserve = tune_planner()
-    console.print(reserve_table("Planner", tables, dict.fromkeys(tables, reserve)))
-    console.print(f"Planner: {reserve}, and on Patrol that of dmax_adaptive", highlight=False, soft_wrap=True)
+    for missions in (("OutAndBack", "Survey"), ("Patrol",)):
+        tables, reserve = tune_planner(*missions)
+        console.print(reserve_table("Planner", tables, dict.fromkeys(tables, reserve)))
+        console.print(f"Planner on {' and '.join(missions)}: {reserve}", highlight=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

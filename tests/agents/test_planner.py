@@ -1,4 +1,4 @@
-"""The planner turns back with the adaptive rule, senses where it pays, and finds more than the rule."""
+"""The planner turns back by what it identifies, senses where it pays, counts laps, and finds more than the rule."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from homeward.agents import make_policy
 from homeward.agents.base import Observations
+from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.evaluation import run_episodes
+from homeward.agents.pace import NO_SENSING
 from homeward.agents.planner import Planner
 from homeward.envs.features import INDEX, NAMES
 from homeward.envs.options import MISSIONS, Options, settle
@@ -56,6 +58,38 @@ def test_it_turns_back_with_the_energy_for_the_way_home_and_senses_no_more() -> 
     assert (speed, rate, mode) == (4, 0, RETURN)
 
 
+@pytest.mark.parametrize("robot", ["rusti_computer", "husky"])
+def test_on_patrol_it_ends_with_less_than_a_lap_to_spare(robot: str) -> None:
+    options = Options("Patrol", robot=robot)
+    episodes = run_episodes(Planner(settle(options), 1.75), options, range(64)).episodes
+    assert episodes.home.all()
+    full_j = settle(options).shared["usable_j"][0]
+    a_lap_j = full_j / episodes.score.min()
+    assert (episodes.energy_left_j < 1.1 * a_lap_j).all()
+    rule = run_episodes(AdaptiveDmaxRule(settle(options), NO_SENSING, 0.0), options, range(64)).episodes
+    assert (episodes.score >= rule.score).all()
+    assert episodes.score.sum() > rule.score.sum()
+
+
+def test_on_patrol_the_last_lap_has_no_pit_stop_at_the_far_post() -> None:
+    options = Options("Patrol")
+    planner, env = Planner(settle(options), 2.0), HomewardVectorEnv(1, autoreset_mode="Disabled", **vars(options))
+    observations, _ = env.reset(seed=0)
+    action, begun = planner.act(observations, np.ones(1, np.bool_)), np.zeros(1, np.bool_)
+    while action[0, 2] != RETURN:
+        observations, *_ = env.step(action)
+        action = planner.act(observations, begun)
+    distance_m = observations[0, INDEX["distance"]] * settle(options).shared["reach_m"][0]
+    assert distance_m == pytest.approx(settle(options).shared["length_m"][0])
+    assert observations[0, INDEX["pit_stop"]] > 0.0
+
+
+def test_a_patrol_that_passes_its_posts_unseen_still_comes_home() -> None:
+    options = Options("Patrol", decision_s=90.0)
+    episodes = run_episodes(Planner(settle(options), 2.0), options, range(16)).episodes
+    assert episodes.home.all()
+
+
 @pytest.mark.parametrize("mission", MISSIONS)
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 @pytest.mark.parametrize("difficulty", ["known", "harsh"])
@@ -67,8 +101,9 @@ def test_its_actions_are_allowed_and_bring_most_robots_home(mission: str, action
     assert episodes.score.mean() > 0.0
 
 
-def test_a_mission_is_planned_alike_alone_and_among_others() -> None:
-    options = Options("Survey")
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_a_mission_is_planned_alike_alone_and_among_others(mission: str) -> None:
+    options = Options(mission)
     env = HomewardVectorEnv(**vars(options))
     together = run_episodes(make_policy("planner", env), options, range(5)).episodes.score
     alone = [run_episodes(make_policy("planner", env), options, [seed]).episodes.score[0] for seed in range(5)]
