@@ -52,7 +52,7 @@ ABLATION: dict[str, dict[str, Any]] = {
 }
 """What to change in the recipe, of the arguments of train.py."""
 _RESAMPLES = 2000
-_LEAST_GAP = 0.01
+_LEAST_GAP = 0.001
 """Share of the optimum that the best rule has to miss for there to be a gap to close."""
 _WIDTH = 150  # columns of the table
 _CHECKPOINT_S = 60.0

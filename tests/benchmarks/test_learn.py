@@ -53,7 +53,7 @@ def test_a_share_of_a_gap_has_an_interval_and_hardly_a_gap_has_neither() -> None
     nobody = np.zeros((1, 400), np.bool_)
     row = summary(
         Result(
-            "Patrol", "uncertain", "recipe", rule[None], nobody, (CURVE,), "dmax", rule, nobody[0], 100.0, rule + 0.5
+            "Patrol", "uncertain", "recipe", rule[None], nobody, (CURVE,), "dmax", rule, nobody[0], 100.0, rule + 0.05
         )
     )
     assert (row["gap_closed"], gap_cell(row)) == (None, "no gap")
