@@ -33,7 +33,8 @@ from homeward.agents.policy_file import load_policy
 from homeward.agents.ppo_curve import EPISODES, SEED, Point, read_curve
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.registry import AGENTS, Request
-from homeward.agents.statistics import wilson
+from homeward.agents.statistics import interval as percentiles
+from homeward.agents.statistics import stratified_means, wilson
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, settle
 from homeward.files import write_whole
@@ -118,8 +119,23 @@ def main(args: Args) -> list[Result]:
     rows = [summary(result) for result in results]
     write_whole(args.out / "learn.json", json.dumps(rows, indent=2) + "\n")
     write_whole(args.out / "learn.png", curves_png(results))
-    Console(width=_WIDTH).print(table(rows, args))
+    console = Console(width=_WIDTH)
+    console.print(table(rows, args))
+    if len(args.missions) > 1 and not args.ablation:
+        for difficulty in args.difficulties:
+            console.print(over_missions([result for result in results if result.difficulty == difficulty]))
     return results
+
+
+def over_missions(results: list[Result]) -> str:
+    """The mean over missions of what the policies gain on the best rule, as a share of its score."""
+    gains = {one.mission: (one.score - one.rule_score) / one.rule_score.mean() for one in results}
+    low, high = percentiles(stratified_means(gains, 0))
+    mean = np.mean([gain.mean() for gain in gains.values()])
+    return (
+        f"{results[0].difficulty}, mean over {', '.join(gains)}: {mean:+.1%} of the best rule's score "
+        f"({low:+.1%} to {high:+.1%}, stratified bootstrap)"
+    )
 
 
 def compare(args: Args, mission: str, difficulty: str, variant: str, changes: Mapping[str, Any]) -> Result:

@@ -6,7 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.learn import Args, Result, gap_cell, gap_closed_interval, interval, main, reached_s, summary
+from benchmarks.learn import (
+    Args,
+    Result,
+    gap_cell,
+    gap_closed_interval,
+    interval,
+    main,
+    over_missions,
+    reached_s,
+    summary,
+)
 from homeward.agents.ppo_curve import Point
 from homeward.agents.ppo_settings import TrainingError
 
@@ -76,3 +86,26 @@ def test_the_interval_holds_the_spread_of_seeds_and_of_episodes() -> None:
 def test_too_little_to_compare_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match="give at least 1 seed and 2 episodes"):
         main(Args(out=tmp_path, seeds=0))
+
+
+def test_what_is_gained_over_missions_is_the_mean_of_shares_of_the_rules_scores() -> None:
+    rule, nobody = np.full(50, 10.0), np.zeros((2, 50), np.bool_)
+    results = [
+        Result(
+            mission,
+            "known",
+            "recipe",
+            np.stack([rule + gain] * 2),
+            nobody,
+            (CURVE,),
+            "dmax",
+            rule,
+            nobody[0],
+            1.0,
+            None,
+        )
+        for mission, gain in (("Survey", 2.0), ("Patrol", 1.0))
+    ]
+    assert over_missions(results) == (
+        "known, mean over Survey, Patrol: +15.0% of the best rule's score (+15.0% to +15.0%, stratified bootstrap)"
+    )
