@@ -32,6 +32,8 @@ class LapRule(BelievingRule):
         deviations: Standard deviations k kept back, 0 or above.
     """
 
+    sharp = 0.0001  # it has measured what the next lap takes
+
     def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
         super().__init__(setting, pace, deviations)
         s = setting.shared[0]

@@ -25,8 +25,6 @@ GUIDES = (NO_GUIDE, ADAPTIVE, PLANNER)
 BELIEFS = ("spare", "spare_here", "need", "drive_ratio", "sensing_ratio", "deviation")
 """Further inputs: energy beyond the way home after the next decision and at once, share of the energy left that the way
 home takes, by how much driving and sensing take more than modelled, and how much that varies."""
-_SHARP = 0.01
-"""Energy to spare, as a share of the usable energy, from which the rule is sure to go on."""
 _LIMIT = 3.0
 
 
@@ -73,7 +71,7 @@ class Guide:
         outlook = self._rule.look(observations, again)
         spare = self._rule.spare_by(outlook, observations)
         beliefs = _beliefs(feature(observations, "energy"), outlook)
-        sure = np.clip(-spare / _SHARP, -1.0, 1.0)
+        sure = np.clip(-spare / self._rule.sharp, -1.0, 1.0)
         propose = self._choices if self._discrete else self._commands
         return np.concatenate((observations, beliefs, propose(actions, sure)), axis=1, dtype=np.float32)
 

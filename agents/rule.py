@@ -122,6 +122,9 @@ class BelievingRule(TurnBackRule):
         deviations: Standard deviations k kept back, 0 or above.
     """
 
+    sharp = 0.01
+    """Energy to spare, as a share of the usable energy, from which it is sure to go on."""
+
     def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
         super().__init__(setting, pace)
         self.deviations = deviations
