@@ -33,7 +33,6 @@ from homeward.agents.policy_file import load_policy
 from homeward.agents.ppo_curve import EPISODES, SEED, Point, read_curve
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.registry import AGENTS, Request
-from homeward.agents.statistics import interval as percentiles
 from homeward.agents.statistics import stratified_means, wilson
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, settle
@@ -130,7 +129,7 @@ def main(args: Args) -> list[Result]:
 def over_missions(results: list[Result]) -> str:
     """The mean over missions of what the policies gain on the best rule, as a share of its score."""
     gains = {one.mission: (one.score - one.rule_score) / one.rule_score.mean() for one in results}
-    low, high = percentiles(stratified_means(gains, 0))
+    low, high = _middle(stratified_means(gains, 0))
     mean = np.mean([gain.mean() for gain in gains.values()])
     return (
         f"{results[0].difficulty}, mean over {', '.join(gains)}: {mean:+.1%} of the best rule's score "
