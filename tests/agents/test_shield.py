@@ -100,3 +100,11 @@ def test_a_confidence_that_nothing_was_tuned_for_is_refused() -> None:
     options = Options("Survey")
     with pytest.raises(ValueError, match=r"confidence = 0.5 is not allowed; choose from 0.999"):
         Shield(Onward(settle(options)), settle(options), confidence=0.5)
+
+
+def test_numbers_far_from_what_is_usual_are_not_believed() -> None:
+    """Down a slope with the wind on its back a robot rolls by itself; what it then finds out need not be what it is."""
+    options = Options("OutAndBack", route="hidden_wind")
+    policy = Shield(Wanderer(settle(options), np.random.default_rng(0)), settle(options))
+    safe = run_episodes(policy, options, episode_seeds(0, 512)).episodes
+    assert not safe.stranded.any()
