@@ -90,7 +90,7 @@ def main(args: Args) -> None:
         title=f"{args.difficulty}, {args.steps:,} decisions, {args.seeds} seeds, {args.episodes} unseen episodes",
         box=box.SIMPLE_HEAD,
     )
-    for heading in ("mission", "learner", "score", "minus best rule (95 %)", "stranded (95 %)", "training, s"):
+    for heading in ("mission", "learner", "score, by seed", "minus best rule (95 %)", "stranded (95 %)", "training, s"):
         table.add_column(heading, justify="left" if heading in ("mission", "learner") else "right")
     for mission in args.missions:
         options = Options(mission, difficulty=args.difficulty, discount=SETTINGS.discount)
@@ -102,7 +102,7 @@ def main(args: Args) -> None:
             scores = np.array([run["score"] for run in runs])
             low, high = interval(scores - of_rule.score)
             table.add_row(
-                mission, learner, f"{scores.mean():.4g}",
+                mission, learner, ", ".join(f"{score:.4g}" for score in scores.mean(axis=1)),
                 f"{(scores - of_rule.score).mean():+.4g} ({low:+.4g} to {high:+.4g})",
                 _rate(sum(run["stranded"] for run in runs), scores.size),
                 f"{np.median([run['trained_s'] for run in runs]):.0f}",
