@@ -5,6 +5,8 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import re
+import stat
 import sys
 import tempfile
 from collections.abc import Callable
@@ -55,7 +57,7 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
     """Compile a function at its first call, or load it from the cache folder."""
     if function is None:
         return functools.partial(compiled, parallel=parallel)
-    folder = cache_folder()
+    folder = cache_folder(Path(function.__code__.co_filename))
     config: Any = numba.config
     before = config.CACHE_DIR
     # numba's cache knows a function by its name alone: the parallel form of one needs a folder of its own.
@@ -67,29 +69,92 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
 
 
 @functools.cache
-def cache_folder() -> Path | None:
-    """Folder of the compiled kernels of exactly this source code, or None if no folder is writable.
+def cache_folder(source: Path) -> Path | None:
+    """Folder of the kernels of one source file, compiled from exactly this code, or None if none is to be trusted.
 
     numba checks only the file of the outermost function, so a cached kernel would keep old physics after an edit of a
-    formula it calls. The folder's name therefore carries a hash of every source file of physics and envs. It lies in
-    HOMEWARD_CACHE, if that is set, else in the user's cache folder, else among temporary files.
+    formula it calls. The folder's name therefore carries a hash of every file that the kernel may be made of.
     """
-    package = Path(__file__).parents[1]
+    base = _cache_base()
+    if base is None:
+        return None
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for folder, pattern in ((package / "physics", "**/*.py"), (package / "envs", "*.py")):  # the viewer has no kernels
-        for source in sorted(folder.glob(pattern)):
-            digest.update(source.relative_to(package).as_posix().encode() + source.read_bytes())
-    name = f"kernels-{digest.hexdigest()[:16]}"
+    for file in sources(source):
+        digest.update(f"\0{file.name}\0{_read(file)}".encode())
+    folder = base / f"kernels-{digest.hexdigest()[:16]}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    return folder
+
+
+def sources(source: Path) -> list[Path]:
+    """Files that kernels of a source file may be made of: itself, what it imports of this package, and all of physics,
+    where effects are found by their names."""
+    package = Path(__file__).parents[1]
+    found: set[Path] = set()
+    pending = [source, *(package / "physics").rglob("*.py")]
+    while pending:
+        file = pending.pop()
+        if file not in found and file.is_file():
+            found.add(file)
+            for module, one, several, plain in _IMPORT.findall(_read(file)):
+                names = [f"{module}.{name}" for name in re.findall(r"\w+", several or one)]
+                for name in filter(None, (module, plain, *names)):
+                    place = package.joinpath(*name.split(".")[1:])
+                    pending += [place.with_suffix(".py"), place / "__init__.py"]
+    return sorted(found)
+
+
+_IMPORT = re.compile(
+    r"^\s*(?:from (homeward[\w.]*) import (?:([^(\n]+)|\(([^)]*)\))|import (homeward[\w.]*))", re.MULTILINE
+)
+
+
+@functools.cache
+def _read(file: Path) -> str:
+    """A source file as it is when first asked for, as a process keeps what it has loaded."""
+    return file.read_text("utf-8")
+
+
+@functools.cache
+def _cache_base() -> Path | None:
+    """Folder for compiled kernels: HOMEWARD_CACHE, if that is set, else in the user's cache folder.
+
+    Cached kernels are code that will be run: where someone else may write to the folder or replace it, the kernels are
+    kept in a private folder among temporary files instead, and one line on stderr says so.
+    """
     home = os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    for base in (Path(home) / "homeward", Path(tempfile.gettempdir()) / f"homeward-{_user_id()}"):
+    bases = (Path(home) / "homeward", Path(tempfile.gettempdir()) / f"homeward-{_user_id()}")
+    for base in bases:
         try:
-            base.mkdir(parents=True, exist_ok=True)
-            (base / name).mkdir(exist_ok=True)
-            # Cached kernels are code: a folder that someone else left among temporary files is not used.
-            if base.stat().st_uid == _user_id() and os.access(base / name, os.W_OK):
-                return base / name
+            base.mkdir(mode=0o700, parents=True, exist_ok=True)
+            folder = base.resolve()
+            open_to_others = _open_to_others(folder)
+            if open_to_others is None and os.access(folder, os.W_OK):
+                return folder
         except OSError:
             continue
+        if open_to_others is not None:
+            instead = "in a private temporary folder" if base == bases[0] else "nowhere"
+            print(
+                f"homeward: others may write to {open_to_others}: compiled kernels are kept {instead} instead; "
+                "mend it with chmod go-w, or name another folder in HOMEWARD_CACHE",
+                file=sys.stderr,
+                flush=True,
+            )
+    return None
+
+
+def _open_to_others(base: Path) -> Path | None:
+    """A folder on the way to the base, or an entry of it, that others than this user and root may change."""
+    if os.name != "posix":
+        return None
+    for place in (base, *base.parents, *base.rglob("*")):
+        status = place.lstat()
+        # In a sticky folder, as /tmp is, nobody but its owner can rename or replace an entry; and what lies within the
+        # folder of a kernel, beneath the base, is out of reach as long as that is.
+        guarded = (place in base.parents and status.st_mode & stat.S_ISVTX) or base in place.parents[1:]
+        if status.st_uid not in (_user_id(), 0) or (status.st_mode & 0o022 and not guarded):
+            return place
     return None
 
 
@@ -110,7 +175,7 @@ class _Announcement(event.Listener):
     def on_start(self, event: Any) -> None:
         if not self._made and event.data["dispatcher"].py_func.__module__.startswith("homeward"):
             self._made = True
-            often = "once for this version" if cache_folder() else "as no folder to keep them in is writable"
+            often = "once for this version" if _cache_base() else "as there is no folder to keep them in"
             print(f"homeward: compiling its kernels, {often} (about half a minute) ...", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:

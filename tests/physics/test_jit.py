@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -36,13 +38,23 @@ print(compiled)
 """
 
 
-def run(code: str, folder: Path, cache: Path) -> tuple[str, str]:
-    environment = os.environ | {"HOMEWARD_CACHE": str(cache), "PYTHONPATH": str(folder), "NUMBA_OPT": "0"}
+def run(code: str, path: Path | str, cache: Path, *arguments: str, check: bool = True) -> tuple[str, str]:
+    """What code prints, on stdout and stderr, that imports from a path and caches its kernels in a folder."""
+    environment = os.environ | {
+        "HOMEWARD_CACHE": str(cache), "TMPDIR": str(cache.parent), "PYTHONPATH": str(path), "NUMBA_OPT": "0"
+    }  # fmt: skip
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, env=environment, capture_output=True, text=True, timeout=300
-    )
-    assert done.returncode == 0, done.stderr
+        [sys.executable, "-c", code, *arguments], cwd=cache.parent, env=environment, capture_output=True, text=True,
+        timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0 or not check, done.stderr
     return done.stdout.strip(), done.stderr.strip()
+
+
+def cache_base() -> Path | None:
+    """Where kernels are kept, asked anew."""
+    folder: Path | None = jit._cache_base.__wrapped__()
+    return folder
 
 
 def kernels(cache: Path) -> dict[Path, int]:
@@ -73,9 +85,9 @@ def test_import_compiles_nothing(root: Path, tmp_path: Path) -> None:
 
 def test_the_cache_lies_where_the_user_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOMEWARD_CACHE", str(tmp_path / "new" / "place"))
-    folder = jit.cache_folder.__wrapped__()
-    assert folder is not None and folder.is_dir() and folder.is_relative_to(tmp_path / "new" / "place")
-    assert jit.cache_folder.__wrapped__() == folder
+    folder = cache_base()
+    assert folder == tmp_path / "new" / "place" / "homeward" and folder.is_dir()
+    assert cache_base() == folder
 
 
 def test_a_cache_that_cannot_be_written_moves_to_temporary_files(
@@ -85,19 +97,166 @@ def test_a_cache_that_cannot_be_written_moves_to_temporary_files(
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("HOMEWARD_CACHE", str(tmp_path / "file"))
     monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
-    folder = jit.cache_folder.__wrapped__()
+    folder = cache_base()
     assert folder is not None and folder.is_relative_to(tmp_path / "temporary")
 
 
-def test_kernels_of_someone_else_are_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOMEWARD_CACHE", str(tmp_path))
-    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
-    monkeypatch.setattr(jit, "_user_id", lambda: tmp_path.stat().st_uid + 1)
-    assert jit.cache_folder.__wrapped__() is None
+KERNELS = {
+    "physics/jit.py": "",
+    "physics/effects/drag.py": "",
+    "envs/kernel.py": "from homeward.envs import state\nfrom homeward.envs.driving.speed import (\n    go,\n)\n",
+    "envs/state.py": "",
+    "envs/driving/speed.py": "    from homeward.envs.driving import hill\n",
+    "envs/driving/hill.py": "",
+    "envs/viewer.py": "",
+    "agents/planner/kernel.py": "from homeward.agents.planner import prices\nimport homeward.envs.kernel\n",
+    "agents/planner/prices.py": "",
+    "agents/learner.py": "",
+}
+
+
+@pytest.mark.parametrize(
+    ("kernel", "made_of"),
+    [
+        ("physics/effects/drag.py", "physics"),
+        ("envs/kernel.py", "physics|envs/(kernel|state|driving)"),
+        ("agents/planner/kernel.py", "physics|envs/(kernel|state|driving)|agents/planner"),
+    ],
+)
+@pytest.mark.parametrize("changed", KERNELS)
+def test_every_file_that_a_kernel_is_made_of_names_its_cache(
+    kernel: str, made_of: str, changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, content in KERNELS.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(content)
+    monkeypatch.setattr(jit, "__file__", str(tmp_path / "physics" / "jit.py"))
+    monkeypatch.setattr(jit, "_read", lambda file: file.read_text())
+    before = jit.cache_folder.__wrapped__(tmp_path / kernel)
+    assert jit.cache_folder.__wrapped__(tmp_path / kernel) == before
+    with (tmp_path / changed).open("a") as file:
+        file.write("# edited\n")
+    after = jit.cache_folder.__wrapped__(tmp_path / kernel)
+    assert (after != before) == bool(re.match(made_of, changed))
+
+
+def test_every_import_of_the_kernels_is_seen(root: Path) -> None:
+    """By Python's own parser: what a kernel's files import of the package are among its sources."""
+    package = root / "homeward"
+    kernels = [file for part in ("physics", "envs", "agents") for file in (package / part).rglob("*.py")]
+    kernels = [file for file in kernels if "@compiled" in file.read_text()]
+    assert len(kernels) > 5
+    for kernel in kernels:
+        found = set(jit.sources(kernel))
+        for file in found:
+            for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+                assert not isinstance(node, ast.ImportFrom) or node.level == 0, f"{file}: a relative import"
+                if isinstance(node, ast.ImportFrom | ast.Import):
+                    module = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
+                    names = [f"{module}.{alias.name}".strip(".") for alias in node.names]
+                    for name in filter(lambda name: name.startswith("homeward."), (module, *names)):
+                        place = package.joinpath(*name.split(".")[1:])
+                        assert {place.with_suffix(".py"), place / "__init__.py"} & found or not (
+                            place.is_dir() or place.with_suffix(".py").is_file()
+                        ), f"{file} imports {name}"
+
+
+@pytest.fixture
+def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder that the user names for the cache; temporary files lie in another one."""
+    (tmp_path / "temporary").mkdir(mode=0o700)
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
+    monkeypatch.setenv("HOMEWARD_CACHE", str(tmp_path / "parent" / "named"))
+    folder = cache_base()
+    assert folder == tmp_path / "parent" / "named" / "homeward"
+    (folder / "kernels-0" / "serial").mkdir(mode=0o700, parents=True)
+    (folder / "kernels-0" / "serial" / "kernel.nbc").touch()
+    (folder / "kernels-0").chmod(0o700)
+    return tmp_path / "parent"
+
+
+@pytest.mark.parametrize("place", [".", "named", "named/homeward", "named/homeward/kernels-0"])
+@pytest.mark.parametrize("mode", [0o777, 0o775])
+def test_a_cache_that_others_may_write_to_is_not_run(
+    base: Path, place: str, mode: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened = base / place
+    opened.chmod(mode)
+    folder = cache_base()
+    assert folder is not None and folder.is_relative_to(tmp_path / "temporary")
+    assert folder.stat().st_mode & 0o077 == 0
+    assert capsys.readouterr().err == (
+        f"homeward: others may write to {opened}: compiled kernels are kept in a private temporary folder instead; "
+        "mend it with chmod go-w, or name another folder in HOMEWARD_CACHE\n"
+    )
+
+
+def test_below_a_sticky_folder_what_is_ones_own_is_safe(base: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    base.chmod(0o1777)
+    folder = cache_base()
+    assert folder is not None and folder.is_relative_to(base)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root gives files away")
+@pytest.mark.parametrize(
+    "place", ["named", "named/homeward", "named/homeward/kernels-0", "named/homeward/kernels-0/serial/kernel.nbc"]
+)
+def test_a_cache_of_someone_else_is_not_run(base: Path, place: str, tmp_path: Path) -> None:
+    os.chown(base / place, 4321, 4321)
+    folder = cache_base()
+    assert folder is not None and folder.is_relative_to(tmp_path / "temporary")
+
+
+def test_a_folder_that_someone_else_left_among_temporary_files_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o777)
+    monkeypatch.setenv("HOMEWARD_CACHE", str(tmp_path / "open"))
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "open"))
+    assert cache_base() is None
+    assert capsys.readouterr().err.count("\n") == 2
+
+
+DOUBLE = """
+from homeward.physics.jit import compiled
+
+@compiled
+def double(x):
+    return 2.0 * x
+"""
+PLANTED = """
+import pathlib, pickle, sys
+from homeward.physics import jit
+
+class Trap:
+    def __reduce__(self):
+        return pathlib.Path.touch, (pathlib.Path(sys.argv[1]),)
+
+indices = list(jit._cache_base().rglob("*.nbi"))
+for index in indices:
+    index.write_bytes(pickle.dumps(Trap()))
+print(len(indices))
+"""
+
+
+@pytest.mark.parametrize(("mode", "springs"), [(0o700, True), (0o777, False)])
+def test_a_planted_cache_is_not_run(root: Path, tmp_path: Path, mode: int, springs: bool) -> None:
+    """In a private folder the same plant is run: it is a trap that springs."""
+    (tmp_path / "doubling.py").write_text(DOUBLE)
+    cache, sprung, use = tmp_path / "cache", tmp_path / "sprung", "import doubling; print(doubling.double(21.0))"
+    cache.mkdir(mode=0o700)
+    places = f"{root}{os.pathsep}{tmp_path}"
+    assert run(use, places, cache)[0] == "42.0"
+    assert run(PLANTED, places, cache, str(sprung))[0] == "1"
+    cache.chmod(mode)
+    run(use, places, cache, check=not springs)
+    assert sprung.exists() == springs
 
 
 def test_without_any_folder_functions_still_compile(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jit, "cache_folder", lambda: None)
+    monkeypatch.setattr(jit, "cache_folder", lambda source: None)
     assert jit.compiled(double)(21.0) == 42.0
 
 
