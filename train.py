@@ -11,19 +11,20 @@ import dataclasses
 import math
 import shlex
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
 
 from homeward import cli
-from homeward.agents.ppo_folder import RunState, extended_from, open_run
+from homeward.agents.ppo_folder import RunState, extended_from, locked, open_run
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.provenance import made_with
 from homeward.envs import IDS
-from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.options import OptionError, Options, Setting, settle
 from homeward.envs.routes import RouteError
 from homeward.physics import RobotError
 
@@ -43,7 +44,8 @@ class Args:
     resume: bool = False
     """Continue the run of this folder from its last checkpoint, if it has one; with more steps also a finished one."""
     replace: bool = False
-    """Where the folder holds a run with other settings or made with other code, remove it and train anew."""
+    """Where the folder holds a run with other settings or made with other code, remove it and train anew, unless it is
+    longer and finished."""
     checkpoint_s: float = 15.0
     """Least time between checkpoints, s: what a kill may cost."""
     curve: int = 10
@@ -81,6 +83,11 @@ def main(args: Args) -> Path:
         "seed": args.seed,
         **dataclasses.asdict(args.ppo),
     }
+    with locked(args.out):
+        return _train(args, options, setting, settings)
+
+
+def _train(args: Args, options: Options, setting: Setting, settings: Mapping[str, Any]) -> Path:
     code = made_with(setting)
     state = open_run(args.out, settings, code, resume=args.resume, replace=args.replace)
     console = Console(stderr=True)

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from enum import Enum, auto
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from homeward.agents.policy_file import DESCRIPTION, WEIGHTS
 from homeward.agents.ppo_settings import TrainingError
 from homeward.files import write_whole
 
-RUN, CHECKPOINT, PREVIOUS, TENSORBOARD = "run.json", "checkpoint.zip", "checkpoint.previous.zip", "tensorboard"
-CURVE = "curve.csv"
+RUN, LOCK, CURVE, TENSORBOARD = "run.json", "run.lock", "curve.csv", "tensorboard"
+CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
 class RunState(Enum):
@@ -26,34 +29,58 @@ class RunState(Enum):
     FINISHED = auto()
 
 
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other trainings out of a run's folder; the system lifts the lock when the process ends, however it ends.
+
+    Raises:
+        TrainingError: The folder holds something else than a run, or another training is at work in it.
+        OSError: The folder cannot be written to.
+    """
+    _refuse_strangers(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        lock = FileLock(folder / LOCK).acquire(timeout=0)
+    except Timeout:
+        raise TrainingError(f"another training is at work in {folder}: wait for it, or choose another --out") from None
+    with lock:
+        yield
+
+
+def _refuse_strangers(folder: Path) -> None:
+    if (folder / RUN).is_file():
+        _read(folder)
+    elif any(path.name != LOCK for path in folder.glob("[!.]*")):
+        raise TrainingError(f"{folder} is not empty and holds no training run: choose another --out")
+
+
 def open_run(
     folder: Path, settings: Mapping[str, Any], made_with: Mapping[str, str], *, resume: bool, replace: bool
 ) -> RunState:
-    """Make the folder of a run, or find what it already holds of this very run.
+    """Begin a run in its folder, `locked` by the caller, or find what that already holds of this very run.
 
     Args:
-        folder: Of the run; made where it is missing.
+        folder: Of the run.
         settings: All that is chosen, JSON; more `steps` than the folder's run was to take continue it.
         made_with: Version and hashes of the rest that the result depends on.
         resume: Whether an unfinished run is to be continued.
-        replace: Whether a run with other settings or made with other code is to be removed.
+        replace: Whether a run with other settings or made with other code is to be removed; never a longer one.
 
     Raises:
-        TrainingError: The folder holds something else, or a run that is not to be continued or replaced.
+        TrainingError: The folder holds a run that is not to be continued or replaced.
         OSError: The folder cannot be written to.
     """
     run: dict[str, Any] = json.loads(json.dumps({"settings": settings, "made_with": made_with, "extended_from": []}))
     if not (folder / RUN).is_file():
-        if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()):
-            raise TrainingError(f"{folder} is not empty and holds no training run: choose another --out")
         return _write(folder, run, RunState.NEW)
-    for leftover in folder.glob(".*.zip.*"):  # of a write that was killed
+    for leftover in folder.glob(".*.safetensors.*"):  # of a write that was killed
         leftover.unlink()
     if not any((folder / name).is_file() for name in (DESCRIPTION, CHECKPOINT, PREVIOUS)):
         return _write(folder, run, RunState.NEW)
     known = _read(folder)
     difference = _difference(known, run)
     if difference and replace:
+        _keep_longer(folder, known, run["settings"]["steps"])
         _remove(folder)
         return _write(folder, run, RunState.REPLACED)
     if difference:
@@ -61,6 +88,15 @@ def open_run(
             f"{folder} holds a run {difference}: choose another --out, or remove it and train anew with --replace"
         )
     return _go_on(folder, known, run["settings"]["steps"], resume)
+
+
+def _keep_longer(folder: Path, known: Mapping[str, Any], steps: int) -> None:
+    taken = _steps_of_policy(folder)
+    if taken is not None and steps < max(taken, known["settings"]["steps"]):
+        raise TrainingError(
+            f"{folder} holds a policy trained on {taken} steps, and {steps} steps replace no longer run: "
+            "choose another --out, or delete it first"
+        )
 
 
 def extended_from(folder: Path) -> list[int]:
@@ -139,7 +175,7 @@ def write_checkpoint(folder: Path, content: bytes) -> None:
     Raises:
         OSError: The folder cannot be written to; the older checkpoints are still there.
     """
-    fresh = folder / "next.zip"
+    fresh = folder / "next.safetensors"
     write_whole(fresh, content)
     if (folder / CHECKPOINT).is_file():
         (folder / CHECKPOINT).replace(folder / PREVIOUS)

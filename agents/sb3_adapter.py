@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
@@ -19,6 +22,21 @@ from homeward.agents.ppo_insight import Insight
 from homeward.envs.batch import INFO_KEYS
 from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.vector import HomewardVectorEnv
+
+
+@dataclass(frozen=True)
+class MissionLog:
+    """How missions came to where they are: enough to drive them there again, with nothing of their memory.
+
+    Attributes:
+        generators: State of each mission's random generator when it began, JSON.
+        lengths: Decisions of each mission so far, int64, shape (n,).
+        actions: Those of the last decisions, as many as the longest mission has, shape (decisions, n, 3).
+    """
+
+    generators: list[Mapping[str, Any]]
+    lengths: NDArray[np.int64]
+    actions: NDArray[Any]
 
 
 class SB3Adapter(VecEnv):
@@ -60,14 +78,75 @@ class SB3Adapter(VecEnv):
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)
         self._start_s = time.time()
+        decisions = int(env.batch.setting.shared["max_decisions"][0])
+        self._actions_before: deque[NDArray[Any]] = deque(maxlen=decisions)
+        self._began_from: list[Mapping[str, Any]] = []
+        self._begins_from: list[Mapping[str, Any]] = []
 
     def reset(self) -> NDArray[np.float32]:
         """Begin all missions, with the seeds given to `seed()` if there are any."""
-        observations, _ = self.env.reset(seed=self._seeds)
+        batch = self.env.batch
+        if not batch.generators or any(seed is not None for seed in self._seeds):
+            batch.generators = [seeding.np_random(seed)[0] for seed in self._seeds]
         self._reset_seeds()
-        self._returns[:] = 0.0
-        self._lengths[:] = 0
-        return self._inputs(observations, np.ones(self.num_envs, np.bool_))
+        self._begins_from = [generator.bit_generator.state for generator in batch.generators]
+        self._began_from = list(self._begins_from)
+        self._actions_before.clear()
+        return self._begin(np.ones(self.num_envs, np.bool_))
+
+    @property
+    def log(self) -> MissionLog:
+        """How the missions came to where they are."""
+        longest = int(self._lengths.max())
+        actions = list(self._actions_before)[len(self._actions_before) - longest :]
+        kept = np.array(actions, self.action_space.dtype).reshape(longest, self.num_envs, 3)
+        return MissionLog(list(self._began_from), self._lengths.copy(), kept)
+
+    def relive(self, log: MissionLog) -> NDArray[np.float32]:
+        """Drive the missions of a log again, to where they were; what is inferred on the way is inferred anew.
+
+        Returns:
+            What the learner saw last.
+
+        Raises:
+            ValueError: The log is of other missions.
+        """
+        longest = len(log.actions)
+        if log.actions.shape != (longest, self.num_envs, 3) or log.lengths.shape != (self.num_envs,):
+            raise ValueError(f"a log of {log.lengths.shape} missions and {log.actions.shape} actions does not fit")
+        if len(log.generators) != self.num_envs or not ((log.lengths >= 0) & (log.lengths <= longest)).all():
+            raise ValueError("a log of too few or too many decisions")
+        inputs = self.reset()  # until a mission of the log begins, another one is driven in its place
+        for decision in range(longest + 1):
+            begins = log.lengths == longest - decision
+            if begins.any():
+                self._set_generators(log.generators, begins)
+                inputs = self._begin(begins)
+            if decision < longest:
+                self.step_async(log.actions[decision])
+                inputs = self._step()[0]
+        return inputs
+
+    def _begin(self, begins: NDArray[np.bool_]) -> NDArray[np.float32]:
+        observations, _ = self.env.reset(options=None if begins.all() else {"reset_mask": begins})
+        self._note_begin(begins)
+        self._returns[begins] = 0.0
+        self._lengths[begins] = 0
+        return self._inputs(observations, begins)
+
+    def _set_generators(self, states: Sequence[Mapping[str, Any]], chosen: NDArray[np.bool_]) -> None:
+        generators = list(self.env.batch.generators)
+        for i in np.flatnonzero(chosen).tolist():
+            generators[i] = seeding.np_random(0)[0]
+            generators[i].bit_generator.state = states[i]
+            self._begins_from[i] = states[i]
+        self.env.batch.generators = generators
+
+    def _note_begin(self, begun: NDArray[np.bool_]) -> None:
+        """Note what missions began from; as only their beginnings draw, that is the state after the one before."""
+        for i in np.flatnonzero(begun).tolist():
+            self._began_from[i] = self._begins_from[i]
+            self._begins_from[i] = self.env.batch.generators[i].bit_generator.state
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Take the actions of the next step."""
@@ -75,7 +154,11 @@ class SB3Adapter(VecEnv):
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step all missions."""
+        return self._step()
+
+    def _step(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         potentials = self.env.batch.records["potential"].copy()
+        self._actions_before.append(np.array(self._actions))
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
         if "final_info" in info:
@@ -98,6 +181,7 @@ class SB3Adapter(VecEnv):
                 infos[i] = self._final_info(info, i, last[i]) | {"TimeLimit.truncated": late}
             self._returns[ended] = 0.0
             self._lengths[ended] = 0
+            self._note_begin(ended)
         return self._inputs(observations, ended), rewards.astype(np.float32), ended, infos
 
     def _inputs(self, observations: NDArray[np.float32], begun: NDArray[np.bool_]) -> NDArray[np.float32]:

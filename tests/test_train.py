@@ -1,25 +1,42 @@
 """Training: it learns, is reproducible, survives a kill, and says what is wrong."""
 
 import dataclasses
+import io
 import json
 import os
+import pickle
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
+from safetensors import safe_open
+from safetensors.numpy import load, save
+from stable_baselines3.common.save_util import save_to_zip_file
 
 import homeward
 from homeward import load_robot
 from homeward.agents import provenance
 from homeward.agents.policy_file import DESCRIPTION, WEIGHTS, load_policy
 from homeward.agents.ppo_curve import measure, read_curve
-from homeward.agents.ppo_folder import CHECKPOINT, CURVE, PREVIOUS, RUN, TENSORBOARD, RunState, open_run
+from homeward.agents.ppo_folder import (
+    CHECKPOINT,
+    CURVE,
+    LOCK,
+    PREVIOUS,
+    RUN,
+    TENSORBOARD,
+    RunState,
+    locked,
+    open_run,
+)
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, settle
@@ -40,7 +57,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_run_leaves_a_policy_checkpoints_and_logs(finished: Path) -> None:
     assert {entry.name for entry in finished.iterdir()} == {
-        RUN, CHECKPOINT, PREVIOUS, TENSORBOARD, WEIGHTS, DESCRIPTION, CURVE
+        RUN, LOCK, CHECKPOINT, PREVIOUS, TENSORBOARD, WEIGHTS, DESCRIPTION, CURVE
     }  # fmt: skip
     assert any((finished / TENSORBOARD).iterdir())
     description = load_policy(finished).description
@@ -122,6 +139,103 @@ def test_damaged_checkpoints_alone_are_refused(finished: Path, tmp_path: Path) -
         main(tiny(tmp_path, resume=True))
 
 
+class Trap:
+    """Pickled, a call of `os.mkdir` on reading."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, (str(self._folder),)
+
+
+def pickled_by_torch(trap: Trap) -> bytes:
+    content = io.BytesIO()
+    torch.save(trap, content)
+    return content.getvalue()
+
+
+def as_stable_baselines_writes_it(trap: Trap) -> bytes:
+    """A zip file with a pickle in base 64, which its own reader runs."""
+    content = io.BytesIO()
+    save_to_zip_file(content, {"num_timesteps": trap})
+    return content.getvalue()
+
+
+def within_safetensors(trap: Trap) -> bytes:
+    """A checkpoint in all but what its header holds."""
+    return save({"torch": np.frombuffer(pickle.dumps(trap), np.uint8)}, {"homeward": pickle.dumps(trap, 0).decode()})
+
+
+@pytest.mark.parametrize(
+    "written", [lambda trap: pickle.dumps(trap), pickled_by_torch, as_stable_baselines_writes_it, within_safetensors]
+)
+@pytest.mark.parametrize("name", [CHECKPOINT, "checkpoint.zip"])
+def test_a_planted_pickle_is_not_run(
+    finished: Path, tmp_path: Path, written: Callable[[Trap], bytes], name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = copied(finished, tmp_path / "run", RUN, PREVIOUS)
+    (out / name).write_bytes(written(Trap(tmp_path / "sprung")))
+    main(tiny(out, resume=True))
+    assert not (tmp_path / "sprung").exists()
+    assert (f"{CHECKPOINT} cannot be read" in capsys.readouterr().err) == (name == CHECKPOINT)
+    assert (out / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
+
+
+Spoiled = Callable[[dict[str, Any], dict[str, Any]], object]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda tensors, header: tensors["missions.lengths"].fill(2**62),
+        lambda tensors, header: tensors["missions.lengths"].fill(-1),
+        lambda tensors, header: tensors["missions.actions"].fill(7),
+        lambda tensors, header: tensors.update({"missions.actions": tensors["missions.actions"][:, 1:]}),
+        lambda tensors, header: tensors["policy.action_net.bias"].fill(np.nan),
+        lambda tensors, header: tensors.update({"policy.action_net.bias": np.zeros(3, np.float32)}),
+        lambda tensors, header: tensors.update({"optimizer.0.exp_avg": np.zeros(3, np.float32)}),
+        lambda tensors, header: tensors.pop("numpy"),
+        lambda tensors, header: tensors.update({"torch": tensors["torch"][:100]}),
+        lambda tensors, header: header["generators"].pop(),
+        lambda tensors, header: header["generators"][0].update(bit_generator="MT19937"),
+        lambda tensors, header: header["generators"][0].update(state={"state": "x", "inc": -1}),
+        lambda tensors, header: header.update(schema=99),
+        lambda tensors, header: header.update(counters={}),
+        lambda tensors, header: header.update(best={"steps": "many"}),
+    ],
+)
+def test_numbers_that_are_no_checkpoint_are_refused(finished: Path, tmp_path: Path, spoil: Spoiled) -> None:
+    out = copied(finished, tmp_path / "run", RUN)
+    content = (finished / CHECKPOINT).read_bytes()
+    tensors = {name: value.copy() for name, value in load(content).items()}
+    with safe_open(finished / CHECKPOINT, "np") as file:
+        header = json.loads(file.metadata()["homeward"])
+    spoil(tensors, header)
+    (out / CHECKPOINT).write_bytes(save(tensors, {"homeward": json.dumps(header)}))
+    with pytest.raises(TrainingError, match="no checkpoint that can be read"):
+        main(tiny(out, resume=True))
+
+
+def test_two_trainings_do_not_share_a_folder(finished: Path, tmp_path: Path, root: Path) -> None:
+    out = tmp_path / "run"
+    with locked(out):
+        second = subprocess.run(command(out), cwd=root, capture_output=True, text=True)
+    said = f"train.py: another training is at work in {out}: wait for it, or choose another --out\n"
+    assert (second.returncode, second.stderr) == (2, said)
+    assert [entry.name for entry in out.iterdir()] == [LOCK]
+    assert (main(tiny(out)) / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
+
+
+@pytest.mark.parametrize("changes", [{}, {"seed": 1}])
+def test_fewer_steps_never_replace_a_longer_finished_run(finished: Path, tmp_path: Path, changes: Any) -> None:
+    out = copied(finished, tmp_path / "run")
+    before = contents(out)
+    with pytest.raises(TrainingError, match=rf"trained on {STEPS} steps, and 1 steps replace no longer run"):
+        main(tiny(out, steps=1, resume=True, replace=True, **changes))
+    assert contents(out) == before
+
+
 def test_resuming_an_empty_folder_begins(tmp_path: Path, finished: Path) -> None:
     main(tiny(tmp_path, resume=True))
     assert (tmp_path / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
@@ -154,7 +268,7 @@ def changed_physics(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("changed_physics")
-@pytest.mark.parametrize("names", [(), (RUN, CHECKPOINT)], ids=["finished", "unfinished"])
+@pytest.mark.parametrize("names", [(), (RUN, LOCK, CHECKPOINT)], ids=["finished", "unfinished"])
 @pytest.mark.parametrize("resume", [False, True])
 def test_a_run_of_other_code_is_neither_reused_nor_continued(
     finished: Path, tmp_path: Path, names: tuple[str, ...], resume: bool

@@ -12,6 +12,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import homeward  # noqa: F401 - registers the environments
+from homeward.agents.ppo_guide import make_guide
 from homeward.agents.sb3_adapter import SB3Adapter
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -128,3 +129,33 @@ def test_attributes_are_those_of_the_shared_environment() -> None:
 def test_another_way_of_resetting_is_refused() -> None:
     with pytest.raises(ValueError, match="autoreset_mode is NextStep; make the environment with SameStep"):
         SB3Adapter(HomewardVectorEnv(2))
+
+
+@pytest.mark.parametrize("guide", ["none", "dmax_adaptive", "planner"])
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+@pytest.mark.parametrize("mission", ["OutAndBack", "Survey", "Patrol"])
+def test_relived_missions_go_on_as_if_nothing_had_been(mission: str, action_type: str, guide: str) -> None:
+    def make() -> SB3Adapter:
+        env = HomewardVectorEnv(
+            COUNT, mission=mission, action_type=action_type, autoreset_mode="SameStep", decision_s=DECISION_S
+        )
+        return SB3Adapter(env, 0.5, make_guide(guide, mission, env.batch.setting), late_is_lost=True, insight=True)
+
+    first, second = make(), make()
+    first.seed(5)
+    first.reset()
+    rng = np.random.default_rng(0)
+    before = [first.step(draw_actions(rng, action_type)) for _ in range(60)]
+    assert sum(over.sum() for _, _, over, _ in before)
+    second.seed(77)
+    np.testing.assert_array_equal(second.relive(first.log), np.asarray(before[-1][0]))
+    for _ in range(60):
+        actions = draw_actions(rng, action_type)
+        ours, theirs = first.step(actions), second.step(actions)
+        for one, other in zip(ours[:3], theirs[:3], strict=True):
+            np.testing.assert_array_equal(np.asarray(one), np.asarray(other))
+        assert [info.get("episode", {}).get("r") for info in ours[3]] == [
+            info.get("episode", {}).get("r") for info in theirs[3]
+        ]
+    np.testing.assert_array_equal(first.log.actions, second.log.actions)
+    assert first.log.generators == second.log.generators
