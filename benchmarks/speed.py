@@ -8,19 +8,23 @@ have each of them just above zero: what is timed is the work, not what it does t
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import itertools
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -40,6 +44,8 @@ TARGETS = {"no effects": (1.5, 4.0, 5.0), "3 effects": (1.3, 3.0, 4.0), "all eff
 THREE = ("turning", "wind", "internal_resistance")
 PAIRS = 9
 PPO_STEPS = 65_536
+QUIET = 0.95
+"""Share of the cores from which a machine counts as quiet: the rest is what the system itself takes."""
 
 
 @dataclass
@@ -47,7 +53,9 @@ class Args:
     """Speed of the environments, the learner, the replay, the diagnosis and the import."""
 
     skip_ppo: bool = False
-    """Leave out the learner, which needs torch and a minute."""
+    """Leave out the learner and other work of torch, which need torch and a minute."""
+    only_threads: bool = False
+    """Print only the vector step beside other loads."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,11 @@ def main(args: Args) -> None:
     if not args.skip_ppo:
         tasks.append(ppo_rate)
     console = Console()
+    if (free := free_share()) < QUIET:
+        console.print(f"The machine is busy: {1.0 - free:.0%} of its cores are taken, and what is printed is too slow.")
+    console.print(threads_table(with_torch=not args.skip_ppo))
+    if args.only_threads:
+        return
     rows = [task() for task in track(tasks, "measuring", console=Console(stderr=True))]
     table = Table(title=f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores")
     for column in ("measure", "ours", "peer", "ratio", "asked for"):
@@ -143,6 +156,130 @@ def vector_step(effects: str, place: int) -> Row:
         f"vector step, {effects}, {count} envs", f"{steps / ours_s:.1f} M/s", f"CartPole {steps / peer_s:.1f} M/s",
         ratio, f"{TARGETS[effects][place]:g} x",
     )  # fmt: skip
+
+
+@dataclass
+class Fixed:
+    """Takes the same number of threads for every step, whatever that takes."""
+
+    number: int
+    restricted = True
+
+    def took(self, seconds: float) -> None:
+        """Learn nothing."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """What else is at work beside the vector step: busy processes, and torch's threads in this one."""
+
+    processes: int = 0
+    torch: str = ""
+
+    def __str__(self) -> str:
+        processes = f"{self.processes} busy" if self.processes else ""
+        return ", ".join(filter(None, (processes, self.torch and f"torch {self.torch}"))) or "nothing"
+
+
+LOADS = (Load(), Load(1), Load(2), Load(4), Load(torch="between steps"), Load(torch="beside"), Load(2, "between steps"))
+SLICE_S, SLICES = 0.2, 15
+
+
+def threads_table(*, with_torch: bool) -> Table:
+    """Vector steps per second on one thread, on all, and as chosen: medians over slices of time, by turns.
+
+    The ratio is of means, as a load makes few steps very slow.
+    """
+    table = Table(title="vector steps, M/s, beside other loads: one thread, all, and as chosen")
+    for column in ("beside", "missions", "one", "all", "chosen", "chosen/one"):
+        table.add_column(column, justify="left" if column == "beside" else "right", no_wrap=True)
+    for load in LOADS:
+        if with_torch or not load.torch:
+            for count in SIZES[:2]:
+                one, every, chosen = beside(load, count)
+                rates = (f"{count / statistics.median(seconds) / 1e6:.2f}" for seconds in (one, every, chosen))
+                ratio = statistics.fmean(one) / statistics.fmean(chosen)
+                table.add_row(str(load), str(count), *rates, f"{ratio:.2f}")
+    return table
+
+
+def beside(load: Load, count: int) -> list[list[float]]:
+    """Seconds of a step in each slice of time, on one thread, on all, and as chosen."""
+    entry: Any = gym.VectorizeMode.VECTOR_ENTRY_POINT
+    envs = [gym.make_vec(IDS["Survey"], num_envs=count, vectorization_mode=entry, difficulty="known") for _ in range(3)]
+    for env, number in zip(envs, (1, numba.get_num_threads()), strict=False):
+        vector: Any = env.unwrapped
+        vector.batch.threads = Fixed(number)
+    actions, rounds = some_actions(count), itertools.count()
+    with contextlib.ExitStack() as stack:
+        for _ in range(load.processes):
+            stack.enter_context(busy_process())
+        between = stack.enter_context(torch_at_work(load.torch, count)) if load.torch else lambda: None
+
+        def slice_of(env: Any) -> float:
+            spent_s, steps, end_s = 0.0, 0, time.perf_counter() + SLICE_S
+            while time.perf_counter() < end_s:
+                between()
+                start_s = time.perf_counter()
+                env.step(actions[next(rounds) % len(actions)])
+                spent_s, steps = spent_s + time.perf_counter() - start_s, steps + 1
+            return spent_s / steps
+
+        for env in envs:
+            env.reset(seed=0)
+            slice_of(env)
+        slices = [[slice_of(env) for env in envs] for _ in range(SLICES)]
+    return [list(column) for column in zip(*slices, strict=True)]
+
+
+@contextlib.contextmanager
+def busy_process() -> Iterator[None]:
+    """Another process that takes all it can get of a core."""
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as process:
+        try:
+            yield
+        finally:
+            process.kill()
+
+
+@contextlib.contextmanager
+def torch_at_work(how: str, count: int) -> Iterator[Callable[[], Any]]:
+    """A network that is asked by all of torch's threads: between steps, by what is yielded, or all the time beside."""
+    import torch
+
+    network = torch.nn.Sequential(torch.nn.Linear(64, 128), torch.nn.Tanh(), torch.nn.Linear(128, 128))
+    inputs, over = torch.zeros(count, 64), threading.Event()
+
+    def ask() -> None:
+        with torch.no_grad():
+            network(inputs)
+
+    def ask_on() -> None:
+        while not over.is_set():
+            ask()
+
+    if how == "between steps":
+        yield ask
+        return
+    thread = threading.Thread(target=ask_on)
+    thread.start()
+    try:
+        yield lambda: None
+    finally:
+        over.set()
+        thread.join()
+
+
+def free_share() -> float:
+    """Share of the cores that as many busy processes get: 1 on a quiet machine."""
+    code = "import time; s = time.perf_counter(); exec('while time.perf_counter() < s + 0.5: pass'); " + (
+        "print(time.process_time() / (time.perf_counter() - s))"
+    )
+    processes = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        for _ in range(os.cpu_count() or 1)
+    ]
+    return statistics.fmean(float(process.communicate()[0]) for process in processes)
 
 
 def scalar_step() -> Row:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -15,12 +17,10 @@ from homeward.envs import kernel
 from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
 from homeward.envs.options import OptionError, Options, settle
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
+from homeward.envs.threads import Threads
 from homeward.physics.jit import announce_first_compilation
 from homeward.physics.kernel import CAUSES
 from homeward.physics.robot import ROBOT_DTYPE
-
-_PARALLEL_FROM = 256
-"""Missions from which two threads are faster than one."""
 
 _CACHE_LINE = 64  # bytes
 _NO_CHOICES, _NO_LEVELS = np.empty((0, 3), np.int64), np.empty((0, 3), np.float32)
@@ -31,6 +31,19 @@ def _by_cache_lines(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
     room = np.zeros(count * dtype.itemsize + _CACHE_LINE, np.uint8)
     start = -room.ctypes.data % _CACHE_LINE
     return room[start : start + count * dtype.itemsize].view(dtype)
+
+
+_NO_LIMIT = contextlib.nullcontext()
+
+
+@contextlib.contextmanager
+def _at_most(threads: int) -> Iterator[None]:
+    allowed = numba.get_num_threads()
+    numba.set_num_threads(threads)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(allowed)
 
 
 class EnergyLedger(Mapping[str, float]):
@@ -123,7 +136,7 @@ class Batch:
         self._settle()
         self._generators: list[np.random.Generator] = []
         self._typed_generators: Any = None
-        self._parallel = count >= _PARALLEL_FROM
+        self.threads = Threads(count) if Threads.pay(count) else None
         self._none = np.zeros(count, np.bool_)
         self._discrete = options.action_type == "discrete"
         self._action_shape = (count, 3)
@@ -194,20 +207,25 @@ class Batch:
         else:
             levels = self._as_actions(actions, np.float32)
         rows = self._rows(observations)
-        if self._parallel:
-            ended: int = kernel.step_in_parallel(
-                self._none if begin is None else begin, self._numbas_generators(), choices, levels, self._constants,
-                self.records, self._robots, self._routes, rows, rewards, terminated, truncated,
-            )  # fmt: skip
+        threads = self.threads
+        start_s = time.perf_counter() if threads else 0.0
+        if threads and threads.number > 1:
+            with _at_most(threads.number) if threads.restricted else _NO_LIMIT:
+                ended: int = kernel.step_in_parallel(
+                    self._none if begin is None else begin, self._numbas_generators(), choices, levels,
+                    self._constants, self.records, self._robots, self._routes, rows, rewards, terminated, truncated,
+                )  # fmt: skip
         else:
             ended = kernel.step_in_turn(
                 choices, levels, self._constants, self.records, self._robots, self._routes, rows, rewards, terminated,
                 truncated,
             )  # fmt: skip
+            if begin is not None and ended >= 0:
+                self.reset(begin, observations)
+        if threads:
+            threads.took(time.perf_counter() - start_s)
         if ended < 0:
             self._refuse(actions, -1 - ended)
-        if begin is not None and not self._parallel:
-            self.reset(begin, observations)
         return ended
 
     def _rows(self, observations: NDArray[np.float32]) -> NDArray[np.void]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -15,6 +16,7 @@ from homeward.envs.batch import REWARD_TERMS
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.scalar import HomewardEnv
+from homeward.envs.threads import Threads
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import CAUSES
 from tests.envs.rollouts import INFO_KEYS, MISSIONS, SHORT_S, make, random_actions
@@ -23,11 +25,25 @@ COUNT, STEPS = 6, 45
 SEEDS = [11, 3, 3, 2**31, 0, 12345]  # two alike, and in no order
 
 
+class TwoThreads(Threads):
+    """Two threads for every step, however few missions there are."""
+
+    def __init__(self, missions: int) -> None:
+        self.number, self.restricted = 2, True
+
+    @staticmethod
+    def pay(missions: int) -> bool:
+        return missions >= 2
+
+    def took(self, seconds: float) -> None:
+        pass
+
+
 @pytest.fixture(params=["in_turn", "in_parallel"])
 def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Let small vector environments use the kernel of large ones."""
     if request.param == "in_parallel":
-        monkeypatch.setattr(batch, "_PARALLEL_FROM", 2)
+        monkeypatch.setattr(batch, "Threads", TwoThreads)
     return str(request.param)
 
 
@@ -173,12 +189,14 @@ def test_the_order_of_missions_does_not_matter(threads: str) -> None:
             np.testing.assert_array_equal(one[order], permuted[i])
 
 
-def test_large_vector_envs_equal_small_ones(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At their own size, from which the parallel kernel is used, and with all missions in turn."""
-    count = batch._PARALLEL_FROM
-    parallel = HomewardVectorEnv(count, mission="Patrol", difficulty="harsh", decision_s=SHORT_S)
-    monkeypatch.setattr(batch, "_PARALLEL_FROM", count + 1)
-    in_turn = HomewardVectorEnv(count, mission="Patrol", difficulty="harsh", decision_s=SHORT_S)
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_large_vector_envs_equal_small_ones(mode: str) -> None:
+    """At a size from which several threads may step them, and with all missions in turn."""
+    count, allowed = 256, numba.get_num_threads()
+    options: dict[str, Any] = {"difficulty": "harsh", "decision_s": SHORT_S, "autoreset_mode": mode}
+    parallel, in_turn = (HomewardVectorEnv(count, mission="Patrol", **options) for _ in range(2))
+    assert parallel.batch.threads and in_turn.batch.threads
+    parallel.batch.threads, in_turn.batch.threads = TwoThreads(count), None
     one = make("Patrol", difficulty="harsh")
     np.testing.assert_array_equal(parallel.reset(seed=1)[0], in_turn.reset(seed=1)[0])
     one.reset(seed=count)  # the last one's
@@ -193,6 +211,8 @@ def test_large_vector_envs_equal_small_ones(monkeypatch: pytest.MonkeyPatch) -> 
         begun = begun or bool(found[2][-1] | found[3][-1])
         if not begun:
             np.testing.assert_array_equal(found[0][-1], one.step(actions[-1])[0])
+    assert begun
+    assert numba.get_num_threads() == allowed
 
 
 def test_one_seed_stands_for_a_row_of_them() -> None:
@@ -229,9 +249,8 @@ def test_final_info_is_kept_when_missions_go_on(mode: AutoresetMode) -> None:
     assert score > 0.0
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_the_kernels_choice_follows_the_number_of_missions(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "_PARALLEL_FROM", 3)
+@pytest.mark.parametrize("number", [1, 2])
+def test_the_kernel_is_the_one_for_so_many_threads(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     called: list[str] = []
 
     def note(name: str) -> Callable[..., int]:
@@ -243,7 +262,9 @@ def test_the_kernels_choice_follows_the_number_of_missions(count: int, monkeypat
 
     for name in ("step_in_turn", "step_in_parallel"):
         monkeypatch.setattr(kernel, name, note(name))
-    envs = HomewardVectorEnv(count)
+    envs = HomewardVectorEnv(256)
+    assert envs.batch.threads and envs.batch.threads.number == 1
+    envs.batch.threads.number = number
     envs.reset(seed=0)
     envs.step(envs.action_space.sample())
-    assert called == ["step_in_parallel" if count == 3 else "step_in_turn"]
+    assert called == ["step_in_parallel" if number == 2 else "step_in_turn"]

@@ -1,0 +1,73 @@
+"""How many threads step a batch: as many as it is worth, and one where they would wait for each other."""
+
+from __future__ import annotations
+
+import numba
+
+_MISSIONS_A_THREAD = 128
+"""Missions from which a thread takes longer to step them than to be woken: two threads gain from twice as many on."""
+_CALIBRATION_S, _CALIBRATION_STEPS = 0.004, 8
+"""How long one thread is timed at least."""
+_TRUST_S = 0.5
+"""How long that time is believed."""
+_PATIENCE_S, _CREDIT_S = 0.001, 0.01
+"""How much longer than one thread several may take before they are given up; and how much of what they have saved since
+they were tried counts for them: the system itself lets any thread wait for some milliseconds now and then."""
+_PAYBACK, _MOST_PAYBACK = 20.0, 320.0
+"""Time on one thread per time lost by several: what trying them costs at most is its inverse, 5 %. It doubles with
+every try that fails."""
+
+
+class Threads:
+    """Chooses between one thread and several from what steps took.
+
+    Several threads end a step together, so each waits for the slowest. Beside other busy processes, or other threads of
+    this one, that is one which the system keeps from running: a step then takes a hundred times as long. Nothing tells
+    of it beforehand, so both ways are timed: one thread now and then, several as long as they are faster.
+
+    Args:
+        missions: Number of missions in a step.
+
+    Attributes:
+        number: Threads of the next step.
+        restricted: Whether that is fewer than numba would take, on a machine of many cores.
+    """
+
+    def __init__(self, missions: int) -> None:
+        self._worth = missions // _MISSIONS_A_THREAD
+        self._one_s = 0.0  # a step on one thread
+        self._lost_s, self._payback = 0.0, _PAYBACK  # by several
+        self._calibrate(_CALIBRATION_S)
+
+    @staticmethod
+    def pay(missions: int) -> bool:
+        """Whether several threads can be worth it."""
+        return missions >= 2 * _MISSIONS_A_THREAD
+
+    def took(self, seconds: float) -> None:
+        """Take in what the step took."""
+        if self.number > 1:
+            self._left_s -= seconds
+            self._lost_s = max(self._lost_s + seconds - self._one_s, -_CREDIT_S)
+            if self._lost_s > _PATIENCE_S:
+                self._calibrate(self._payback * self._lost_s)
+                self._payback = min(2.0 * self._payback, _MOST_PAYBACK)
+            elif self._left_s < 0.0:
+                self._calibrate(_CALIBRATION_S)
+                self._payback = _PAYBACK
+            return
+        self._steps += 1
+        self._spent_s += seconds
+        if self._spent_s >= self._left_s and self._steps >= _CALIBRATION_STEPS:
+            self._one_s = self._spent_s / self._steps
+            self._try_several()
+
+    def _calibrate(self, least_s: float) -> None:
+        self.number, self.restricted = 1, False
+        self._left_s, self._steps, self._spent_s = least_s, 0, 0.0
+
+    def _try_several(self) -> None:
+        allowed = numba.get_num_threads()
+        self.number = max(min(self._worth, allowed), 1)
+        self.restricted = self.number < allowed
+        self._left_s, self._lost_s, self._steps, self._spent_s = _TRUST_S, 0.0, 0, 0.0
