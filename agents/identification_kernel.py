@@ -210,7 +210,7 @@ def _unusual(prior: Any, unknown: Any) -> float:
     return half
 
 
-@inline
+@compiled
 def _misfit(
     v: Any, prior: Any, unknown: Any, drives: Any, grounds: Any, error: float, target: Any, normal: Any, work: Any
 ) -> tuple[float, float, float]:
@@ -241,7 +241,7 @@ def _misfit(
     return unusual, squares / max(len(drives), 1), outwards_j
 
 
-@inline
+@compiled
 def _suit_wind(v: Any, prior: Any, unknown: Any, drives: Any, grounds: Any, error: float, work: Any) -> None:
     """Make all numbers but the wind the likeliest ones for it: a linear problem, as long as the robot has to drive."""
     (target, normal), more = work
@@ -252,7 +252,7 @@ def _suit_wind(v: Any, prior: Any, unknown: Any, drives: Any, grounds: Any, erro
         unknown[a] = min(max(unknown[a] + target[a], _LEAST[a]), _MOST[a])
 
 
-@inline
+@compiled
 def _fit(v: Any, prior: Any, drives: Any, grounds: Any, guess: Any, work: Any) -> None:
     """Move a guess to where it is likeliest, by Gauss-Newton steps of the wind after which the rest follows."""
     target, trial, trial_work = work
