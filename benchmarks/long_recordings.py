@@ -23,8 +23,8 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
 import homeward
-from benchmarks.make_recording import record
 from homeward.diagnosis import Recording, analyse
+from homeward.diagnosis.synthetic import record
 from homeward.physics import load_robot
 
 SAMPLES = (100_000, 1_000_000, 10_000_000)

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.make_recording import record
 from homeward import Robot, load_robot
 from homeward.diagnosis import Recording
+from homeward.diagnosis.synthetic import record
 
 Drive = Callable[..., list[Recording]]
 

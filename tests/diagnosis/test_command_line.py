@@ -3,12 +3,9 @@
 import sys
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 
 import diagnose
-from benchmarks.make_recording import record, true_robot
 from homeward import load_robot
 from homeward.datasets import shipped_recording
 from homeward.diagnosis import Diagnosis
@@ -56,12 +53,6 @@ def test_output_folder_that_cannot_be_written(
     (tmp_path / "file").write_text("")
     assert "choose another --out" in refused(monkeypatch, capsys, "--out", tmp_path / "file")
     assert "choose another --out" in refused(monkeypatch, capsys, "--out", "/proc/none")
-
-
-def test_shipped_recording_is_what_its_script_makes() -> None:
-    made, shipped = record(true_robot()), pd.read_csv(shipped_recording())
-    assert list(made) == list(shipped)
-    np.testing.assert_allclose(shipped, made, atol=0.11, err_msg="run `python benchmarks/make_recording.py`")
 
 
 def test_an_interrupted_diagnosis_leaves_what_an_earlier_one_wrote(

@@ -1,0 +1,65 @@
+"""Synthetic recordings: a robot that drives by the project's own kernel, measured with noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
+
+from homeward.physics import Robot, replay
+
+Array = NDArray[np.float64]
+
+STEP_S = 0.1
+SAMPLES = 4800
+RESOLUTION = {"time_s": 1, "speed_mps": 3, "yaw_rate_radps": 3, "grade_rad": 3, "sensing_hz": 0, "power_w": 1}
+"""Decimals that the sensors give."""
+
+
+def record(robot: Robot, seed: int = 20) -> pd.DataFrame:
+    """Drive a robot for eight minutes over hilly ground with stops and turns, and measure with noise.
+
+    The noise is drawn apart from the physics: a slow drift of the load, a ripple of the current, and the noise and
+    resolution of the sensors.
+
+    Args:
+        robot: Who drives.
+        seed: Of drive and noise.
+    """
+    rng = np.random.default_rng(seed)
+    time_s: Array = STEP_S * np.arange(SAMPLES, dtype=np.float64)
+    speed = _levels(rng, (0.0, 0.3, 0.5, 0.7, 0.9), 6.0, 20.0)
+    speed = uniform_filter1d(speed, 15, mode="nearest")
+    speed[speed < 0.02] = 0.0
+    yaw_rate = uniform_filter1d(_levels(rng, (0.0, 0.0, 0.0, 0.3, -0.3, 0.6, -0.6), 3.0, 9.0), 9, mode="nearest")
+    yaw_rate = yaw_rate * (speed > 0.0)
+    grade = uniform_filter1d(_levels(rng, (-0.06, 0.0, 0.0, 0.06, 0.1), 15.0, 40.0), 40, mode="nearest")
+    sensing_hz = _levels(rng, (0.0, 10.0, 25.0), 30.0, 60.0)
+    power_w = replay(
+        robot, time_s, speed, grade_rad=grade, yaw_rate_radps=yaw_rate, accel_mps2=np.gradient(speed, time_s),
+        sensing_hz=sensing_hz,
+    ).power_w  # fmt: skip
+    drift = lfilter([np.sqrt(1.0 - 0.98**2)], [1.0, -0.98], rng.standard_normal(SAMPLES))
+    power_w = power_w * (1.0 + 0.02 * drift) + 3.0 * rng.standard_normal(SAMPLES)
+    columns = {
+        "time_s": time_s,
+        "speed_mps": speed + 0.003 * rng.standard_normal(SAMPLES) * (speed > 0.0),
+        "yaw_rate_radps": yaw_rate + 0.005 * rng.standard_normal(SAMPLES),
+        "grade_rad": grade + 0.002 * rng.standard_normal(SAMPLES),
+        "sensing_hz": sensing_hz,
+        "power_w": power_w,
+    }
+    return pd.DataFrame({name: np.round(values, RESOLUTION[name]) for name, values in columns.items()})
+
+
+def _levels(rng: np.random.Generator, choices: tuple[float, ...], shortest_s: float, longest_s: float) -> Array:
+    """Levels held for random times, shape (SAMPLES,)."""
+    values = np.empty(SAMPLES)
+    start = 0
+    while start < SAMPLES:
+        length = int(rng.uniform(shortest_s, longest_s) / STEP_S)
+        values[start : start + length] = rng.choice(choices)
+        start += length
+    return values
