@@ -1,4 +1,5 @@
-"""Dependencies point one way: physics <- envs <- agents, physics <- diagnosis; and `import homeward` stays light."""
+"""Dependencies point one way: physics <- envs <- agents, physics <- diagnosis; `import homeward` stays light; and only
+the tests of the benchmarks need them."""
 
 import ast
 import subprocess
@@ -99,6 +100,18 @@ def test_only_agents_import_learning_libraries() -> None:
         for file in [*python_files("homeward"), *python_files("envs"), ROOT / "evaluate.py", ROOT / "diagnose.py"]
         for name in sorted(all_imports(file))
         if within(name, LEARNING)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_only_tests_of_the_benchmarks_import_them() -> None:
+    files = [file for file in python_files("tests") if not file.is_relative_to(ROOT / "tests" / "benchmarks")]
+    assert len(files) > 50
+    wrong = [
+        f"{file.relative_to(ROOT)} imports {name}"
+        for file in files
+        for name in sorted(all_imports(file))
+        if within(name, {"benchmarks", "plants"})
     ]
     assert not wrong, "\n".join(wrong)
 

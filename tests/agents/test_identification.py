@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.identification import truth
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.identification import Identification
 from homeward.envs.features import INDEX
@@ -18,6 +17,17 @@ from homeward.envs.vector import HomewardVectorEnv
 
 MISSIONS = 64
 FAST, HALF = 4, 2
+
+
+def truth(env: HomewardVectorEnv) -> NDArray[np.float64]:
+    """The numbers of `identification_kernel.UNKNOWN` as they are, shape (missions, 5)."""
+    m, p, nominal = env.batch.records, env.batch.robots, env.batch.setting.robot.record()[0]
+    gauge = env.batch.setting.shared["usable_j"][0] / m["capacity_j"] * (1.0 + m["gauge_bias"])
+    weight = gauge * (p["mass_kg"] + p["payload_mass_kg"]) / (nominal["mass_kg"] + nominal["payload_mass_kg"])
+    rolling = weight * p["rolling_resistance"] / nominal["rolling_resistance"]
+    wind_mps = np.where(env.batch.setting.shared["difficulty"][0] > 0, m["wind_mps"], 0.0)
+    wind = wind_mps * np.stack((np.cos(m["wind_from_rad"]), np.sin(m["wind_from_rad"])))
+    return np.stack((gauge, rolling, weight, *wind), axis=1)
 
 
 class Drive:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import homeward
-from benchmarks import optimum as benchmark
 from homeward.agents import AGENTS, make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.oracle import Optimum, OracleError, score_of, solve
@@ -194,17 +192,3 @@ def _lower(mission: str) -> float:
     if mission not in LOWER:
         LOWER[mission] = float(solve(Options(mission), SEEDS[:1]).lower[0])
     return LOWER[mission]
-
-
-def test_the_benchmark_prints_its_tables_and_keeps_what_it_solved(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    args = benchmark.Args(tmp_path, missions=("OutAndBack",), episodes=12, jobs=1, agents=("soc50",))
-    benchmark.main(args)
-    first = capsys.readouterr().out
-    assert "OutAndBack" in first
-    assert "soc50" in first
-    assert len(list(tmp_path.rglob("*.json"))) == 2
-    monkeypatch.setattr(benchmark, "_solve", None)  # nothing is left to be solved
-    benchmark.main(args)
-    assert capsys.readouterr().out.split("Agents on")[0] == first.split("Agents on")[0]

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.shield import Onward, Wanderer
 from homeward.agents import Policy, make_policy
 from homeward.agents.evaluation import Run, episode_seeds, run_episodes
 from homeward.agents.shield import Shield, decode_actions
@@ -11,6 +10,7 @@ from homeward.envs.actions import encode_actions
 from homeward.envs.options import MISSIONS, Options, settle
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
+from tests.agents.reckless import Onward, Wanderer
 
 
 def shielded(policy: Policy, options: Options, count: int) -> Run:

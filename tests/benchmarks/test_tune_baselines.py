@@ -16,6 +16,7 @@ def test_tuning_prints_a_pace_and_reserves_for_each_mission(
     monkeypatch.setattr(tune_baselines, "CANDIDATES", [PACES["Survey"], Pace(0.5, 5.0, 0.9)])  # the other senses little
     rules = {name: (rule, grid[:: len(grid) // 2 or 1]) for name, (rule, grid) in tune_baselines.RULES.items()}
     monkeypatch.setattr(tune_baselines, "RULES", rules)
+    monkeypatch.setattr(tune_baselines, "DEVIATIONS", tune_baselines.DEVIATIONS[::6])  # of the planner
     try:
         tune_baselines.main()
     finally:

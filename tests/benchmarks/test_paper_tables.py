@@ -1,0 +1,42 @@
+"""The paper's tables: hours and shares that the model gives, and every mission printed."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from benchmarks import paper_tables
+from benchmarks.paper_tables import INCLINE_RAD, MISSIONS, mission_hours
+from homeward import load_robot
+from homeward.physics import ancillary_power, traction_force
+from homeward.physics.model import drive_power
+
+RUSTI = load_robot("rusti")
+NO_DRAG = dataclasses.replace(RUSTI, drag_ns2_per_m2=0.0)
+
+
+def test_manoeuvring_share_with_a_15_w_computer() -> None:
+    assert round(100 * paper_tables.computer_share(1), 1) == 30.5
+
+
+@pytest.mark.parametrize(("mission", "hours"), list(zip(MISSIONS[:3], [1.64, 4.02, 4.95], strict=True)))
+def test_box_hours_at_1_mps_and_078_kg(mission: paper_tables.Mission, hours: float) -> None:
+    assert round(mission_hours(NO_DRAG, mission), 2) == hours
+
+
+def test_drive_power_at_1_mps() -> None:
+    assert round(paper_tables.drive_power(NO_DRAG), 2) == 8.83
+
+
+def test_incline_hours_use_the_mean_power_of_both_ways() -> None:
+    mission = MISSIONS[3]
+    force_n = traction_force(RUSTI, 1.0, np.array([INCLINE_RAD, -INCLINE_RAD]))
+    power_w = ancillary_power(RUSTI, 0.0) + mission.duty * np.mean(drive_power(RUSTI, force_n, 1.0))
+    assert mission_hours(RUSTI, mission) == pytest.approx(55440.0 / power_w / 3600.0, rel=1e-12)
+
+
+def test_the_benchmark_prints_every_mission(capsys: pytest.CaptureFixture[str]) -> None:
+    paper_tables.main()
+    printed = capsys.readouterr().out
+    for mission in MISSIONS:
+        assert f"{mission.measured_h:.3f}" in printed
