@@ -1,10 +1,12 @@
 """The benchmark of other learners: what they may choose from, that they remember, and that nothing is trained twice."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks import learners
 from benchmarks.learners import Args, PaidAsItGoes, choices, main, missions, train_recurrent
 from homeward.agents.ppo_settings import TrainingError
 from homeward.agents.shield import decode_actions
@@ -50,7 +52,8 @@ def test_a_finished_run_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert first.out == again.out and "dmax_adaptive" in first.out
 
 
-def test_a_recurrent_policy_remembers_until_missions_begin() -> None:
+def test_a_recurrent_policy_remembers_until_missions_begin(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(learners, "SETTINGS", dataclasses.replace(learners.SETTINGS, epochs=1))
     options = Options("OutAndBack")
     policy = train_recurrent(options, 1, 0)
     env = HomewardVectorEnv(3, autoreset_mode="Disabled", **vars(options))

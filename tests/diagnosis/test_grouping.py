@@ -18,13 +18,13 @@ def renamed(runs: list[Recording], name: str) -> list[Recording]:
 
 
 def test_runs_of_little_and_much_scrub_are_two_groups(drive: Drive, husky: Robot) -> None:
-    ice = renamed(drive(husky, runs=5, effects={"turning": {"scrub": 0.15}}), "ice")
-    floor = renamed(drive(husky, runs=5, effects={"turning": {"scrub": 0.5}}), "floor")
+    ice = renamed(drive(husky, runs=3, effects={"turning": {"scrub": 0.15}}), "ice")
+    floor = renamed(drive(husky, runs=3, effects={"turning": {"scrub": 0.5}}), "floor")
     found = group_runs(analyse([*ice, *floor], husky))
     groups = found.group.tolist()
-    assert len(set(groups[:5])) == 1 and len(set(groups[5:])) == 1 and groups[0] != groups[5]
+    assert len(set(groups[:3])) == 1 and len(set(groups[3:])) == 1 and groups[0] != groups[3]
     turning = found.sizes[:, found.quantities.index("turning")]
-    assert np.all(turning[:5] < 0.6 * turning[5:].min())
+    assert np.all(turning[:3] < 0.6 * turning[3:].min())
 
 
 def test_nothing_named_is_nothing_to_group_by(drive: Drive, husky: Robot) -> None:

@@ -1,6 +1,7 @@
 """Missing physics is named, fitted, handed back as a robot, and not seen where there is none."""
 
 import dataclasses
+import functools
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -102,17 +103,23 @@ def test_the_corrected_robot_drives_in_the_environments(drive: Drive, husky: Rob
     assert Diagnosis.from_json((tmp_path / "diagnosis.json").read_text()) == analysis.diagnosis
 
 
-@pytest.fixture
-def husky_runs(data_folder: Path) -> Callable[[str], list[Path]]:
-    """Recordings of the real Husky on a terrain."""
+@pytest.fixture(scope="module")
+def real_husky(data_folder: Path) -> Callable[[str], Diagnosis]:
+    """What is said of recordings of the real Husky on a terrain, each diagnosed once."""
     if not (data_folder / "husky_borealtc").is_dir():
         pytest.skip("set HOMEWARD_DATA to a folder with husky_borealtc")
-    return lambda terrain: sorted((data_folder / "husky_borealtc" / terrain).glob("pro_*.csv"))
+
+    @functools.cache
+    def diagnosed(terrain: str) -> Diagnosis:
+        runs = sorted((data_folder / "husky_borealtc" / terrain).glob("pro_*.csv"))
+        return diagnose(runs, "husky", "husky_borealtc")
+
+    return diagnosed
 
 
 @pytest.mark.parametrize("terrain", ["FLOORING", "ASPHALT", "ICE", "SNOW"])
-def test_the_real_husky_lacks_turning(terrain: str, husky_runs: Callable[[str], list[Path]]) -> None:
-    diagnosis = diagnose(husky_runs(terrain), "husky", "husky_borealtc")
+def test_the_real_husky_lacks_turning(terrain: str, real_husky: Callable[[str], Diagnosis]) -> None:
+    diagnosis = real_husky(terrain)
     assert diagnosis.missing_physics[0].effect == "turning"
     assert diagnosis.missing_physics[0].where[0].condition.startswith("turning faster than")
     assert diagnosis.fit is not None and diagnosis.fit.held_out_by == "run"
@@ -120,9 +127,9 @@ def test_the_real_husky_lacks_turning(terrain: str, husky_runs: Callable[[str], 
     assert diagnosis.fit.arms["refit"].energy_error_pct is None and diagnosis.range_change_m is None
 
 
-def test_ice_is_set_apart_from_hard_dry_ground_by_its_turning(husky_runs: Callable[[str], list[Path]]) -> None:
+def test_ice_is_set_apart_from_hard_dry_ground_by_its_turning(real_husky: Callable[[str], Diagnosis]) -> None:
     scrub = {
-        terrain: diagnose(husky_runs(terrain), "husky", "husky_borealtc").missing_physics[0].parameters["scrub"].ci95
+        terrain: real_husky(terrain).missing_physics[0].parameters["scrub"].ci95
         for terrain in ("FLOORING", "ASPHALT", "ICE")
     }
     assert scrub["ICE"][1] < 0.5 * min(scrub["FLOORING"][0], scrub["ASPHALT"][0])
