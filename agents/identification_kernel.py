@@ -219,12 +219,12 @@ def _misfit(
     `target` and `normal` become the equations of a Gauss-Newton step.
     """
     slopes, metre = work
-    normal[:] = prior.inverse
     unusual = squares = outwards_j = 0.0
     for a in range(len(unknown)):
         target[a] = 0.0
         for b in range(len(unknown)):
             target[a] -= prior.inverse[a, b] * (unknown[b] - prior.mean[b])
+            normal[a, b] = prior.inverse[a, b]
         unusual -= 0.5 * target[a] * (unknown[a] - prior.mean[a])
     for row in range(len(drives)):
         d = drives[row]
@@ -277,7 +277,10 @@ def _fit(v: Any, prior: Any, drives: Any, grounds: Any, guess: Any, work: Any) -
                 break
         if gained <= 0.0:
             break
-        unknown[:], target[:], factor[:] = trial, trial_target, trial_normal
+        for a in range(len(unknown)):  # number by number: to copy arrays whole takes seconds to compile
+            unknown[a], target[a] = trial[a], trial_target[a]
+            for b in range(len(unknown)):
+                factor[a, b] = trial_normal[a, b]
         unusual, square, left_j = trial_unusual, trial_square, trial_left_j
         _factor(factor)
         if gained < _CONVERGED:
@@ -297,8 +300,9 @@ def _likelihood(unusual: float, square: float, error: float, rows: int) -> float
 def _begin(v: Any, prior: Any, drives: Any, grounds: Any, guess: Any, wind: Any, work: Any) -> None:
     """Make a wind a guess, with all other numbers the likeliest ones for it."""
     (target, normal), more = work
-    guess.unknown[:] = prior.mean
-    guess.unknown[_EAST:] = wind
+    for a in range(len(prior.mean)):
+        guess.unknown[a] = prior.mean[a]
+    guess.unknown[_EAST], guess.unknown[_NORTH] = wind[0], wind[1]
     for _ in range(_SUITS):
         _suit_wind(v, prior, guess.unknown, drives, grounds, _FIRST_ERROR, work)
     _, square, _ = _misfit(v, prior, guess.unknown, drives, grounds, _FIRST_ERROR, target, normal, more)
