@@ -1,6 +1,7 @@
 """All scripts end alike: 0, 2, or 130 after Ctrl-C, with one line unless all is well."""
 
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -76,6 +77,7 @@ def test_a_failed_download_has_an_exit_code_of_its_own(
     monkeypatch.delenv(datasets.LOCAL_FOLDER, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(requests, "get", fail)
+    monkeypatch.setattr(time, "sleep", lambda _: None)  # between tries
     arguments = ["--dataset", "husky_borealtc/FLOORING", "--out", str(tmp_path / "out")]
     returned, said = end(diagnose, arguments, monkeypatch, capsys)
     assert (returned, said.count("\n")) == (code, 1)

@@ -2,6 +2,7 @@
 
 import errno
 import shutil
+import time
 from pathlib import Path
 
 import pooch
@@ -51,6 +52,7 @@ def test_offline_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         raise requests.exceptions.ConnectionError("no route to host")
 
     monkeypatch.setattr(requests, "get", offline)
+    monkeypatch.setattr(time, "sleep", lambda _: None)  # between tries
     with pytest.raises(DownloadError, match=r"set HOMEWARD_DATA to a folder that holds husky_borealtc/"):
         fetch("husky_borealtc", "FLOORING", progress=False)
 
@@ -84,6 +86,7 @@ def test_download_is_cached_and_checked(tmp_path: Path, monkeypatch: pytest.Monk
     assert served == [f"{DATASETS['husky_borealtc'].base_url}ICE/pro_00.csv"]
     shutil.rmtree(tmp_path / "cache")
     local.write_text("tampered")
+    monkeypatch.setattr(time, "sleep", lambda _: None)  # between tries
     with pytest.raises(DatasetError, match="differs from its checksum"):
         fetch("husky_borealtc", progress=False)
 
