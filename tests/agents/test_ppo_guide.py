@@ -128,7 +128,7 @@ def test_a_late_mission_keeps_nothing_that_it_hoped_for() -> None:
             assert (returns > -hope + 0.1).all()
 
 
-def test_a_guided_learner_learns(tmp_path: Any) -> None:
+def test_training_changes_every_layer_of_a_guided_learner(tmp_path: Any) -> None:
     options = Options("OutAndBack", decision_s=120.0)
     settings = dataclasses.replace(SETTINGS, n_envs=64, n_steps=16, batch_size=256, epochs=2)
     model = make_model(options, settings, seed=0)
