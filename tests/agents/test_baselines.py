@@ -177,7 +177,7 @@ def test_a_mission_that_begins_finds_nothing_of_the_one_before() -> None:
 @pytest.mark.parametrize("mission", MISSIONS)
 @pytest.mark.parametrize("name", ["dmax", "dmax_mapped", "dmax_adaptive"])
 def test_tuned_rules_come_home_when_all_is_known(name: str, mission: str) -> None:
-    assert episodes(name, Options(mission, difficulty="known"), 150).home.mean() >= 0.95
+    assert episodes(name, Options(mission, difficulty="known"), 150).home.all()
 
 
 def test_adaptive_beats_half_a_charge_on_uncertain_surveys() -> None:
@@ -190,8 +190,8 @@ def test_adaptive_beats_half_a_charge_on_uncertain_surveys() -> None:
 def test_hidden_wind_fools_rules_that_extrapolate(name: str) -> None:
     usual = episodes(name, Options("OutAndBack"), 200).stranded.mean()
     fooled = episodes(name, Options("OutAndBack", route="hidden_wind"), 200).stranded.mean()
-    assert usual < 0.15
-    assert fooled > usual + 0.3
+    assert usual < 0.1
+    assert fooled > 0.4
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 
 from homeward.agents import make_policy
 from homeward.agents.base import Observations
@@ -42,8 +43,13 @@ def test_it_senses_where_it_pays() -> None:
     assert rates[-1] >= 3
 
 
-def test_it_senses_less_when_the_memory_is_nearly_full() -> None:
-    assert command(backlog=0.9)[1] < command(backlog=0.0)[1] or command(backlog=0.9)[2] == STOP
+def test_it_senses_less_the_fuller_the_memory_and_stops_before_it_is_full() -> None:
+    filling = [command(backlog=backlog, distance=0.6, home_cost=0.4, energy=0.95) for backlog in (0.0, 0.5, 0.9)]
+    assert [mode for *_, mode in filling] == [GO, GO, GO]
+    rates = [rate for _, rate, _ in filling]
+    assert rates[0] > rates[1] > rates[2] > 0
+    full = command(backlog=0.95, distance=0.6, home_cost=0.4, energy=0.95)
+    assert (full[1], full[2]) == (0, STOP)
 
 
 def test_it_stops_for_the_radio_near_home_if_the_memory_will_be_short() -> None:
@@ -93,12 +99,14 @@ def test_a_patrol_that_passes_its_posts_unseen_still_comes_home() -> None:
 @pytest.mark.parametrize("mission", MISSIONS)
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 @pytest.mark.parametrize("difficulty", ["known", "harsh"])
-def test_its_actions_are_allowed_and_bring_most_robots_home(mission: str, action_type: str, difficulty: str) -> None:
+def test_its_actions_are_allowed_and_bring_nearly_all_robots_home(
+    mission: str, action_type: str, difficulty: str
+) -> None:
     options = Options(mission, action_type=action_type, difficulty=difficulty)
     env = HomewardVectorEnv(**vars(options))
-    episodes = run_episodes(make_policy("planner", env), options, range(24)).episodes
-    assert episodes.home.mean() >= (1.0 if difficulty == "known" else 0.5)
-    assert episodes.score.mean() > 0.0
+    episodes = run_episodes(make_policy("planner", env), options, range(200)).episodes
+    assert episodes.home.mean() >= (1.0 if difficulty == "known" else 0.95)
+    assert (episodes.score[episodes.home] > 0.0).all()
 
 
 @pytest.mark.parametrize("mission", MISSIONS)
@@ -117,5 +125,6 @@ def test_it_finds_more_than_the_rule_that_it_turns_with() -> None:
     planner, rule = (
         run_episodes(make_policy(name, env), options, range(96)).episodes for name in ("planner", "dmax_adaptive")
     )
-    assert planner.score.mean() > 1.01 * rule.score.mean()
-    assert planner.stranded.sum() <= rule.stranded.sum() + 1
+    gain = stats.ttest_rel(planner.score, rule.score).confidence_interval(0.95)
+    assert gain.low > 0.05 * rule.score.mean()
+    assert planner.stranded.sum() <= rule.stranded.sum()

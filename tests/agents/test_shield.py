@@ -32,8 +32,8 @@ def test_who_wanders_for_ever_comes_home(mission: str, action_type: str) -> None
 def test_who_never_turns_is_turned_in_time(route: str) -> None:
     options = Options("OutAndBack", route=route)
     safe = shielded(Onward(settle(options)), options, 200).episodes
-    assert safe.stranded.sum() <= 1
-    assert np.median(safe.furthest_m) > 0.3 * settle(options).shared["length_m"][0]
+    assert safe.home.all()
+    assert np.median(safe.furthest_m) > 0.5 * settle(options).shared["length_m"][0]
 
 
 def test_a_careful_rule_is_left_alone_where_all_is_known() -> None:
@@ -52,7 +52,7 @@ def test_it_turns_back_late() -> None:
     safe = shielded(Onward(settle(options)), options, 200).episodes
     left = safe.energy_left_j / settle(options).robot.usable_energy_j
     assert np.median(left) < 0.03
-    assert np.percentile(left, 90.0) < 0.12
+    assert np.percentile(left, 90.0) < 0.04
 
 
 def test_it_probes_on_the_way_out_unless_nothing_is_hidden() -> None:
@@ -73,7 +73,8 @@ def test_it_probes_on_the_way_out_unless_nothing_is_hidden() -> None:
 def test_a_biased_gauge_is_reckoned_with() -> None:
     options = Options("OutAndBack", difficulty="harsh")
     safe = shielded(Onward(settle(options)), options, 200).episodes
-    assert safe.stranded.mean() <= 0.02
+    assert safe.stranded.sum() <= 1
+    assert safe.home.sum() >= 199
 
 
 @pytest.mark.parametrize("mission", MISSIONS)

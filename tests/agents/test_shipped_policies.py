@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from scipy import stats
 
 from homeward.agents import make_policy
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
@@ -15,6 +16,8 @@ from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
 EPISODES = 300
+LEAST_GAIN = {"OutAndBack": 0.1, "Patrol": 0.0, "Survey": 0.08}
+"""Share of the rule's score that is gained at least, 95 % sure: paired, on these episodes."""
 MISSIONS = sorted(folder.name for folder in SHIPPED.iterdir() if folder.is_dir())
 
 
@@ -33,12 +36,13 @@ def test_what_ships_loads_without_a_warning(mission: str) -> None:
     assert len(read_curve(SHIPPED / mission)) > 5
 
 
-@pytest.mark.parametrize("mission", MISSIONS)
-def test_it_is_no_worse_than_the_best_rule_and_strands_less(mission: str) -> None:
+@pytest.mark.parametrize(("mission", "least"), LEAST_GAIN.items())
+def test_it_gains_on_the_best_rule_and_hardly_ever_strands(mission: str, least: float) -> None:
     ours, rule = driven("ppo", mission), driven("dmax_adaptive", mission)
-    assert ours.score.mean() > 0.98 * rule.score.mean()
-    assert ours.home.mean() > 0.96
-    assert ours.stranded.sum() <= max(rule.stranded.sum(), 0.01 * EPISODES)
+    gain = stats.ttest_rel(ours.score, rule.score).confidence_interval(0.95)
+    assert gain.low > least * rule.score.mean()
+    assert ours.stranded.sum() <= 1
+    assert (ours.home | ours.stranded).all()  # in time
 
 
 @pytest.mark.parametrize("mission", MISSIONS)
@@ -50,4 +54,4 @@ def test_its_card_tells_of_the_very_policy(mission: str) -> None:
 
 
 def test_a_policy_ships_for_every_mission() -> None:
-    assert set(MISSIONS) == set(IDS)
+    assert set(MISSIONS) == set(IDS) == set(LEAST_GAIN)
