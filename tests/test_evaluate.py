@@ -20,6 +20,15 @@ from homeward.agents.policy_file import DESCRIPTION
 from homeward.agents.ppo_settings import PPOSettings
 
 SMALL = ["--episodes", "3", "--agents", "dmax"]
+PICTURES = ("scores_png", "profiles_png", "episode_png", "route_png")
+
+
+@pytest.fixture(autouse=True)
+def hardly_any_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Empty pictures but where a test looks for them: to draw takes longer than to drive."""
+    if request.function is not test_files_and_table:
+        for name in PICTURES:
+            monkeypatch.setattr(evaluate, name, lambda *_: b"")
 
 
 def run_with(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
@@ -33,6 +42,7 @@ def test_files_and_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert sorted(path.name for path in out.iterdir()) == [
         "episode.png", "episodes.csv", "evaluation.json", "profiles.png", "route.png", "scores.png",
     ]  # fmt: skip
+    assert all(picture.read_bytes().startswith(b"\x89PNG") for picture in out.glob("*.png"))
     content = json.loads((out / "evaluation.json").read_text())
     rows = list(csv.DictReader((out / "episodes.csv").read_text().splitlines()))
     for name, one in content["agents"].items():

@@ -135,7 +135,7 @@ def test_a_lost_node_loses_nothing(
             os.kill(int(worker), signal.SIGKILL)  # all of the machine is gone at once
         kept.append(name)
 
-    function = functools.partial(draws_slowly, folder=tmp_path, wait_s=2.0)
+    function = functools.partial(draws_slowly, folder=tmp_path, wait_s=1.0)
     assert_equal(run_tasks(function, TASKS, cluster=cluster.address, keep=lose_a_node), expected)
     assert sorted(kept) == list(expected)  # each once
     assert len(begun()) == len(TASKS) + 1  # what the lost node was at began anew
