@@ -8,7 +8,7 @@ shape), so that all of them count alike.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -153,17 +153,13 @@ def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
 
 def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[Index, int]:
     """Level of each block and the number of levels: sizes in their order, cut where it pays."""
-    order = np.argsort(size, kind="stable")
-    distinct = len(np.unique(size))
+    distinct, which, times = np.unique(size, return_inverse=True, return_counts=True)
     mean = float(np.average(size, weights=weight))
     left = float((weight * (size - mean) ** 2).sum())
     level, levels = np.zeros(len(size), dtype=np.intp), 1
-    search = ruptures.KernelCPD(kernel="linear", min_size=1).fit(size[order][:, None])
     explained = 0.0
-    for count in range(2, min(_MOST_LEVELS, distinct) + 1):
-        number = np.zeros(len(size), dtype=np.intp)
-        for index, (start, end) in enumerate(pairwise([0, *search.predict(n_bkps=count - 1)])):
-            number[order[start:end]] = index
+    for count, groups in enumerate(_groups(distinct, times, min(_MOST_LEVELS, len(distinct))), start=2):
+        number = groups[which]
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
         gain = left - remaining - explained
@@ -174,6 +170,33 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
         usual = int(np.argmax(np.bincount(level, weight, minlength=levels)))
         level = np.where(level == usual, 0, np.where(level < usual, level + 1, level))
     return level, levels
+
+
+def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
+    """Group of each ascending value, in 2 to `most` groups that leave the least squared distance to their means.
+
+    Exact, by dynamic programming over the ends of groups.
+
+    Args:
+        value: Shape (n,).
+        times: How often each is there, shape (n,).
+        most: Groups at most, up to n.
+    """
+    centred = value - np.average(value, weights=times)
+    number, first, second = (np.append(0.0, np.cumsum(times * centred**power)) for power in range(3))
+    # From which value (rows) to before which (columns).
+    many = np.maximum(number - number[:, None], 1.0)
+    distance = second - second[:, None] - (first - first[:, None]) ** 2 / many
+    distance[np.tril_indices(len(number))] = np.inf
+    least, starts = distance[0], []
+    for _ in range(2, most + 1):
+        total = least[:, None] + distance
+        starts.append(total.argmin(axis=0))
+        least = total.min(axis=0)
+        ends = [len(value)]
+        for start in reversed(starts):
+            ends.append(int(start[ends[-1]]))
+        yield np.searchsorted(ends[:0:-1], np.arange(len(value)), side="right")
 
 
 def _apart(level: Index, shape: Array, residual: Array) -> float:
