@@ -60,8 +60,8 @@ def test_it_finds_what_is_hidden() -> None:
     before = np.abs(drive.identification.unknown - truth(drive.env))
     drive.go(60)
     after = np.abs(drive.identification.unknown - truth(drive.env))
-    assert (np.median(after, axis=0) < [0.02, 0.005, 0.005, 0.05, 0.05]).all()
-    assert (np.quantile(after, 0.95, axis=0) < 0.5 * np.quantile(before, 0.95, axis=0)).all()
+    assert (np.median(after, axis=0) < [0.01, 0.001, 0.001, 0.02, 0.02]).all()
+    assert (np.quantile(after, 0.95, axis=0) < 0.35 * np.quantile(before, 0.95, axis=0)).all()
 
 
 @pytest.mark.parametrize("probes", [True, False])
@@ -95,9 +95,9 @@ def test_the_way_home_takes_what_it_says() -> None:
     here, *_ = drive.identification.look_home(drive.observations, 0.0).T
     took = energy - drive.seen("energy")
     error = np.abs(home - here - took) / took
-    assert np.median(error) < 0.005 and np.quantile(error, 0.95) < 0.03
-    assert np.median(np.abs(by_the_file - took) / took) > 10.0 * np.median(error)
-    assert (np.abs(home - here - took) < 5.0 * deviation + 0.002).mean() > 0.9
+    assert np.median(error) < 0.002 and np.quantile(error, 0.95) < 0.02
+    assert np.median(np.abs(by_the_file - took) / took) > 100.0 * np.median(error)
+    assert (np.abs(home - here - took) < 5.0 * deviation).all()
 
 
 @pytest.mark.parametrize("robot", ["rusti_computer", "husky"])
@@ -121,7 +121,7 @@ def test_a_change_of_speed_tells_the_wind_from_its_mirror_image() -> None:
         drive = Drive(256, probes)
         drive.go(56)
         errors.append(np.abs(drive.identification.unknown - truth(drive.env))[:, 3:].max(axis=1))
-    assert (errors[1] > 0.5).mean() < 0.5 * (errors[0] > 0.5).mean()
+    assert (errors[1] > 0.5).mean() < 0.2 * (errors[0] > 0.5).mean()
 
 
 def test_nothing_is_found_where_nothing_is_hidden() -> None:
@@ -142,8 +142,8 @@ def test_rough_ground_goes_into_the_map() -> None:
     on_the_road = (drive.seen("energy") > 0.0) & (drive.seen("distance") > 0.0)
     here, *_ = drive.identification.look_home(drive.observations, 0.0).T
     took = energy - drive.seen("energy")
-    assert on_the_road.mean() > 0.9
-    assert np.median((np.abs(home - here - took) / took)[on_the_road]) < 0.12
+    assert on_the_road.all()
+    assert np.median((np.abs(home - here - took) / took)[on_the_road]) < 0.1
 
 
 def test_what_is_shown_twice_counts_once() -> None:

@@ -40,8 +40,8 @@ def test_the_two_figures_are_close(solved: tuple[Options, Optimum]) -> None:
     _, optimum = solved
     ratio = optimum.lower / optimum.upper
     assert (ratio <= 1.0).all()
-    assert ratio.mean() > 0.97
-    assert ratio.min() > 0.9
+    assert ratio.mean() > 0.99
+    assert ratio.min() > 0.98
 
 
 def test_the_lower_figure_is_the_score_of_the_actions(solved: tuple[Options, Optimum]) -> None:
@@ -142,13 +142,17 @@ EXTRA = {effect.id: {effect.switch.name: 0.2} for effect in EFFECTS} | {
 }
 
 
+LEAST = {"intermittent_load": 0.8, "motor_heating": 0.8}
+"""Share of the upper figure that the lower one reaches at least, where what was before matters: the bound is loose."""
+
+
 @pytest.mark.parametrize("effect", sorted(set(EXTRA) - set(REFUSED)))
 def test_the_figures_enclose_each_other_with_every_effect(effect: str) -> None:
     robot = homeward.load_robot("rusti_computer")
     options = Options("Survey", robot=dataclasses.replace(robot, track_m=0.2, effects={effect: EXTRA[effect]}))
     optimum = solve(options, SEEDS[:2])
     assert (optimum.lower <= optimum.upper).all()
-    assert (optimum.lower > 0.7 * optimum.upper).all()
+    assert (optimum.lower > LEAST.get(effect, 0.95) * optimum.upper).all()
 
 
 def test_a_robot_with_inertia_is_refused() -> None:
