@@ -132,18 +132,19 @@ def test_nothing_is_found_where_nothing_is_hidden() -> None:
     np.testing.assert_allclose(home, drive.seen("home_cost"), rtol=2e-3)
 
 
-def test_rough_ground_goes_into_the_map() -> None:
-    """At harsh the ground changes on the way: what it took beyond the numbers it takes again on the way home."""
+def test_where_the_ground_changes_the_way_home_takes_about_what_it_says() -> None:
+    """At harsh the ground is rough in patches, which no number explains."""
     drive = Drive(difficulty="harsh")
     drive.go(40)
     home, *_ = drive.identification.look_home(drive.observations, 0.0).T
-    energy = drive.seen("energy").copy()
+    energy, by_the_file = drive.seen("energy").copy(), drive.seen("home_cost").copy()
     drive.go(30, RETURN)
-    on_the_road = (drive.seen("energy") > 0.0) & (drive.seen("distance") > 0.0)
+    assert (drive.seen("energy") > 0.0).all() and (drive.seen("distance") > 0.0).all()
     here, *_ = drive.identification.look_home(drive.observations, 0.0).T
     took = energy - drive.seen("energy")
-    assert on_the_road.all()
-    assert np.median((np.abs(home - here - took) / took)[on_the_road]) < 0.1
+    error = np.median(np.abs(home - here - took) / took)
+    assert error < 0.1
+    assert error < 0.4 * np.median(np.abs(by_the_file - drive.seen("home_cost") - took) / took)
 
 
 def test_what_is_shown_twice_counts_once() -> None:
