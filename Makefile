@@ -8,7 +8,7 @@ BIN := .venv/bin
 DEMO := runs/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test docs format clean
+.PHONY: help demo test lint types tests docs format clean
 
 help:
 	@echo "make demo    train, evaluate and diagnose into $(DEMO)"
@@ -28,10 +28,18 @@ demo: .venv/installed
 	         echo "no real recordings to be had: here is the synthetic one that ships" >&2; \
 	         $(BIN)/python diagnose.py --robot husky --out $(DEMO)/diagnosis; }
 
+# Side by side, as the tests wait for other processes now and then; all are made even if one fails.
 test: .venv/installed
+	@$(MAKE) --no-print-directory --jobs --keep-going lint types tests
+
+lint: .venv/installed
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+
+types: .venv/installed
 	$(BIN)/mypy
+
+tests: .venv/installed
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
 docs: .venv/installed
