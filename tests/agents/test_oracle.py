@@ -150,7 +150,7 @@ LEAST = {"intermittent_load": 0.8, "motor_heating": 0.8}
 def test_the_figures_enclose_each_other_with_every_effect(effect: str) -> None:
     robot = homeward.load_robot("rusti_computer")
     options = Options("Survey", robot=dataclasses.replace(robot, track_m=0.2, effects={effect: EXTRA[effect]}))
-    optimum = solve(options, SEEDS[:2])
+    optimum = solve(options, SEEDS[:1])
     assert (optimum.lower <= optimum.upper).all()
     assert (optimum.lower > LEAST.get(effect, 0.95) * optimum.upper).all()
 
