@@ -89,6 +89,11 @@ def main(args: Args) -> Path:
 
 def _train(args: Args, options: Options, setting: Setting, settings: Mapping[str, Any]) -> Path:
     code = made_with(setting)
+    try:  # before an older run may be removed
+        from homeward.agents.ppo import check_device, train
+    except ModuleNotFoundError as error:
+        raise TrainingError(f"training needs {error.name}: pip install 'homeward[train]'") from None
+    check_device(args.ppo)
     state = open_run(args.out, settings, code, resume=args.resume, replace=args.replace)
     console = Console(stderr=True)
     if state is RunState.FINISHED:
@@ -100,10 +105,6 @@ def _train(args: Args, options: Options, setting: Setting, settings: Mapping[str
             markup=False,
             soft_wrap=True,
         )
-    try:
-        from homeward.agents.ppo import train
-    except ModuleNotFoundError as error:
-        raise TrainingError(f"training needs {error.name}: pip install 'homeward[train]'") from None
     trained = train(
         options,
         args.ppo,

@@ -19,7 +19,7 @@ from homeward.agents.base import Observations, Policy
 from homeward.agents.ppo_guide import BELIEFS, Guide, guide_from
 from homeward.envs.features import NAMES
 from homeward.envs.options import Setting
-from homeward.files import write_whole
+from homeward.files import read_json, write_whole
 
 WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
 SCHEMA = 1
@@ -183,15 +183,20 @@ def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise PolicyFileError(f"cannot read {path}: {error.strerror}; give the folder that train.py wrote") from None
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: OSError) -> PolicyFileError:
+    return PolicyFileError(f"cannot read {path}: {error.strerror}; give the folder that train.py wrote")
 
 
 def _read_description(path: Path) -> dict[str, Any]:
-    content = _read(path)
     try:
-        description = json.loads(content)
+        description = read_json(path)
     except ValueError:
         raise PolicyFileError(f"{path} is truncated or not JSON: train again") from None
+    except OSError as error:
+        raise _unreadable(path, error) from None
     needed = ("observation_space", "action_space", "network", "weights_sha256")
     if not isinstance(description, dict) or not all(name in description for name in needed):
         raise PolicyFileError(f"{path} does not describe a policy of homeward")

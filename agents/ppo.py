@@ -19,17 +19,16 @@ from rich.console import Console
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 from threadpoolctl import threadpool_limits
-from torch import nn
 
 import homeward
-from homeward.agents.policy_file import Layer, NetworkPolicy, save_policy
+from homeward.agents.policy_file import NetworkPolicy, save_policy
 from homeward.agents.ppo_callback import TrainingCallback
 from homeward.agents.ppo_checkpoint import restore_checkpoint, save_checkpoint
 from homeward.agents.ppo_curve import Point, measure
 from homeward.agents.ppo_folder import TENSORBOARD
 from homeward.agents.ppo_guide import Guide, make_guide
 from homeward.agents.ppo_insight import Insight
-from homeward.agents.ppo_network import GuidedPolicy
+from homeward.agents.ppo_network import GuidedPolicy, layers_of
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.sb3_adapter import SB3Adapter
 from homeward.envs.options import Options, settle
@@ -82,7 +81,7 @@ def train(
     with one_thread():
         model = make_model(options, settings, seed)
         model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
-        best = restore_checkpoint(model, folder) if restore else None
+        best = restore_checkpoint(model, folder, total) if restore else None
         guide = make_guide(settings.guide, options.mission, settle(options))
 
         def measured(steps: int, trained_s: float) -> Point:
@@ -95,6 +94,13 @@ def train(
             model.learn(total - model.num_timesteps, callback, reset_num_timesteps=False)
             callback.add_to_curve()
             save_checkpoint(model, callback.best, folder)  # for more steps some day
+        except ValueError as error:
+            if all(parameter.isfinite().all() for parameter in model.policy.parameters()):
+                raise
+            raise TrainingError(
+                "the weights are no finite numbers any more: train with a smaller --learning-rate, or, if the run was "
+                "continued from a checkpoint by someone else, choose another --out"
+            ) from error
         finally:
             callback.close()
             model.logger.close()
@@ -112,8 +118,7 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     Raises:
         TrainingError: The device cannot be used.
     """
-    if settings.device == "cuda" and not torch.cuda.is_available():
-        raise TrainingError("device = 'cuda' is not available here; choose cpu")
+    check_device(settings)
     keywords = vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
     guide = make_guide(settings.guide, options.mission, missions.batch.setting)
@@ -144,6 +149,16 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     return model
 
 
+def check_device(settings: PPOSettings) -> None:
+    """Check that the device is there.
+
+    Raises:
+        TrainingError: It is not.
+    """
+    if settings.device == "cuda" and not torch.cuda.is_available():
+        raise TrainingError("device = 'cuda' is not available here; choose cpu")
+
+
 class _Falling:
     """A learning rate that falls linearly with the remaining share of the run."""
 
@@ -158,19 +173,6 @@ def deployed(model: PPO, guide: Guide | None) -> NetworkPolicy:
     """The policy as it stands, as it will act once training is over; the guide begins anew with its missions."""
     description = {} if guide is None else {"guide": guide.description}
     return NetworkPolicy(tuple(layers_of(model)), model.action_space, description, guide)
-
-
-def layers_of(model: PPO) -> list[Layer]:
-    """Weight and bias of each layer of the policy's network."""
-    hidden = [module for module in model.policy.mlp_extractor.policy_net if isinstance(module, nn.Linear)]
-    layers = [*hidden, _head(model)]
-    return [(layer.weight.detach().cpu().numpy(), layer.bias.detach().cpu().numpy()) for layer in layers]
-
-
-def _head(model: PPO) -> nn.Linear:
-    head = model.policy.action_net
-    assert isinstance(head, nn.Linear)
-    return head
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ from pathlib import Path
 from homeward.agents.base import Policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.ppo_folder import CURVE
+from homeward.agents.ppo_settings import TrainingError
 from homeward.envs.options import Options
 from homeward.files import write_whole
 
@@ -38,10 +39,17 @@ def measure(policy: Policy, options: Options, steps: int, trained_s: float) -> P
 
 
 def read_curve(folder: Path) -> list[Point]:
-    """The curve of a run, empty where there is none."""
+    """The curve of a run, empty where there is none.
+
+    Raises:
+        TrainingError: The file is damaged.
+    """
     if not (folder / CURVE).is_file():
         return []
-    return list(_points((folder / CURVE).read_text("utf-8")))
+    try:
+        return list(_points((folder / CURVE).read_text("utf-8")))
+    except (ValueError, KeyError, TypeError, csv.Error):
+        raise TrainingError(f"{folder / CURVE} is damaged: delete it to go on with a new curve") from None
 
 
 def write_curve(folder: Path, points: list[Point]) -> None:

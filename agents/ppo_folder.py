@@ -14,7 +14,7 @@ from filelock import FileLock, Timeout
 
 from homeward.agents.policy_file import DESCRIPTION, WEIGHTS
 from homeward.agents.ppo_settings import TrainingError
-from homeward.files import write_whole
+from homeward.files import read_json, write_whole
 
 RUN, LOCK, CURVE, TENSORBOARD = "run.json", "run.lock", "curve.csv", "tensorboard"
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
@@ -127,7 +127,7 @@ def _write(folder: Path, run: Mapping[str, Any], state: RunState) -> RunState:
 
 def _read(folder: Path) -> dict[str, Any]:
     try:
-        known = json.loads((folder / RUN).read_text("utf-8"))
+        known = read_json(folder / RUN)
         # A run of an early version holds its settings only: made with other code, as far as anyone can tell.
         run: dict[str, Any] = {"made_with": {}, "extended_from": []} | known
         whole = all(isinstance(run[name], dict) for name in ("settings", "made_with"))
@@ -155,10 +155,10 @@ def _difference(known: Mapping[str, Any], run: Mapping[str, Any]) -> str:
 def _steps_of_policy(folder: Path) -> int | None:
     """Steps that the policy in the folder was trained on, before they were made up to whole updates."""
     try:
-        return int(json.loads((folder / DESCRIPTION).read_text("utf-8"))["training"]["steps"])
+        return int(read_json(folder / DESCRIPTION)["training"]["steps"])
     except FileNotFoundError:
         return None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError):
         raise TrainingError(f"{folder / DESCRIPTION} is damaged: choose another --out") from None
 
 

@@ -6,9 +6,11 @@ from typing import Any
 
 import torch
 from gymnasium import spaces
+from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import nn
 
+from homeward.agents.policy_file import Layer
 from homeward.envs.kernel import LEVELS
 
 _MODE_LOGITS = (-1.5, 2.0, -2.2)  # stop 3 %, go 96 %, return 1.4 %: back after about 70 decisions
@@ -80,3 +82,16 @@ class _Layers(nn.Module):
     def forward_critic(self, inputs: torch.Tensor) -> torch.Tensor:
         values: torch.Tensor = self.value_net(inputs)
         return values
+
+
+def layers_of(model: PPO) -> list[Layer]:
+    """Weight and bias of each layer of the policy's network."""
+    hidden = [module for module in model.policy.mlp_extractor.policy_net if isinstance(module, nn.Linear)]
+    layers = [*hidden, _head(model)]
+    return [(layer.weight.detach().cpu().numpy(), layer.bias.detach().cpu().numpy()) for layer in layers]
+
+
+def _head(model: PPO) -> nn.Linear:
+    head = model.policy.action_net
+    assert isinstance(head, nn.Linear)
+    return head

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from homeward.agents.ppo_guide import GUIDES, PLANNER
 
+_MOST_HIDDEN = 4096  # 17 million weights in the second layer
+
 
 class TrainingError(ValueError):
     """A training run that cannot be made or continued; the message says what to change."""
@@ -50,6 +52,8 @@ class PPOSettings:
         for name in ("n_envs", "n_steps", "batch_size", "epochs", "hidden"):
             if getattr(self, name) < 1:
                 raise TrainingError(f"{name} = {getattr(self, name)} is not allowed; give a whole number of at least 1")
+        if self.hidden > _MOST_HIDDEN:
+            raise TrainingError(f"hidden = {self.hidden} is not allowed; give at most {_MOST_HIDDEN}")
         for name, low, high in (
             ("learning_rate", 0.0, 1.0),
             ("discount", 0.0, 1.0),

@@ -112,6 +112,10 @@ class SB3Adapter(VecEnv):
             ValueError: The log is of other missions.
         """
         longest = len(log.actions)
+        if log.actions.dtype != self.action_space.dtype or log.lengths.dtype != np.int64:
+            raise ValueError(f"a log of {log.actions.dtype} actions and {log.lengths.dtype} lengths")
+        if longest > (self._actions_before.maxlen or 0):
+            raise ValueError(f"a log of {longest} decisions: no mission takes so many")
         if log.actions.shape != (longest, self.num_envs, 3) or log.lengths.shape != (self.num_envs,):
             raise ValueError(f"a log of {log.lengths.shape} missions and {log.actions.shape} actions does not fit")
         if len(log.generators) != self.num_envs or not ((log.lengths >= 0) & (log.lengths <= longest)).all():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,19 +30,6 @@ def _by_cache_lines(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
     room = np.zeros(count * dtype.itemsize + _CACHE_LINE, np.uint8)
     start = -room.ctypes.data % _CACHE_LINE
     return room[start : start + count * dtype.itemsize].view(dtype)
-
-
-_NO_LIMIT = contextlib.nullcontext()
-
-
-@contextlib.contextmanager
-def _at_most(threads: int) -> Iterator[None]:
-    allowed = numba.get_num_threads()
-    numba.set_num_threads(threads)
-    try:
-        yield
-    finally:
-        numba.set_num_threads(allowed)
 
 
 class EnergyLedger(Mapping[str, float]):
@@ -148,6 +134,7 @@ class Batch:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._settle()
+        self.threads = Threads(self.count) if Threads.pay(self.count) else None  # of the machine where this is now
 
     def _settle(self) -> None:
         """Lay the setting out as one record for the kernels, and let the setting show it."""
@@ -209,8 +196,8 @@ class Batch:
         rows = self._rows(observations)
         threads = self.threads
         start_s = time.perf_counter() if threads else 0.0
-        if threads and threads.number > 1:
-            with _at_most(threads.number) if threads.restricted else _NO_LIMIT:
+        if threads and threads.number > 1 and not threads.forked:
+            with threads.at_work():
                 ended: int = kernel.step_in_parallel(
                     self._none if begin is None else begin, self._numbas_generators(), choices, levels,
                     self._constants, self.records, self._robots, self._routes, rows, rewards, terminated, truncated,

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import threading
+from collections.abc import Iterator
+
 import numba
 
 _MISSIONS_A_THREAD = 128
@@ -30,8 +35,10 @@ class Threads:
 
     Attributes:
         number: Threads of the next step.
-        restricted: Whether that is fewer than numba would take, on a machine of many cores.
     """
+
+    forked = False
+    """Whether this process was forked: the threads of its parent are gone, and OpenMP ends it where it needs others."""
 
     def __init__(self, missions: int) -> None:
         self._worth = missions // _MISSIONS_A_THREAD
@@ -63,11 +70,33 @@ class Threads:
             self._try_several()
 
     def _calibrate(self, least_s: float) -> None:
-        self.number, self.restricted = 1, False
+        self.number = 1
         self._left_s, self._steps, self._spent_s = least_s, 0, 0.0
 
     def _try_several(self) -> None:
-        allowed = numba.get_num_threads()
-        self.number = max(min(self._worth, allowed), 1)
-        self.restricted = self.number < allowed
+        self.number = 1 if Threads.forked else max(min(self._worth, numba.get_num_threads()), 1)
         self._left_s, self._lost_s, self._steps, self._spent_s = _TRUST_S, 0.0, 0, 0.0
+
+    @contextlib.contextmanager
+    def at_work(self) -> Iterator[None]:
+        """Let numba take so many threads, and no two steps of this process at a time: some of its layers cannot."""
+        allowed = numba.get_num_threads()
+        with _AT_WORK:
+            if self.number < allowed:
+                numba.set_num_threads(self.number)
+            try:
+                yield
+            finally:
+                if self.number < allowed:
+                    numba.set_num_threads(allowed)
+
+
+_AT_WORK = threading.Lock()
+
+
+def _forget_threads() -> None:
+    Threads.forked = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_threads)

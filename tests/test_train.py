@@ -201,8 +201,28 @@ Spoiled = Callable[[dict[str, Any], dict[str, Any]], object]
         lambda tensors, header: header["generators"][0].update(bit_generator="MT19937"),
         lambda tensors, header: header["generators"][0].update(state={"state": "x", "inc": -1}),
         lambda tensors, header: header.update(schema=99),
-        lambda tensors, header: header.update(counters={}),
-        lambda tensors, header: header.update(best={"steps": "many"}),
+        lambda tensors, header: header["generators"][0]["state"].update(inc=2),  # the same number for ever
+        lambda tensors, header: header["generators"][0].update(uinteger=2**40),
+        lambda tensors, header: header.update(steps=-TINY.rollout),
+        lambda tensors, header: header.update(steps=STEPS + TINY.rollout),
+        lambda tensors, header: header.update(steps=777),
+        lambda tensors, header: header.update(steps=float(TINY.rollout)),
+        lambda tensors, header: header.update(numpy=[10**9, 0, 0.0]),  # NumPy would read far beyond its memory
+        lambda tensors, header: header.update(numpy=[-1, 0, 0.0]),
+        lambda tensors, header: header.update(pad="x" * 17_000_000),
+        lambda tensors, header: header["best"].update(steps="many"),
+        lambda tensors, header: header["best"].update(score=float("nan")),
+        lambda tensors, header: tensors.update({"best.0.weight": np.zeros((1, 1), np.float32)}),
+        lambda tensors, header: tensors.update({"policy.action_net.bias": np.full(13, 1e300)}),
+        lambda tensors, header: tensors["policy.value_net.weight"].fill(1e20),
+        lambda tensors, header: tensors["optimizer.0.step"].fill(-1.0),
+        lambda tensors, header: tensors["optimizer.0.exp_avg_sq"].fill(-1.0),
+        lambda tensors, header: tensors.update(recent=np.zeros((3, 3))),
+        lambda tensors, header: tensors["recent"].fill(np.inf),
+        lambda tensors, header: tensors.update(
+            {"missions.actions": np.zeros((100_000, *tensors["missions.actions"].shape[1:]), np.int64)}
+        ),
+        lambda tensors, header: tensors.update({"missions.lengths": tensors["missions.lengths"].astype(float)}),
     ],
 )
 def test_numbers_that_are_no_checkpoint_are_refused(finished: Path, tmp_path: Path, spoil: Spoiled) -> None:
@@ -215,6 +235,49 @@ def test_numbers_that_are_no_checkpoint_are_refused(finished: Path, tmp_path: Pa
     (out / CHECKPOINT).write_bytes(save(tensors, {"homeward": json.dumps(header)}))
     with pytest.raises(TrainingError, match="no checkpoint that can be read"):
         main(tiny(out, resume=True))
+
+
+@pytest.mark.parametrize("content", ["", "steps,trained_s\n1,2\n", "steps\nmany\n", "\x00", "a" * 200_000, '"'])
+def test_a_damaged_curve_is_one_line(finished: Path, tmp_path: Path, content: str) -> None:
+    out = copied(finished, tmp_path / "run", RUN, CHECKPOINT)
+    (out / CURVE).write_text(content)
+    if content in ("", "\x00", '"'):  # a header alone: a curve without points
+        main(tiny(out, resume=True))
+    else:
+        with pytest.raises(TrainingError, match=f"{CURVE} is damaged"):
+            main(tiny(out, resume=True))
+
+
+@pytest.mark.parametrize("name", [RUN, DESCRIPTION])
+@pytest.mark.parametrize("content", ["[" * 100_000, '{"training": {"steps": 1e400}}', " " * 2_000_000])
+def test_hostile_json_is_one_line(finished: Path, tmp_path: Path, name: str, content: str) -> None:
+    out = copied(finished, tmp_path / "run")
+    (out / name).write_text(content)
+    with pytest.raises(TrainingError, match=f"{name} (is damaged|does not describe a training run)"):
+        main(tiny(out, resume=True))
+
+
+def test_a_pipe_is_no_run(finished: Path, tmp_path: Path) -> None:
+    out = copied(finished, tmp_path / "run")
+    (out / DESCRIPTION).unlink()
+    os.mkfifo(out / DESCRIPTION)
+    with pytest.raises(TrainingError, match=f"{DESCRIPTION} is damaged"):
+        main(tiny(out, resume=True))
+
+
+@pytest.mark.parametrize("settings", [{"device": "cuda"}, {"missing": "tensorboard"}])
+def test_nothing_is_replaced_by_what_cannot_be_trained(
+    finished: Path, tmp_path: Path, settings: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = copied(finished, tmp_path / "run")
+    before = contents(out)
+    ppo = dataclasses.replace(TINY, device=settings.get("device", "cpu"))
+    if "missing" in settings:
+        monkeypatch.delitem(sys.modules, "homeward.agents.ppo")
+        monkeypatch.setitem(sys.modules, settings["missing"], None)
+    with pytest.raises(TrainingError, match=r"is not available here|training needs tensorboard"):
+        main(tiny(out, ppo=ppo, seed=1, replace=True))
+    assert contents(out) == before
 
 
 def test_two_trainings_do_not_share_a_folder(finished: Path, tmp_path: Path, root: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -58,14 +59,19 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
     if function is None:
         return functools.partial(compiled, parallel=parallel)
     folder = cache_folder(Path(function.__code__.co_filename))
+    jit = functools.partial(numba.njit, parallel=parallel, error_model="numpy", nogil=True)
+    if folder is None:
+        return jit()(function)
     config: Any = numba.config
     before = config.CACHE_DIR
     # numba's cache knows a function by its name alone: the parallel form of one needs a folder of its own.
-    config.CACHE_DIR = str(folder / ("parallel" if parallel else "serial")) if folder else ""
+    config.CACHE_DIR = str(folder / ("parallel" if parallel else "serial"))
     try:
-        return numba.njit(cache=folder is not None, parallel=parallel, error_model="numpy", nogil=True)(function)
+        kernel: Any = jit(cache=True)(function)
     finally:
         config.CACHE_DIR = before
+    # Where numba cannot write, it goes on to folders that nobody has checked, and that know nothing of formulas.
+    return kernel if Path(kernel._cache.cache_path).is_relative_to(folder) else jit()(function)
 
 
 @functools.cache
@@ -82,7 +88,11 @@ def cache_folder(source: Path) -> Path | None:
     for file in sources(source):
         digest.update(f"\0{file.name}\0{_read(file)}".encode())
     folder = base / f"kernels-{digest.hexdigest()[:16]}"
-    folder.mkdir(mode=0o700, exist_ok=True)
+    try:
+        for place in (folder, folder / "serial", folder / "parallel"):
+            place.mkdir(mode=0o700, exist_ok=True)
+    except OSError:
+        return None
     return folder
 
 
@@ -122,11 +132,13 @@ def _cache_base() -> Path | None:
     Cached kernels are code that will be run: where someone else may write to the folder or replace it, the kernels are
     kept in a private folder among temporary files instead, and one line on stderr says so.
     """
-    home = os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    home = os.path.expanduser(os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or "~/.cache")
     bases = (Path(home) / "homeward", Path(tempfile.gettempdir()) / f"homeward-{_user_id()}")
     for base in bases:
         try:
-            base.mkdir(mode=0o700, parents=True, exist_ok=True)
+            for place in (*reversed(base.parents), base):
+                if not place.exists():  # one by one, as a mode is that of the last folder only
+                    place.mkdir(mode=0o700, exist_ok=True)
             folder = base.resolve()
             open_to_others = _open_to_others(folder)
             if open_to_others is None and os.access(folder, os.W_OK):
@@ -136,8 +148,8 @@ def _cache_base() -> Path | None:
         if open_to_others is not None:
             instead = "in a private temporary folder" if base == bases[0] else "nowhere"
             print(
-                f"homeward: others may write to {open_to_others}: compiled kernels are kept {instead} instead; "
-                "mend it with chmod go-w, or name another folder in HOMEWARD_CACHE",
+                f"homeward: others may change {open_to_others}: compiled kernels are kept {instead} instead; mend it "
+                "with chown and chmod go-w, or name another folder in HOMEWARD_CACHE",
                 file=sys.stderr,
                 flush=True,
             )
@@ -148,14 +160,35 @@ def _open_to_others(base: Path) -> Path | None:
     """A folder on the way to the base, or an entry of it, that others than this user and root may change."""
     if os.name != "posix":
         return None
-    for place in (base, *base.parents, *base.rglob("*")):
-        status = place.lstat()
-        # In a sticky folder, as /tmp is, nobody but its owner can rename or replace an entry; and what lies within the
-        # folder of a kernel, beneath the base, is out of reach as long as that is.
-        guarded = (place in base.parents and status.st_mode & stat.S_ISVTX) or base in place.parents[1:]
-        if status.st_uid not in (_user_id(), 0) or (status.st_mode & 0o022 and not guarded):
+    for place in (base, *base.parents):
+        # In a sticky folder, as /tmp is, nobody but its owner can rename or replace an entry.
+        if _by_others(place.stat(), sticky_is_safe=place != base):
             return place
+    for folder, folders, files in os.walk(base):
+        # What lies within a private folder is out of others' reach: only what they left there before counts.
+        private = folder != str(base) and not os.stat(base / Path(folder).relative_to(base).parts[0]).st_mode & 0o077
+        for name in (*folders, *files):
+            with contextlib.suppress(FileNotFoundError):  # another process may have put it in its place meanwhile
+                if _by_others((Path(folder) / name).lstat(), mode_is_safe=private):
+                    return Path(folder) / name
     return None
+
+
+def _by_others(status: os.stat_result, *, sticky_is_safe: bool = False, mode_is_safe: bool = False) -> bool:
+    if status.st_uid not in (_user_id(), 0, *_roots_in_a_container()):
+        return True
+    if mode_is_safe or stat.S_ISLNK(status.st_mode) or (sticky_is_safe and status.st_mode & stat.S_ISVTX):
+        return False
+    return bool(status.st_mode & 0o022)
+
+
+def _roots_in_a_container() -> tuple[int, ...]:
+    """What owns the files of the system's root where that is nobody inside: in a user namespace without it."""
+    try:
+        inside, outside, _ = map(int, Path("/proc/self/uid_map").read_text().split()[:3])
+        return () if (inside, outside) == (0, 0) else (int(Path("/proc/sys/fs/overflowuid").read_text()),)
+    except (OSError, ValueError):
+        return ()
 
 
 def _user_id() -> int:

@@ -56,9 +56,10 @@ def test_what_is_read_is_what_was_written(folder: Path, path: str) -> None:
 @pytest.mark.parametrize("guide", ["none", "dmax_adaptive", "planner"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, guide: str) -> None:
-    from homeward.agents.ppo import layers_of, make_model
+    from homeward.agents.ppo import make_model
     from homeward.agents.ppo_guide import make_guide
     from homeward.agents.ppo_insight import Insight
+    from homeward.agents.ppo_network import layers_of
     from homeward.agents.ppo_settings import PPOSettings
 
     settings = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16, guide=guide)

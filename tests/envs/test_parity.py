@@ -29,7 +29,7 @@ class TwoThreads(Threads):
     """Two threads for every step, however few missions there are."""
 
     def __init__(self, missions: int) -> None:
-        self.number, self.restricted = 2, True
+        self.number = 2
 
     @staticmethod
     def pay(missions: int) -> bool:

@@ -1,12 +1,18 @@
 """Threads of a vector step: several where they are faster, one where they would wait for each other."""
 
+import os
+import pickle
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 
 from homeward.envs.threads import Threads
+from homeward.envs.vector import HomewardVectorEnv
 
 ONE_S = {4096: 400e-6, 256: 25e-6}
 Load = Callable[[np.random.Generator], Iterator[tuple[float, float]]]
@@ -95,7 +101,7 @@ def test_a_machine_of_many_cores_gives_no_more_threads_than_a_batch_is_worth(
     threads = Threads(missions)
     while threads.number == 1:
         threads.took(1e-4)
-    assert (threads.number, threads.restricted) == (most, most < 16)
+    assert threads.number == most
 
 
 def test_one_thread_is_all_there_is_where_numba_has_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -104,3 +110,41 @@ def test_one_thread_is_all_there_is_where_numba_has_no_more(monkeypatch: pytest.
     for _ in range(10_000):
         threads.took(1e-3)
         assert threads.number == 1
+
+
+def test_a_copy_finds_out_anew_what_its_machine_gives() -> None:
+    env = HomewardVectorEnv(256)
+    assert env.batch.threads is not None
+    env.batch.threads.number = 16
+    copied = pickle.loads(pickle.dumps(env))
+    assert copied.batch.threads.number == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here")
+def test_a_forked_process_steps_on_one_thread(root: Path) -> None:
+    """OpenMP would end it."""
+    code = (
+        "import os, sys; from homeward.envs.vector import HomewardVectorEnv; env = HomewardVectorEnv(256)\n"
+        "env.reset(seed=0); env.batch.threads.number = 2; env.step(env.action_space.sample())\n"
+        "child = os.fork(); env.batch.threads.number = 2; env.step(env.action_space.sample())\n"
+        "sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) if child else 0)"
+    )
+    environment = os.environ | {"NUMBA_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("layer", ["workqueue", "omp"])
+def test_envs_of_several_threads_of_a_program_step_side_by_side(root: Path, layer: str) -> None:
+    code = (
+        "import threading; from homeward.envs.vector import HomewardVectorEnv\n"
+        "def drive():\n"
+        "    env = HomewardVectorEnv(512, difficulty='known'); env.reset(seed=0)\n"
+        "    for _ in range(300):\n"
+        "        env.batch.threads.number = 2; env.step(env.action_space.sample())\n"
+        "threads = [threading.Thread(target=drive) for _ in range(2)]\n"
+        "[thread.start() for thread in threads]; [thread.join() for thread in threads]; print('home')"
+    )
+    environment = os.environ | {"NUMBA_NUM_THREADS": "2", "NUMBA_THREADING_LAYER": layer}
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "home\n"), done.stderr

@@ -167,8 +167,13 @@ def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "temporary").mkdir(mode=0o700)
     monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
     monkeypatch.setenv("HOMEWARD_CACHE", str(tmp_path / "parent" / "named"))
-    folder = cache_base()
+    before = os.umask(0o002)  # as on systems where every user has a group of the same name
+    try:
+        folder = cache_base()
+    finally:
+        os.umask(before)
     assert folder == tmp_path / "parent" / "named" / "homeward"
+    assert all(place.stat().st_mode & 0o777 == 0o700 for place in (folder, folder.parent, folder.parents[1]))
     (folder / "kernels-0" / "serial").mkdir(mode=0o700, parents=True)
     (folder / "kernels-0" / "serial" / "kernel.nbc").touch()
     (folder / "kernels-0").chmod(0o700)
@@ -186,8 +191,8 @@ def test_a_cache_that_others_may_write_to_is_not_run(
     assert folder is not None and folder.is_relative_to(tmp_path / "temporary")
     assert folder.stat().st_mode & 0o077 == 0
     assert capsys.readouterr().err == (
-        f"homeward: others may write to {opened}: compiled kernels are kept in a private temporary folder instead; "
-        "mend it with chmod go-w, or name another folder in HOMEWARD_CACHE\n"
+        f"homeward: others may change {opened}: compiled kernels are kept in a private temporary folder instead; "
+        "mend it with chown and chmod go-w, or name another folder in HOMEWARD_CACHE\n"
     )
 
 
@@ -253,6 +258,32 @@ def test_a_planted_cache_is_not_run(root: Path, tmp_path: Path, mode: int, sprin
     cache.chmod(mode)
     run(use, places, cache, check=not springs)
     assert sprung.exists() == springs
+
+
+def test_kernels_that_their_group_may_write_are_safe_in_a_private_folder(base: Path) -> None:
+    """As numba makes them where every user has a group of the same name."""
+    inner = base / "named" / "homeward" / "kernels-0" / "serial"
+    inner.chmod(0o775)
+    (inner / "kernel.nbc").chmod(0o664)
+    assert cache_base() == base / "named" / "homeward"
+    (base / "named" / "homeward" / "kernels-0").chmod(0o755)
+    assert cache_base() != base / "named" / "homeward"
+
+
+def test_numba_keeps_kernels_nowhere_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where its folder is no folder it would go on to others, which nobody has checked."""
+    (tmp_path / "serial").touch()
+    monkeypatch.setattr(jit, "cache_folder", lambda source: tmp_path)
+    kernel: Any = jit.compiled(double)
+    assert kernel(21.0) == 42.0
+    assert not kernel.stats.cache_path
+
+
+def test_an_entry_that_is_gone_meanwhile_is_no_danger(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another process puts its kernels in their places while this one looks at them."""
+    walk = os.walk
+    monkeypatch.setattr(os, "walk", lambda place: [(*one[:2], [*one[2], "gone.nbc"]) for one in walk(place)])
+    assert cache_base() == base / "named" / "homeward"
 
 
 def test_without_any_folder_functions_still_compile(monkeypatch: pytest.MonkeyPatch) -> None:
