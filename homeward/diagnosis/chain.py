@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +16,18 @@ from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_
 from homeward.diagnosis.blocks import FEWEST_BLOCKS, cut_folds
 from homeward.diagnosis.charge import USABLE_ENERGY, Charge, weigh_charge
 from homeward.diagnosis.columns import Columns
-from homeward.diagnosis.correct import correct, of_capacity, range_change
+from homeward.diagnosis.correct import of_capacity, range_change
 from homeward.diagnosis.describe import ageing, missing_physics
 from homeward.diagnosis.empirical import Empirical
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.explanation import Explanation, Left, explain
 from homeward.diagnosis.fitted import with_columns
+from homeward.diagnosis.handover import determined, hand_over
 from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location
 from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.naming import FOLDS, Naming, shifted_in_time
+from homeward.diagnosis.parameters import with_effects_of
 from homeward.diagnosis.quality import Finding, usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
@@ -51,7 +55,10 @@ class Evidence:
 
     runs: Runs
     fitted: Refit
+    plain: Refit  # with every group that the recordings leave open as the robot file has it
     block: NDArray[np.intp]
+    fold: NDArray[np.intp]  # what is held out together
+    held_out_by: Literal["run", "block"]
     predictions: Mapping[str, Array]  # by arm, held out
     estimates: tuple[Estimate, ...]
     dependences: tuple[Dependence, ...]
@@ -62,6 +69,11 @@ class Evidence:
     range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
     charge: Charge | None = None  # of the battery beside the drive, where its state was recorded
     remains: Left | None = None  # what the named effects leave, where it still depends on a channel
+
+    @property
+    def trip(self) -> NDArray[np.intp]:
+        """What counts as one trip, shape (windows,)."""
+        return self.runs.run if self.held_out_by == "run" else self.fold
 
     @property
     def fades(self) -> bool:
@@ -149,16 +161,21 @@ def analyse(
         return Analysis(untestable, robot, robot, tuple(findings), None)
     evidence, fit = _weigh(average(usable), robot, seed, progress)
     verdict, off = _conclude(evidence)
-    effects = evidence.corrected.effects() if evidence.corrected is not None else {}
+    handover = hand_over(
+        robot, verdict, (evidence.plain, evidence.corrected), evidence.predictions, evidence.runs, evidence.fold,
+        evidence.trip, seed,
+    )  # fmt: skip
+    evidence, fit = _with_file(evidence, fit, handover.predicted, seed)
     found = (
         ()
         if evidence.corrected is None
         else missing_physics(evidence.corrected, evidence.naming.named, evidence.runs, _drives(evidence))
     )
+    corrected = handover.robot
     if evidence.charge is not None and evidence.charge.fading is not None:
-        found = (*found, ageing(evidence.charge.fading, evidence.contributions[-1], evidence.runs))
-        effects = {**effects, "ageing": {"lost_share": evidence.charge.fading.lost_share.value}}
-    corrected = correct(robot, evidence.estimates, evidence.runs.unit, verdict, effects)
+        fading = evidence.charge.fading
+        found = (*found, ageing(fading, evidence.contributions[-1], evidence.runs))
+        corrected = with_effects_of(corrected, {"ageing": {"lost_share": fading.lost_share.value}})
     if evidence.charge is not None and evidence.charge.off and verdict != "unknown_physics":
         corrected = of_capacity(corrected, evidence.charge.fitted_j / evidence.charge.assumed_j)
     where = evidence.location.places if evidence.location is not None else ()
@@ -166,7 +183,7 @@ def analyse(
         robot.name,
         infos,
         verdict,
-        wording.summary(verdict, evidence, off, fit, findings, found),
+        wording.summary(verdict, evidence, off, fit, findings, found, handover.handed),
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
         where=where or tuple(place for one in found for place in one.where),
@@ -175,6 +192,7 @@ def analyse(
         range_change_m=None
         if evidence.runs.unit == "A" or verdict == "unknown_physics"
         else range_change(robot, corrected),
+        file=handover.handed,
         next_experiment=_next(evidence),
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
@@ -218,17 +236,17 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         fold, held_out_by = block % FOLDS, "block"
     charge = weigh_charge(runs, robot, block, seed) if enough else None
     progress("proving")
+    named = fitted if corrected is None else corrected
+    plain, corrected = determined(fitted, corrected, runs, block)
     predicted = _predictions(fitted, corrected, told.empirical, nominal, runs, fold, seed)
-    arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
-    trip = runs.run if held_out_by == "run" else fold
-    accuracy = {name: range_accuracy_pct(one, runs, trip) for name, one in predicted.items()}
-    fit = Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
-    groups = fitted if corrected is None else corrected.groups
-    known = tuple(estimates(groups, runs, block, None if corrected is None else corrected.beside))
+    known = _known(estimates(named, runs, block), estimates(plain if corrected is None else corrected, runs, block))
     evidence = Evidence(
         runs,
         fitted,
+        plain,
         block,
+        fold,
+        held_out_by,
         predicted,
         known,
         tuple(found),
@@ -236,11 +254,40 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         told.naming,
         corrected,
         told.empirical,
-        accuracy,
+        {
+            name: range_accuracy_pct(one, runs, runs.run if held_out_by == "run" else fold)
+            for name, one in predicted.items()
+        },
         charge,
         told.left,
     )
-    return evidence, fit
+    arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
+    return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
+
+
+def _known(named: Sequence[Estimate], determined: Sequence[Estimate]) -> tuple[Estimate, ...]:
+    """What is known of each group: as fitted last, and nothing of those that were held on the way there."""
+    return tuple(
+        last if first.status == "fitted" and last.status == "fitted" else first
+        for first, last in zip(named, determined, strict=True)
+    )
+
+
+def _with_file(evidence: Evidence, fit: Fit, predicted: Array | None, seed: int) -> tuple[Evidence, Fit]:
+    """Evidence and arms with what the file that is handed over predicts."""
+    if predicted is None:
+        return evidence, fit
+    runs = evidence.runs
+    arm = score(predicted, runs, evidence.block, evidence.fold, evidence.held_out_by, seed)
+    accuracy = range_accuracy_pct(predicted, runs, evidence.trip)
+    return (
+        dataclasses.replace(
+            evidence,
+            predictions={**evidence.predictions, "file": predicted},
+            range_accuracy_pct={**evidence.range_accuracy_pct, "file": accuracy},
+        ),
+        dataclasses.replace(fit, arms={**fit.arms, "file": arm}),
+    )
 
 
 def _predictions(

@@ -8,59 +8,55 @@ from typing import Any
 
 import numpy as np
 
+from homeward.diagnosis.fitted import Fitted
 from homeward.diagnosis.parameters import with_ancillary, with_effects_of
 from homeward.diagnosis.refit import Estimate
 from homeward.diagnosis.replay import thrust_n_per_a
-from homeward.diagnosis.result import Verdict
 from homeward.diagnosis.signals import Unit
 from homeward.physics import Robot, d_max
 
 
-def correct(
-    robot: Robot,
-    estimates: Sequence[Estimate],
-    unit: Unit,
-    verdict: Verdict,
-    effects: Mapping[str, Mapping[str, float]],
-) -> Robot:
-    """Robot with the fitted value of each identifiable group, and the effects that were named.
+def written(robot: Robot, model: Fitted, unit: Unit, effects: Mapping[str, Mapping[str, float]]) -> Robot:
+    """Robot as its file has it after a fit: the fitted groups, with losses as assumed, and the effects.
 
-    Losses, and what cannot be told apart, stay as assumed.
-
-    A verdict that finds no fault changes nothing: a difference within the noise is no correction. Nor does unknown
-    physics: the fitted values then make up for it and are no measurement.
+    Args:
+        robot: Robot as its file has it now.
+        model: The fit; groups that it holds stay as they are.
+        unit: Of what was recorded: motor current tells nothing of ancillary power.
+        effects: Parameters of each effect.
     """
-    if verdict not in ("parameters_off", "missing_physics"):
-        return robot
-    fitted = {one.group.name: one.fitted for one in estimates if one.fitted is not None}
-    per = robot.traction_efficiency if unit == "W" else thrust_n_per_a(robot)
-    if unit == "W" and fitted.keys() & {"idle_power", "sample_energy"}:
-        idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w
-        sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
-        robot = with_ancillary(robot, fitted.get("idle_power", idle), fitted.get("sample_energy", sample))
+    idle_w, sample_j, rolling_kg, drag, mass_kg = model.theta.tolist()
     if effects:
-        found = {name: {key: float(f"{value:.6g}") for key, value in one.items()} for name, one in effects.items()}
-        robot = with_effects_of(robot, found)
-    if per == 0.0:
+        robot = with_effects_of(
+            robot, {name: {key: _round(value) for key, value in one.items()} for name, one in effects.items()}
+        )
+    if unit == "W":
+        robot = with_ancillary(robot, idle_w, sample_j)
+    elif thrust_n_per_a(robot) == 0.0:
         return robot
-    rolling_kg = robot.rolling_resistance * robot.mass_kg
-    changes: dict[str, float] = {}
-    if "mass" in fitted:
-        changes["mass_kg"] = fitted["mass"] * per
-    if "rolling" in fitted:
-        rolling_kg = fitted["rolling"] * per
-    if "drag" in fitted:
-        changes["drag_ns2_per_m2"] = fitted["drag"] * per
-    if "rolling" in fitted or "mass" in fitted:
-        mass_kg = changes.get("mass_kg", robot.mass_kg)
-        changes["rolling_resistance"] = float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0))
-    rounded: dict[str, Any] = {name: float(f"{value:.6g}") for name, value in changes.items()}
-    return dataclasses.replace(robot, **rounded)
+    fitted = {
+        "mass_kg": mass_kg,
+        "drag_ns2_per_m2": drag,
+        "rolling_resistance": float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0)),
+    }
+    changed: dict[str, Any] = {name: _unless_equal(getattr(robot, name), value) for name, value in fitted.items()}
+    return dataclasses.replace(robot, **changed)
+
+
+def _unless_equal(before: float, after: float) -> float:
+    return before if abs(after - before) <= _ROUNDING * abs(before) else _round(after)
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+_ROUNDING = 1e-9  # of a number: what arithmetic with a group that is held may leave
 
 
 def of_capacity(robot: Robot, factor: float) -> Robot:
     """The robot with a battery that holds so many times what its file says."""
-    return dataclasses.replace(robot, rated_energy_j=float(f"{robot.rated_energy_j * factor:.6g}"))
+    return dataclasses.replace(robot, rated_energy_j=_round(robot.rated_energy_j * factor))
 
 
 def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
+if TYPE_CHECKING:
+    from homeward.diagnosis.refit import Refit
+
 
 class Fitted(Protocol):
     """The refit, or the corrected model: what it predicts, how that depends on its numbers, its fit to a part."""
@@ -20,6 +23,14 @@ class Fitted(Protocol):
     @property
     def parameters(self) -> Parameters:
         """The groups and their bounds."""
+
+    @property
+    def groups(self) -> Refit:
+        """The fit of the groups, alone or together with effects."""
+
+    @property
+    def beside(self) -> Array:
+        """Derivative of the prediction by the sizes of effects, shape (windows, sizes)."""
 
     @property
     def theta(self) -> Array:
@@ -44,7 +55,7 @@ class Fitted(Protocol):
         """Prediction for all windows by a fit to the chosen ones only, shape (windows,)."""
 
 
-def excited(fit: Fitted, runs: Runs, share: float = 1e-6) -> NDArray[np.bool_]:
+def excited(fit: Fitted, runs: Runs, share: float | Array = 1e-6) -> NDArray[np.bool_]:
     """Whether a plausible change of each number moves the prediction by this share, shape (columns,)."""
     norms = np.linalg.norm(fit.jacobian, axis=0)
     moving: NDArray[np.bool_] = norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12)

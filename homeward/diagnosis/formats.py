@@ -14,6 +14,7 @@ ARMS: Mapping[str, str] = {
     "nominal": "the robot file as it is",
     "refit": "its parameters fitted",
     "corrected": "fitted together with what was found missing",
+    "file": "corrected.toml, replayed as written",
     "black_box": "boosted trees on the same channels: what there is to gain",
     "placebo": "what was found missing, shifted in time: what chance gains",
 }

@@ -21,7 +21,9 @@ from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
 _ITERATIONS = 6
-_MATTERS = 0.03  # of what was recorded
+_MATTERS = 0.03
+"""Share of what was recorded that a group must move, by its fitted size or that of the robot file, to be fitted beside
+effects."""
 _SMALL_STEP = 1e-3  # of a parameter, for derivatives
 
 
@@ -126,14 +128,23 @@ class Corrected:
         """Least and largest physical step of each column of `jacobian`."""
         return _bounds(self.groups, self.model, self.values)
 
-    def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
-        """Prediction for all windows by a fit to the chosen ones, linearised at the fit to all, shape (windows,)."""
+    def fitted_to(self, chosen: NDArray[np.bool_], observed: Array) -> Corrected:
+        """The same fitted to the chosen windows only, linearised at this fit."""
         columns = self.jacobian
         low, high = self.freedom()
         part = columns[chosen]
         step = bounded(part.T @ part, part.T @ (observed - self.predicted)[chosen], low, high)
-        predicted: Array = self.predicted + columns @ step
-        return predicted
+        count = self.groups.jacobian.shape[1]
+        theta, predicted = self.groups.moved(step[:count]), self.predicted + columns @ step
+        return dataclasses.replace(
+            self,
+            values=self.values + step[count:],
+            groups=dataclasses.replace(self.groups, theta=theta, predicted=predicted),
+        )
+
+    def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
+        """Prediction for all windows by a fit to the chosen ones, linearised at the fit to all, shape (windows,)."""
+        return self.fitted_to(chosen, observed).predicted
 
     def all_at_work(self) -> bool:
         """Whether each effect has a size whose interval excludes zero.
@@ -165,27 +176,17 @@ class Corrected:
         return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
 
     def effects(self) -> dict[str, dict[str, float]]:
-        """The physical effects as a robot file has them; faults of instruments are none of the robot's."""
+        """The physical effects as a robot file has them: one size each, of what no schedule changes, and of no
+        instrument."""
         result: dict[str, dict[str, float]] = {}
         for index, term in enumerate(self.model.terms):
-            if term.effect not in PHYSICS:
+            if term.effect not in PHYSICS or term.axis != "steady":
                 continue
             known = {parameter.name for parameter in CATALOGUE[term.effect].parameters}
             switch = CATALOGUE[term.effect].parameters[0]
             numbers = {name: value.value for name, value in self.parameters_of(index).items() if name in known}
-            mine = [
-                (one, self._share(one) * value)
-                for one, value in zip(self.model.unknowns, self.values, strict=True)
-                if one.term == index
-            ]
             if term.effect == "wind":
                 numbers = {"exposure": 1.0}
-            elif term.axis == "place" and term.schedule is None:
-                numbers[switch.name] = float(np.mean([value for _, value in mine]))
-            elif term.schedule is not None:
-                # The level that lasts longest says most about the next mission.
-                lasting = [float((term.schedule.level == (one.column or 0) + 1).sum()) for one, _ in mine]
-                numbers[switch.name] = float(mine[int(np.argmax(lasting))][1])
             if term.of_rolling_kg is not None:
                 numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
             shape = {name: value for name, value in term.shape.items() if name in known | {"track_m"}}
@@ -196,11 +197,8 @@ class Corrected:
 def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.intp]) -> Corrected:
     """Fit the groups and the effects together, by Gauss-Newton through the kernel.
 
-    A group without influence of its own stays as assumed: the mass on level ground is in the force of turning too, and
-    would trade against it.
-
     Args:
-        fit: The refit without effects.
+        fit: The refit without effects; groups that it holds stay as they are.
         terms: The named effects.
         runs: The runs.
         block: Stretches that count as independent, shape (windows,).
@@ -209,7 +207,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
     theta, values = _start(fit, model, runs)
     best: tuple[float, Array, Array, Array, Array] | None = None
     for _ in range(_ITERATIONS):
-        predicted, jacobian = _linearised(model, runs, theta, values, excited(fit, runs, _MATTERS))
+        predicted, jacobian = _linearised(model, runs, theta, values, ~fit.held)
         residual = runs.observed - predicted
         error = float(residual @ residual)
         if best is not None and error >= best[0] * (1.0 - 1e-7):
@@ -230,6 +228,16 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
         predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
     )
     return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
+
+
+def immaterial(fit: Refit, runs: Runs) -> NDArray[np.bool_]:
+    """Groups without influence of their own, shape (groups,): beside effects they stay as assumed.
+
+    The mass on level ground is in the force of turning too, and would trade against it.
+    """
+    active = fit.parameters.active()
+    size = np.maximum(np.abs(fit.theta[active]) / fit.parameters.scale[active], 1.0)
+    return ~excited(fit, runs, _MATTERS / size)
 
 
 def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:

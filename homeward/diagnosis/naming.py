@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from homeward.diagnosis.arms import gain
 from homeward.diagnosis.blocks import correlation_windows
 from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, look_alike
-from homeward.diagnosis.modelling import Corrected, fit_model
+from homeward.diagnosis.modelling import Corrected, fit_model, immaterial
 from homeward.diagnosis.motion import follows_motion
 from homeward.diagnosis.parameters import WithEffects
-from homeward.diagnosis.refit import Refit
+from homeward.diagnosis.refit import Refit, holding
 from homeward.diagnosis.regression import Products, products
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
@@ -164,6 +164,7 @@ def name_missing(
     fold = np.asarray(block % FOLDS)
     columns, (low, high) = fit.jacobian, fit.freedom()
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
+    material = holding(fit, runs, immaterial(fit, runs))
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
@@ -180,7 +181,7 @@ def name_missing(
                 for one in found
             ):
                 continue  # beside what is named, motion tells as much
-            fitted = fit_model(fit, [one.term for one in (*named, *found)], runs, block)
+            fitted = fit_model(material, [one.term for one in (*named, *found)], runs, block)
             if fitted.all_at_work():
                 break
         else:

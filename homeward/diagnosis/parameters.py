@@ -98,6 +98,8 @@ def with_ancillary(robot: Robot, idle_w: float, sample_j: float) -> Robot:
     idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w
     sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
     changes: dict[str, Any] = {}
+    if idle_w == idle and sample_j == sample:
+        return robot
     if idle > 0.0:
         for name in ("sensing_idle_w", "communication_w", "controller_w"):
             changes[name] = getattr(robot, name) * idle_w / idle

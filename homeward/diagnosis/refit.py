@@ -6,6 +6,7 @@ come from a sandwich estimator clustered by block, which holds under autocorrela
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
-from homeward.diagnosis.fitted import excited
+from homeward.diagnosis.fitted import Fitted, excited
 from homeward.diagnosis.parameters import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
@@ -39,6 +40,7 @@ class Estimate:
     status: Status
     mixed_with: tuple[str, ...] = ()
     off: bool = False  # excludes what the robot file assumes, at 5 % over all groups together
+    uncertainty: float = np.inf  # half of the interval over the larger of what is assumed and fitted
 
 
 @dataclass(frozen=True)
@@ -48,13 +50,32 @@ class Refit:
     parameters: Parameters
     theta: Array  # (5,)
     predicted: Array  # (windows,)
-    jacobian: Array  # (windows, groups), per unit of `scale`
-    at_bound: NDArray[np.bool_]  # (groups,)
+    jacobian: Array  # (windows, groups), per unit of `scale`; 0 for groups that are held
+    held: NDArray[np.bool_]  # (groups,): those that stay as the robot file has them
 
     @property
     def robot(self) -> Robot:
         """The robot with the fitted parameters."""
         return self.parameters.robot(self.theta)
+
+    @property
+    def groups(self) -> Refit:
+        """The fit of the groups, as a model with effects has it too."""
+        return self
+
+    @property
+    def beside(self) -> Array:
+        """Derivative by anything but the groups: there is none here, shape (windows, 0)."""
+        return np.empty((len(self.predicted), 0))
+
+    @property
+    def at_bound(self) -> NDArray[np.bool_]:
+        """Groups at a bound of what is physical, shape (groups,); a power or drag of zero is a value like any other."""
+        problem, active = self.parameters, self.parameters.active()
+        theta, scale = self.theta[active], 1e-9 * self.parameters.scale[active]
+        low, high = problem.low[active], problem.high[active]
+        at_bound: NDArray[np.bool_] = (theta >= high - scale) | ((theta <= low + scale) & (low > 0.0))
+        return at_bound
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest step from theta that is physical, in units of `scale`, each of shape (groups,)."""
@@ -71,28 +92,39 @@ class Refit:
         theta[active] += step * problem.scale[active]
         return np.clip(theta, problem.low, problem.high)
 
+    def fitted_to(self, chosen: NDArray[np.bool_], observed: Array) -> Refit:
+        """The same fitted to the chosen windows only, linearised at this fit."""
+        step = _solve(self.parameters, self.theta, self.jacobian[chosen], (observed - self.predicted)[chosen])
+        return dataclasses.replace(self, theta=self.moved(step), predicted=self.predicted + self.jacobian @ step)
+
     def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
         """Prediction for all windows by parameters fitted on the chosen ones only, shape (windows,)."""
-        step, _ = _solve(self.parameters, self.theta, self.jacobian[chosen], (observed - self.predicted)[chosen])
-        predicted: Array = self.predicted + self.jacobian @ step
-        return predicted
+        return self.fitted_to(chosen, observed).predicted
 
 
 def refit(runs: Runs, robot: Robot) -> Refit:
     """Fit the groups to all windows within physical bounds, by Gauss-Newton through the replay."""
     problem = parameters(runs, robot)
+    return _fit(problem, runs, np.zeros(len(problem.active()), np.bool_))
+
+
+def holding(fit: Refit, runs: Runs, held: NDArray[np.bool_]) -> Refit:
+    """The same fit with some groups, shape (groups,), as the robot file has them."""
+    return _fit(fit.parameters, runs, held)
+
+
+def _fit(problem: Parameters, runs: Runs, held: NDArray[np.bool_]) -> Refit:
     theta = np.clip(problem.start, problem.low, problem.high)
-    at_bound = np.zeros(len(problem.active()), dtype=bool)
     best: tuple[float, Refit] | None = None
     for _ in range(_ITERATIONS):
         predicted, jacobian = _linearised(problem, runs, theta)
+        jacobian[:, held] = 0.0
         residual = runs.observed - predicted
         error = float(residual @ residual)
         if best is not None and error >= best[0] * (1.0 - 1e-10):
             break
-        best = error, Refit(problem, theta, predicted, jacobian, at_bound)
-        step, at_bound = _solve(problem, theta, jacobian, residual)
-        theta = best[1].moved(step)
+        best = error, Refit(problem, theta, predicted, jacobian, held)
+        theta = best[1].moved(_solve(problem, theta, jacobian, residual))
     assert best is not None
     return best[1]
 
@@ -103,8 +135,8 @@ def _linearised(problem: Parameters, runs: Runs, theta: Array) -> tuple[Array, A
     return predicted, np.column_stack(columns)
 
 
-def _solve(problem: Parameters, theta: Array, jacobian: Array, residual: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Step of theta in units of `scale`, within the bounds, and which bounds it ends at."""
+def _solve(problem: Parameters, theta: Array, jacobian: Array, residual: Array) -> Array:
+    """Step of theta in units of `scale`, within the bounds."""
     active = problem.active()
     scale = problem.scale[active]
     # Normal equations through a triangle: a few rows whatever the length of the recording.
@@ -115,24 +147,24 @@ def _solve(problem: Parameters, theta: Array, jacobian: Array, residual: Array) 
     target = np.concatenate([triangle[:, -1], weak * start])
     low = (problem.low - theta)[active] / scale - 1e-12
     high = (problem.high - theta)[active] / scale + 1e-12
-    solution = lsq_linear(matrix, target, (low, high), method="bvls")
-    return solution.x, solution.active_mask != 0
+    step: Array = lsq_linear(matrix, target, (low, high), method="bvls").x
+    return step
 
 
-def estimates(fit: Refit, runs: Runs, block: NDArray[np.intp], beside: Array | None = None) -> list[Estimate]:
+def estimates(model: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[Estimate]:
     """Value and interval of each group, or why there is none.
 
     Args:
-        fit: The fit to all windows.
+        model: The fit to all windows.
         runs: The windows it was fitted to.
         block: Block of each window, shape (windows,): residuals of different blocks count as independent.
-        beside: Columns of effects that were fitted together with the groups, shape (windows, columns).
     """
+    fit, beside = model.groups, model.beside
     problem, jacobian = fit.parameters, fit.jacobian
     active = problem.active()
     moving = excited(fit, runs)
     errors = np.full(len(active), np.inf)
-    columns = jacobian[:, moving] if beside is None else np.column_stack([jacobian[:, moving], beside])
+    columns = np.column_stack([jacobian[:, moving], beside])
     errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
     errors *= problem.scale[active]
     freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
@@ -144,16 +176,17 @@ def estimates(fit: Refit, runs: Runs, block: NDArray[np.intp], beside: Array | N
         known = assumed if runs.unit == "W" or (problem.current_known and group.name != "rest_current") else None
         status, mixed = _status(fit, runs, j, moving)
         fitted, width = fit.theta[index] * problem.to_group[j], widths[j] * problem.to_group[j]
-        if status == "fitted" and width > max(abs(assumed), abs(fitted)):
+        uncertainty = float(width / max(abs(assumed), abs(fitted), 1e-300))
+        if status == "fitted" and uncertainty > 1.0:
             status = "too uncertain"
         elif status == "fitted" and fit.at_bound[j]:
             status = "at bound"
         if status != "fitted":
-            result.append(Estimate(group, known, None, None, status, mixed_with=mixed))
+            result.append(Estimate(group, known, None, None, status, mixed_with=mixed, uncertainty=uncertainty))
             continue
         interval = (max(float(fitted - width), 0.0), float(fitted + width))
         off = known is not None and abs(fitted - known) > wide[j] * problem.to_group[j]
-        result.append(Estimate(group, known, float(fitted), interval, "fitted", off=bool(off)))
+        result.append(Estimate(group, known, float(fitted), interval, "fitted", off=bool(off), uncertainty=uncertainty))
     return result
 
 

@@ -73,6 +73,14 @@ class MissingPhysics:
 
 
 @dataclass(frozen=True)
+class Handed:
+    """What corrected.toml holds, and why: the effects, fitted parameters only, or what the given file held."""
+
+    holds: Literal["corrected", "refit", "nominal"]
+    why: str
+
+
+@dataclass(frozen=True)
 class Fit:
     """Arms of the comparison, by name, and how they were held out."""
 
@@ -96,6 +104,7 @@ class Diagnosis:
     fit: Fit | None = None
     what_this_log_can_show: dict[str, float | None] = field(default_factory=dict)
     range_change_m: float | None = None
+    file: Handed | None = None
     next_experiment: str | None = None
     schema: int = SCHEMA
 
@@ -125,6 +134,7 @@ class Diagnosis:
                 "missing_physics": tuple(_missing(one) for one in data["missing_physics"]),
                 "where": tuple(Place(**one) for one in data["where"]),
                 "fit": None if data["fit"] is None else _fit(data["fit"]),
+                "file": None if data["file"] is None else Handed(**data["file"]),
             })  # fmt: skip
         except (KeyError, TypeError, AttributeError, IndexError) as error:
             raise ValueError(f"not a diagnosis of schema {SCHEMA}: {error!r}") from error

@@ -12,12 +12,17 @@ from homeward.diagnosis.describe import condition, total_share
 from homeward.diagnosis.location import WHOLE_RUN, Location
 from homeward.diagnosis.quality import Finding
 from homeward.diagnosis.refit import Estimate
-from homeward.diagnosis.result import Fit, MissingPhysics, ParameterOff, Verdict
+from homeward.diagnosis.result import Fit, Handed, MissingPhysics, ParameterOff, Verdict
 from homeward.diagnosis.structure import FALSE_ALARM_RATE
 
 if TYPE_CHECKING:
     from homeward.diagnosis.chain import Evidence
 
+_HOLDS = {
+    "corrected": "holds it",
+    "refit": "holds the fitted parameters only",
+    "nominal": "keeps the robot as it was",
+}
 _MEASURED = {"W": "battery power", "A": "motor current"}
 
 
@@ -35,9 +40,10 @@ def summary(
     off: Sequence[ParameterOff],
     fit: Fit,
     findings: Sequence[Finding],
-    found: Sequence[MissingPhysics] = (),
+    found: Sequence[MissingPhysics],
+    handed: Handed,
 ) -> str:
-    """The verdict in one or two sentences, and how many runs were set aside."""
+    """The verdict in one or two sentences, what corrected.toml holds, and how many runs were set aside."""
     first = (
         _missing_physics(evidence, fit, found)
         if verdict == "missing_physics"
@@ -48,6 +54,8 @@ def summary(
             "no_mismatch": _no_mismatch,
         }[verdict](evidence, off, fit)
     )
+    if verdict in ("parameters_off", "missing_physics"):
+        first += f" corrected.toml {_HOLDS[handed.holds]}: {handed.why}."
     refused = [one for one in findings if one.refused]
     if refused:
         names = PurePath(refused[0].recording).name

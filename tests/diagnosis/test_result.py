@@ -15,6 +15,7 @@ from homeward.diagnosis.result import (
     VERDICTS,
     Evidence,
     Fit,
+    Handed,
     MissingPhysics,
     ParameterOff,
     RecordingInfo,
@@ -50,6 +51,7 @@ diagnosis = st.builds(
     fit=st.none() | fit,
     what_this_log_can_show=st.dictionaries(text, st.none() | st.floats(0, 1), max_size=2),
     range_change_m=optional,
+    file=st.none() | st.builds(Handed, st.sampled_from(["corrected", "refit", "nominal"]), text),
     next_experiment=st.none() | text,
     schema=st.just(1),
 )
@@ -64,7 +66,7 @@ def test_keys_are_those_of_the_format() -> None:
     keys = set(json.loads(Diagnosis("husky", (), "not_testable", "no").to_json()))
     assert keys == {
         "schema", "robot", "recordings", "verdict", "summary", "parameters_off", "missing_physics", "where", "fit",
-        "what_this_log_can_show", "range_change_m", "next_experiment",
+        "what_this_log_can_show", "range_change_m", "file", "next_experiment",
     }  # fmt: skip
 
 

@@ -1,0 +1,174 @@
+"""Which robot file is handed over: one with the effects, one with fitted parameters only, or the one that was given.
+
+What is proven must be what is handed over. So each fold's fit is written as a robot file, by the code that writes
+corrected.toml, and that file is replayed on what was held out. What a file cannot say is not in it: schedules, faults
+of instruments, and the current at rest, which is added to the replay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.arms import held_out
+from homeward.diagnosis.correct import written
+from homeward.diagnosis.fitted import Fitted
+from homeward.diagnosis.modelling import Corrected, fit_model, immaterial
+from homeward.diagnosis.parameters import IDLE
+from homeward.diagnosis.refit import Refit, estimates, holding
+from homeward.diagnosis.replay import Runs, predict
+from homeward.diagnosis.result import Handed, Verdict
+from homeward.diagnosis.signals import Array, Unit
+from homeward.physics import Robot
+
+_DRAWS = 2000
+
+Model = TypeVar("Model", Refit, Corrected)
+
+
+@dataclass(frozen=True)
+class Handover:
+    """The robot that is handed over, what its file predicts of what was held out, and what it holds and why."""
+
+    robot: Robot
+    predicted: Array | None  # (windows,); None where no file predicts what was recorded
+    handed: Handed
+
+
+def determined(
+    fit: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]
+) -> tuple[Refit, Corrected | None]:
+    """The fits with each group that the recordings leave open held as the robot file has it: what a file can say.
+
+    One group after the other is held, first that which is known least: of two that cannot be told apart, the other is
+    then determined.
+
+    Args:
+        fit: The refit.
+        corrected: The model with the named effects, where there is one.
+        runs: The runs.
+        block: Stretches that count as independent, shape (windows,).
+    """
+    nothing = np.zeros(len(fit.held), np.bool_)
+    plain = _determined(lambda held: holding(fit, runs, held), nothing, runs, block)
+    if corrected is None:
+        return plain, None
+    terms = corrected.model.terms
+    return plain, _determined(
+        lambda held: fit_model(holding(fit, runs, held), terms, runs, block), immaterial(fit, runs), runs, block
+    )
+
+
+def _determined(
+    fit_holding: Callable[[NDArray[np.bool_]], Model], held: NDArray[np.bool_], runs: Runs, block: NDArray[np.intp]
+) -> Model:
+    while True:
+        model = fit_holding(held)
+        told = estimates(model, runs, block)
+        is_open = np.array([one.status != "fitted" for one in told]) & ~held
+        if not is_open.any():
+            return model
+        still = np.flatnonzero(is_open & np.array([one.status in ("not excited", "at bound") for one in told]))
+        unsure = np.where(is_open, [one.uncertainty for one in told], -1.0)
+        held = held.copy()
+        held[still if len(still) else int(np.argmax(unsure))] = True
+
+
+def hand_over(
+    robot: Robot,
+    verdict: Verdict,
+    models: tuple[Refit, Corrected | None],
+    arms: Mapping[str, Array],
+    runs: Runs,
+    fold: NDArray[np.intp],
+    trip: NDArray[np.intp],
+    seed: int,
+) -> Handover:
+    """Choose the robot that is handed over.
+
+    The effects must predict what was held out better than the refit, and the energy (the charge) of trips no worse; the
+    fitted parameters better than the file that was given. What a verdict does not ask for is not changed: a difference
+    within the noise is no correction, and parameters that make up for unknown physics are no measurement.
+
+    Args:
+        robot: The robot as its file has it.
+        verdict: What was concluded.
+        models: Refit and corrected model, `determined`.
+        arms: What `nominal` (where the file predicts what was recorded) and `refit` predict of what was held out.
+        runs: The runs.
+        fold: What is held out together, shape (windows,).
+        trip: What counts as one trip, shape (windows,).
+        seed: Seed of the bootstrap over trips.
+    """
+    nominal, (plain, corrected) = arms.get("nominal"), models
+    kept = Handover(robot, nominal, Handed("nominal", "the recordings ask for no change that a robot file can hold"))
+    if verdict not in ("parameters_off", "missing_physics"):
+        return kept
+    if nominal is None:
+        why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
+        return Handover(robot, None, Handed("nominal", why))
+    why = ""
+    if corrected is not None:
+        effects = corrected.effects()
+        after, before = _replayed(robot, corrected, runs, fold), arms["refit"]
+        why = _refused(bool(effects), after, before, runs, trip, seed)
+        if not why:
+            why = "replayed as written it predicts what was held out better than the refit"
+            return Handover(written(robot, corrected, runs.unit, effects), after, Handed("corrected", why))
+    after = _replayed(robot, plain, runs, fold)
+    if _rmse(after, runs) < _rmse(nominal, runs):
+        why = why or "replayed as written it predicts what was held out better than the file that was given"
+        return Handover(written(robot, plain, runs.unit, {}), after, Handed("refit", why))
+    return Handover(
+        robot, nominal, Handed("nominal", why or "replayed as written the refit predicts no better than it")
+    )
+
+
+def _refused(says_any: bool, after: Array, before: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
+    """Why a file with the effects is not handed over, empty where it is."""
+    if not says_any:
+        return "a robot file cannot say what is missing: a schedule, or a fault of an instrument"
+    errors = _rmse(after, runs), _rmse(before, runs)
+    if errors[0] >= errors[1]:
+        return (
+            "with what is missing, as far as a robot file can say it, the held-out error would be "
+            f"{errors[0]:.3g} {runs.unit}, and without {errors[1]:.3g}"
+        )
+    misses = [np.abs(np.bincount(trip, (one - runs.observed) * runs.duration_s)) for one in (after, before)]
+    drawn = np.random.default_rng(seed).integers(len(misses[0]), size=(_DRAWS, len(misses[0])))
+    if np.quantile((misses[0] - misses[1])[drawn].mean(axis=1), 0.025) > 0.0:
+        return (
+            f"with what is missing, as far as a robot file can say it, the {CONSUMED[runs.unit]} of a held-out trip "
+            f"would be off by {misses[0].mean():.3g} {_OF[runs.unit]} on average, and without by {misses[1].mean():.3g}"
+        )
+    return ""
+
+
+CONSUMED: Mapping[Unit, str] = {"W": "energy", "A": "charge"}
+"""What a trip consumes, by the unit of what was recorded."""
+
+_OF: Mapping[Unit, str] = {"W": "J", "A": "A s"}
+
+
+def _replayed(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:
+    """What the file of each fold's fit predicts of that fold, shape (windows,)."""
+
+    def replay_file(chosen: NDArray[np.bool_]) -> Array:
+        fitted = model.fitted_to(chosen, runs.observed)
+        effects = fitted.effects() if isinstance(fitted, Corrected) else {}
+        return replayed(written(robot, fitted, runs.unit, effects), fitted, runs)
+
+    return held_out(replay_file, fold)
+
+
+def replayed(robot: Robot, model: Fitted, runs: Runs) -> Array:
+    """What a robot's file predicts, with the model's current at rest, shape (windows,)."""
+    return predict(runs, robot, float(model.theta[IDLE]) if runs.unit == "A" else 0.0)
+
+
+def _rmse(predicted: Array, runs: Runs) -> float:
+    return float(np.sqrt(np.mean((predicted - runs.observed) ** 2)))
