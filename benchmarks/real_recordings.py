@@ -70,8 +70,9 @@ def main(args: Args) -> None:
 
 def _table(title: str) -> Table:
     return Table(
-        "recordings", "verdict", "missing, with size (95 %)", "RMSE nominal", "refit", "corrected", "black box",
-        "R^2 corrected", "range accuracy, nominal / refit / corrected", "what is left", title=title,
+        "recordings", "verdict", "missing, with size (95 %)", "RMSE nominal", "refit", "corrected", "file",
+        "black box", "R^2 corrected", "range accuracy, nominal / refit / corrected / file", "file holds", "what is left",
+        title=title,
     )  # fmt: skip
 
 
@@ -85,9 +86,12 @@ def _row(table: Table, name: str, analysis: Analysis) -> None:
         named.append(
             f"{one.effect}: {size} {value.value:.3g} ({value.ci95[0]:.3g} to {value.ci95[1]:.3g}) {value.unit}"
         )
-    errors = [f"{arms[arm].rmse:.3g}" if arm in arms else "-" for arm in ("nominal", "refit", "corrected", "black_box")]
+    errors = [
+        f"{arms[arm].rmse:.3g}" if arm in arms else "-"
+        for arm in ("nominal", "refit", "corrected", "file", "black_box")
+    ]
     r2 = arms["corrected"].r2 if "corrected" in arms else None
-    accuracy = [evidence.range_accuracy_pct.get(arm) for arm in ("nominal", "refit", "corrected")]
+    accuracy = [evidence.range_accuracy_pct.get(arm) for arm in ("nominal", "refit", "corrected", "file")]
     shown = " / ".join("-" if one is None else f"{one:.0f} %" for one in accuracy)
     left = "-"
     if evidence.remains is not None:
@@ -95,7 +99,8 @@ def _row(table: Table, name: str, analysis: Analysis) -> None:
         left = evidence.remains.location.condition
         left += f": {formula.text}, {formula.held_out_gain:.0%} of it" if formula is not None else ""
     fit = "-" if r2 is None else f"{r2:.2f}"
-    table.add_row(name, diagnosis.verdict, "\n".join(named), *errors, fit, shown, left)
+    holds = "-" if diagnosis.file is None else diagnosis.file.holds
+    table.add_row(name, diagnosis.verdict, "\n".join(named), *errors, fit, shown, holds, left)
 
 
 if __name__ == "__main__":

@@ -301,11 +301,11 @@ def _predictions(
 ) -> dict[str, Array]:
     """What each arm predicts of windows that it has not seen."""
     arms: dict[str, Array] = {} if nominal is None else {"nominal": nominal}
-    arms["refit"] = held_out(lambda chosen: fitted.on(chosen, runs.observed), fold)
+    arms["refit"] = held_out(lambda chosen: fitted.fitted_to(chosen, runs.observed).replayed(runs), fold)
     rng = np.random.default_rng(seed)
     added = None
     if corrected is not None:
-        arms["corrected"] = held_out(lambda chosen: corrected.on(chosen, runs.observed), fold)
+        arms["corrected"] = held_out(lambda chosen: corrected.fitted_to(chosen, runs.observed).replayed(runs), fold)
         added = np.column_stack(corrected.contribution)
     elif empirical is not None:
         added = empirical.columns

@@ -22,7 +22,7 @@ from homeward.diagnosis.parameters import IDLE
 from homeward.diagnosis.refit import Refit, estimates, holding
 from homeward.diagnosis.replay import Runs, predict
 from homeward.diagnosis.result import Handed, Verdict
-from homeward.diagnosis.signals import Array, Unit
+from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
 _DRAWS = 2000
@@ -111,47 +111,47 @@ def hand_over(
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, Handed("nominal", why))
-    why = ""
+    told = ""
     if corrected is not None:
         effects = corrected.effects()
-        after, before = _replayed(robot, corrected, runs, fold), arms["refit"]
-        why = _refused(bool(effects), after, before, runs, trip, seed)
-        if not why:
+        after = _replayed(robot, corrected, runs, fold)
+        worse = worse_than(arms["refit"], after, runs, trip, seed)
+        if effects and not worse:
             why = "replayed as written it predicts what was held out better than the refit"
             return Handover(written(robot, corrected, runs.unit, effects), after, Handed("corrected", why))
+        told = f"with what is missing, as far as a robot file can say it, {worse}; "
+        if not effects:
+            told = "a robot file cannot say what is missing, a schedule or a fault of an instrument; "
     after = _replayed(robot, plain, runs, fold)
-    if _rmse(after, runs) < _rmse(nominal, runs):
-        why = why or "replayed as written it predicts what was held out better than the file that was given"
-        return Handover(written(robot, plain, runs.unit, {}), after, Handed("refit", why))
-    return Handover(
-        robot, nominal, Handed("nominal", why or "replayed as written the refit predicts no better than it")
-    )
+    worse = worse_than(nominal, after, runs, trip, seed)
+    if worse:
+        return Handover(robot, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
+    why = f"{told}replayed as written it predicts what was held out better than the file that was given"
+    return Handover(written(robot, plain, runs.unit, {}), after, Handed("refit", why))
 
 
-def _refused(says_any: bool, after: Array, before: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
-    """Why a file with the effects is not handed over, empty where it is."""
-    if not says_any:
-        return "a robot file cannot say what is missing: a schedule, or a fault of an instrument"
+def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
+    """Why a prediction of what was held out is to be preferred to another, in words; empty where it is not.
+
+    Args:
+        before: The prediction that has to be beaten, shape (windows,).
+        after: The other.
+        runs: The runs.
+        trip: What counts as one trip, shape (windows,).
+        seed: Seed of the bootstrap over trips.
+    """
     errors = _rmse(after, runs), _rmse(before, runs)
     if errors[0] >= errors[1]:
-        return (
-            "with what is missing, as far as a robot file can say it, the held-out error would be "
-            f"{errors[0]:.3g} {runs.unit}, and without {errors[1]:.3g}"
-        )
+        return f"the held-out error would be {errors[0]:.4g} {runs.unit} instead of {errors[1]:.4g}"
     misses = [np.abs(np.bincount(trip, (one - runs.observed) * runs.duration_s)) for one in (after, before)]
     drawn = np.random.default_rng(seed).integers(len(misses[0]), size=(_DRAWS, len(misses[0])))
     if np.quantile((misses[0] - misses[1])[drawn].mean(axis=1), 0.025) > 0.0:
+        consumed, unit = ("energy", "J") if runs.unit == "W" else ("charge", "A s")
         return (
-            f"with what is missing, as far as a robot file can say it, the {CONSUMED[runs.unit]} of a held-out trip "
-            f"would be off by {misses[0].mean():.3g} {_OF[runs.unit]} on average, and without by {misses[1].mean():.3g}"
+            f"the {consumed} of a held-out trip would be off by {misses[0].mean():.3g} {unit} on average instead of "
+            f"{misses[1].mean():.3g}"
         )
     return ""
-
-
-CONSUMED: Mapping[Unit, str] = {"W": "energy", "A": "charge"}
-"""What a trip consumes, by the unit of what was recorded."""
-
-_OF: Mapping[Unit, str] = {"W": "J", "A": "A s"}
 
 
 def _replayed(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:

@@ -48,6 +48,11 @@ class Model:
     terms: tuple[Term, ...]
     unknowns: tuple[Unknown, ...]
 
+    def within_bounds(self, values: Array) -> Array:
+        """The nearest values that the unknowns may have."""
+        bounds = np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2)
+        return np.clip(values, bounds[:, 0], bounds[:, 1])
+
     def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
         """What the model predicts, shape (windows,), without one of its terms if told so.
 
@@ -138,9 +143,13 @@ class Corrected:
         theta, predicted = self.groups.moved(step[:count]), self.predicted + columns @ step
         return dataclasses.replace(
             self,
-            values=self.values + step[count:],
+            values=self.model.within_bounds(self.values + step[count:]),
             groups=dataclasses.replace(self.groups, theta=theta, predicted=predicted),
         )
+
+    def replayed(self, runs: Runs) -> Array:
+        """Prediction by a replay with these parameters and effects, shape (windows,)."""
+        return self.model.predict(runs, self.theta, self.values)
 
     def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
         """Prediction for all windows by a fit to the chosen ones, linearised at the fit to all, shape (windows,)."""
@@ -317,8 +326,7 @@ def _stepped(
     low, high = _bounds(at, model, values)
     step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, low, high)
     groups = len(model.parameters.active())
-    bounds = np.array([(one.low, one.high) for one in model.unknowns])
-    return at.moved(step[:groups]), np.clip(values + step[groups:], bounds[:, 0], bounds[:, 1])
+    return at.moved(step[:groups]), model.within_bounds(values + step[groups:])
 
 
 def _bounds(at: Refit, model: Model, values: Array) -> tuple[Array, Array]:

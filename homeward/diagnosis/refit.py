@@ -97,6 +97,10 @@ class Refit:
         step = _solve(self.parameters, self.theta, self.jacobian[chosen], (observed - self.predicted)[chosen])
         return dataclasses.replace(self, theta=self.moved(step), predicted=self.predicted + self.jacobian @ step)
 
+    def replayed(self, runs: Runs) -> Array:
+        """Prediction by a replay with these parameters, shape (windows,)."""
+        return self.parameters.predict(runs, self.theta)
+
     def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
         """Prediction for all windows by parameters fitted on the chosen ones only, shape (windows,)."""
         return self.fitted_to(chosen, observed).predicted

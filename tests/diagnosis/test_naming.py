@@ -14,6 +14,7 @@ import homeward  # noqa: F401
 from homeward import Robot, load_robot
 from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
 from homeward.diagnosis.report import write_outputs
+from tests.diagnosis.test_handover import replay_equals_fit
 
 Drive = Callable[..., list[Recording]]
 
@@ -43,7 +44,8 @@ def chattering(runs: list[Recording]) -> list[Recording]:
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_a_concealed_effect_is_named_with_its_size(effect: str, drive: Drive, husky: Robot) -> None:
     hidden = EFFECTS[effect]
-    diagnosis = diagnose(drive(husky, runs=4, effects={effect: hidden}), husky)
+    analysis = analyse(drive(husky, runs=4, effects={effect: hidden}), husky)
+    diagnosis = analysis.diagnosis
     assert diagnosis.verdict == "missing_physics"
     first = diagnosis.missing_physics[0]
     assert first.effect == effect
@@ -54,6 +56,9 @@ def test_a_concealed_effect_is_named_with_its_size(effect: str, drive: Drive, hu
     assert diagnosis.fit is not None
     arms = diagnosis.fit.arms
     assert arms["corrected"].rmse < min(arms["refit"].rmse, arms["placebo"].rmse)
+    assert diagnosis.file is not None and diagnosis.file.holds == "corrected"
+    assert arms["file"].rmse == pytest.approx(arms["corrected"].rmse, rel=1e-3)
+    assert replay_equals_fit(analysis)
 
 
 def test_both_effects_of_a_pair_are_named(drive: Drive, husky: Robot) -> None:
@@ -64,7 +69,10 @@ def test_both_effects_of_a_pair_are_named(drive: Drive, husky: Robot) -> None:
 
 def test_a_load_switched_on_part_way_is_found_with_its_time(drive: Drive, husky: Robot) -> None:
     runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 300.0))
-    diagnosis = diagnose(runs, husky)
+    analysis = analyse(runs, husky)
+    diagnosis = analysis.diagnosis
+    assert diagnosis.file is not None and "a robot file cannot say what is missing" in diagnosis.file.why
+    assert not analysis.corrected.effects  # a load that is there half of the time is none of all the time
     first = diagnosis.missing_physics[0]
     assert first.effect == "standby"
     assert first.parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
@@ -87,6 +95,7 @@ def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(drive: Drive, 
     first = analysis.diagnosis.missing_physics[0]
     assert first.effect == "clock_lag"
     assert first.parameters["lag_s"].value == pytest.approx(1.0, abs=0.15)
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds != "corrected"
     assert analysis.corrected.effects == husky.effects
 
 
