@@ -71,8 +71,8 @@ def main(args: Args) -> None:
 def _table(title: str) -> Table:
     return Table(
         "recordings", "verdict", "missing, with size (95 %)", "RMSE nominal", "refit", "corrected", "file",
-        "black box", "R^2 corrected", "range accuracy, nominal / refit / corrected / file", "file holds", "what is left",
-        title=title,
+        "black box", "R^2 corrected", "range accuracy, nominal / refit / corrected / file", "file holds",
+        "what is left", title=title,
     )  # fmt: skip
 
 
