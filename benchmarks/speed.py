@@ -34,8 +34,8 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
 import homeward
-from benchmarks.make_recording import record
 from homeward.diagnosis import Recording, analyse
+from homeward.diagnosis.synthetic import record
 from homeward.envs import IDS
 from homeward.envs.threads import Threads
 from homeward.physics import EFFECTS, Robot, load_robot, replay

@@ -21,7 +21,7 @@ from homeward.diagnosis.describe import ageing, missing_physics
 from homeward.diagnosis.empirical import Empirical
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.explanation import Explanation, Left, explain
-from homeward.diagnosis.fitted import with_columns
+from homeward.diagnosis.fitted import Fitted, with_columns
 from homeward.diagnosis.handover import determined, hand_over
 from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location
@@ -69,6 +69,12 @@ class Evidence:
     range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
     charge: Charge | None = None  # of the battery beside the drive, where its state was recorded
     remains: Left | None = None  # what the named effects leave, where it still depends on a channel
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Symbols of the groups that stay as the robot file has them."""
+        groups = (self.plain if self.corrected is None else self.corrected).groups
+        return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
 
     @property
     def trip(self) -> NDArray[np.intp]:
@@ -239,7 +245,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     named = fitted if corrected is None else corrected
     plain, corrected = determined(fitted, corrected, runs, block)
     predicted = _predictions(fitted, corrected, told.empirical, nominal, runs, fold, seed)
-    known = _known(estimates(named, runs, block), estimates(plain if corrected is None else corrected, runs, block))
+    known = _known(named, plain if corrected is None else corrected, runs, block)
     evidence = Evidence(
         runs,
         fitted,
@@ -265,12 +271,18 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
-def _known(named: Sequence[Estimate], determined: Sequence[Estimate]) -> tuple[Estimate, ...]:
-    """What is known of each group: as fitted last, and nothing of those that were held on the way there."""
-    return tuple(
-        last if first.status == "fitted" and last.status == "fitted" else first
-        for first, last in zip(named, determined, strict=True)
+def _known(named: Fitted, determined: Fitted, runs: Runs, block: NDArray[np.intp]) -> tuple[Estimate, ...]:
+    """What is known of each group, fitted beside those that are held: of these, and of what was confounded, nothing."""
+    known = []
+    rows = zip(
+        estimates(named, runs, block), estimates(determined, runs, block), determined.groups.held.tolist(), strict=True
     )
+    for free, last, held in rows:
+        if held and free.status == "fitted":
+            known.append(dataclasses.replace(free, fitted=None, ci95=None, status="confounded", off=False))
+        else:
+            known.append(free if held or free.status == "confounded" else last)
+    return tuple(known)
 
 
 def _with_file(evidence: Evidence, fit: Fit, predicted: Array | None, seed: int) -> tuple[Evidence, Fit]:

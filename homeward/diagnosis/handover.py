@@ -26,6 +26,8 @@ from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
 _DRAWS = 2000
+_ALIKE = 0.5
+"""Share of its squares that a group's column has in common with another's, from which one may stand for the other."""
 
 Model = TypeVar("Model", Refit, Corrected)
 
@@ -44,8 +46,8 @@ def determined(
 ) -> tuple[Refit, Corrected | None]:
     """The fits with each group that the recordings leave open held as the robot file has it: what a file can say.
 
-    One group after the other is held, first that which is known least: of two that cannot be told apart, the other is
-    then determined.
+    One group after the other is held, first that whose assumed value the recordings mind least: of two that cannot be
+    told apart, the other is then determined.
 
     Args:
         fit: The refit.
@@ -66,16 +68,32 @@ def determined(
 def _determined(
     fit_holding: Callable[[NDArray[np.bool_]], Model], held: NDArray[np.bool_], runs: Runs, block: NDArray[np.intp]
 ) -> Model:
+    model = fit_holding(held)
     while True:
-        model = fit_holding(held)
         told = estimates(model, runs, block)
         is_open = np.array([one.status != "fitted" for one in told]) & ~held
         if not is_open.any():
             return model
-        still = np.flatnonzero(is_open & np.array([one.status in ("not excited", "at bound") for one in told]))
-        unsure = np.where(is_open, [one.uncertainty for one in told], -1.0)
-        held = held.copy()
-        held[still if len(still) else int(np.argmax(unsure))] = True
+        idle = is_open & np.array([one.status == "not excited" for one in told])
+        if idle.any():
+            held = held | idle
+            model = fit_holding(held)
+            continue
+        at_bound = np.array([one.status == "at bound" for one in told])
+        candidates = (is_open | _alike(model, is_open & at_bound)) & ~held
+        fits = [(fit_holding(one), one) for one in _each_held(candidates, held)]
+        model, held = min(fits, key=lambda fit: float(np.sum((runs.observed - fit[0].predicted) ** 2)))
+
+
+def _alike(model: Refit | Corrected, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Groups that look much like one of those chosen: they may have taken what that lacks."""
+    columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
+    alike: NDArray[np.bool_] = ((columns.T @ columns)[:, chosen] ** 2 > _ALIKE).any(axis=1)
+    return alike
+
+
+def _each_held(candidates: NDArray[np.bool_], held: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    return [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
 
 
 def hand_over(

@@ -40,7 +40,6 @@ class Estimate:
     status: Status
     mixed_with: tuple[str, ...] = ()
     off: bool = False  # excludes what the robot file assumes, at 5 % over all groups together
-    uncertainty: float = np.inf  # half of the interval over the larger of what is assumed and fitted
 
 
 @dataclass(frozen=True)
@@ -180,17 +179,16 @@ def estimates(model: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[Estima
         known = assumed if runs.unit == "W" or (problem.current_known and group.name != "rest_current") else None
         status, mixed = _status(fit, runs, j, moving)
         fitted, width = fit.theta[index] * problem.to_group[j], widths[j] * problem.to_group[j]
-        uncertainty = float(width / max(abs(assumed), abs(fitted), 1e-300))
-        if status == "fitted" and uncertainty > 1.0:
+        if status == "fitted" and width > max(abs(assumed), abs(fitted)):
             status = "too uncertain"
         elif status == "fitted" and fit.at_bound[j]:
             status = "at bound"
         if status != "fitted":
-            result.append(Estimate(group, known, None, None, status, mixed_with=mixed, uncertainty=uncertainty))
+            result.append(Estimate(group, known, None, None, status, mixed_with=mixed))
             continue
         interval = (max(float(fitted - width), 0.0), float(fitted + width))
         off = known is not None and abs(fitted - known) > wide[j] * problem.to_group[j]
-        result.append(Estimate(group, known, float(fitted), interval, "fitted", off=bool(off), uncertainty=uncertainty))
+        result.append(Estimate(group, known, float(fitted), interval, "fitted", off=bool(off)))
     return result
 
 

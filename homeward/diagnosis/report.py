@@ -79,7 +79,9 @@ def corrected_toml(analysis: Analysis) -> str:
         head.append("# Nothing was changed.")
     open_groups = [f"{one.group.symbol} ({wording.why_open(one)})" for one in known if one.fitted is None]
     if open_groups:
-        head.append(f"# Not identifiable from these recordings, and left as assumed: {', '.join(open_groups)}.")
+        head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
+    if analysis.evidence is not None and analysis.evidence.held:
+        head.append(f"# Held as assumed: {', '.join(analysis.evidence.held)}.")
     return "\n".join(head) + "\n" + analysis.corrected.to_toml(changed)
 
 
