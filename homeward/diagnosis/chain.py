@@ -22,7 +22,7 @@ from homeward.diagnosis.empirical import Empirical
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.explanation import Explanation, Left, explain
 from homeward.diagnosis.fitted import Fitted, with_columns
-from homeward.diagnosis.handover import determined, hand_over
+from homeward.diagnosis.handover import determined, hand_over, sayable
 from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location
 from homeward.diagnosis.modelling import Corrected
@@ -168,8 +168,8 @@ def analyse(
     evidence, fit = _weigh(average(usable), robot, seed, progress)
     verdict, off = _conclude(evidence)
     handover = hand_over(
-        robot, verdict, (evidence.plain, evidence.corrected), evidence.predictions, evidence.runs, evidence.fold,
-        evidence.trip, seed,
+        robot, verdict, (evidence.plain, sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)),
+        evidence.predictions, evidence.runs, evidence.fold, evidence.trip, seed,
     )  # fmt: skip
     evidence, fit = _with_file(evidence, fit, handover.predicted, seed)
     found = (

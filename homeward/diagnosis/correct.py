@@ -4,31 +4,105 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis.fitted import Fitted
-from homeward.diagnosis.parameters import with_ancillary, with_effects_of
-from homeward.diagnosis.refit import Estimate
-from homeward.diagnosis.replay import thrust_n_per_a
-from homeward.diagnosis.signals import Unit
+from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Term
+from homeward.diagnosis.modelling import Corrected
+from homeward.diagnosis.parameters import IDLE, ROLLING, WithEffects, with_ancillary, with_effects_of
+from homeward.diagnosis.refit import Estimate, Refit
+from homeward.diagnosis.replay import Runs, predict, thrust_n_per_a
+from homeward.diagnosis.signals import Array, Unit
 from homeward.physics import Robot, d_max
 
 
-def written(robot: Robot, model: Fitted, unit: Unit, effects: Mapping[str, Mapping[str, float]]) -> Robot:
+@dataclass(frozen=True)
+class Said:
+    """What a robot file says of a fit, and what only these drives or their instruments add to it."""
+
+    theta: Array  # (5,)
+    effects: Mapping[str, Mapping[str, float]]
+    met: WithEffects  # wind and ground of these drives, lag and scale of their instruments
+    reading: Array | float = 0.0  # what instruments add, (windows,)
+
+
+def can_be_said(term: Term) -> bool:
+    """Whether a robot file can say an effect: one size, and ground that is rough at some places only."""
+    return term.effect in PHYSICS and (term.axis == "steady" or _is_ground(term))
+
+
+def _is_ground(term: Term) -> bool:
+    return term.effect == "surface" and term.at_work is not None
+
+
+def said(model: Refit | Corrected, runs: Runs) -> Said:
+    """Tell what a robot file can say of a fit from what it cannot: when, where, and what instruments did."""
+    if isinstance(model, Refit):
+        return Said(model.theta, {}, WithEffects())
+    terms, theta = model.model.terms, model.theta
+    effects: dict[str, dict[str, float]] = {}
+    met = replace(model.model.within(runs, model.values), effects={})
+    reading = np.zeros(len(runs.observed))
+    for index, term in enumerate(terms):
+        if _is_ground(term):
+            smoothest, gain, roughness = _ground(model, index, runs)
+            theta = np.where(np.arange(len(theta)) == ROLLING, smoothest * theta, theta)
+            effects[term.effect] = {"gain": gain}
+            met = replace(met, roughness=roughness)
+        elif can_be_said(term):
+            effects[term.effect] = _numbers(model, index)
+        elif term.effect not in PHYSICS and term.linear:
+            reading += term.columns @ model.sizes(index)
+    return Said(theta, effects, met, reading)
+
+
+def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
+    """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
+
+    Of a smooth profile the ends are quantiles: a hat that few windows reach says little.
+    """
+    term, switch = model.model.terms[index], CATALOGUE["surface"].parameters[0]
+    assert term.at_work is not None
+    share = next(model.share(one) for one in model.model.unknowns if one.term == index)
+    rolls = 1.0 + np.clip(term.at_work @ model.sizes(index) * share, switch.low, switch.high)
+    driven = np.abs(runs.context["speed_mps"]) > 0.0
+    ends = (0.0, 1.0) if term.schedule is not None else _ENDS
+    smoothest, roughest = np.quantile(rolls[driven], ends).tolist()
+    gain = roughest / smoothest - 1.0
+    if gain <= 0.0:
+        return smoothest, 0.0, np.zeros(len(rolls))
+    return smoothest, gain, np.clip((rolls / smoothest - 1.0) / gain, 0.0, 1.0)
+
+
+_ENDS = (0.05, 0.95)
+
+
+def _numbers(model: Corrected, index: int) -> dict[str, float]:
+    term = model.model.terms[index]
+    parameters = CATALOGUE[term.effect].parameters
+    known, switch = {parameter.name for parameter in parameters}, parameters[0]
+    if term.effect == "wind":
+        return {"exposure": 1.0}
+    numbers = {name: value.value for name, value in model.parameters_of(index).items() if name in known}
+    if term.of_rolling_kg is not None:
+        numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
+    return {**{name: value for name, value in term.shape.items() if name in known | {"track_m"}}, **numbers}
+
+
+def written(robot: Robot, told: Said, unit: Unit) -> Robot:
     """Robot as its file has it after a fit: the fitted groups, with losses as assumed, and the effects.
 
     Args:
         robot: Robot as its file has it now.
-        model: The fit; groups that it holds stay as they are.
+        told: What a file can say; groups that the fit holds stay as they are.
         unit: Of what was recorded: motor current tells nothing of ancillary power.
-        effects: Parameters of each effect.
     """
-    idle_w, sample_j, rolling_kg, drag, mass_kg = model.theta.tolist()
-    if effects:
+    idle_w, sample_j, rolling_kg, drag, mass_kg = told.theta.tolist()
+    if told.effects:
         robot = with_effects_of(
-            robot, {name: {key: _round(value) for key, value in one.items()} for name, one in effects.items()}
+            robot, {name: {key: _round(value) for key, value in one.items()} for name, one in told.effects.items()}
         )
     if unit == "W":
         robot = with_ancillary(robot, idle_w, sample_j)
@@ -41,6 +115,19 @@ def written(robot: Robot, model: Fitted, unit: Unit, effects: Mapping[str, Mappi
     }
     changed: dict[str, Any] = {name: _unless_equal(getattr(robot, name), value) for name, value in fitted.items()}
     return dataclasses.replace(robot, **changed)
+
+
+def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
+    """What a robot file predicts of these drives, shape (windows,).
+
+    They are in the wind and on the ground that they met, read by their instruments, with the current at rest that no
+    file holds.
+    """
+    rest_current_a = float(told.theta[IDLE]) if runs.unit == "A" else 0.0
+    met = told.met
+    return told.reading + predict(
+        runs, robot, rest_current_a, met.headwind_mps, met.lag_s, met.speed_factors, met.roughness
+    )
 
 
 def _unless_equal(before: float, after: float) -> float:

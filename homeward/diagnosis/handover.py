@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.arms import held_out
-from homeward.diagnosis.correct import written
-from homeward.diagnosis.fitted import Fitted
+from homeward.diagnosis.correct import can_be_said, replayed, said, written
+from homeward.diagnosis.hypotheses import PHYSICS
 from homeward.diagnosis.modelling import Corrected, fit_model, immaterial
-from homeward.diagnosis.parameters import IDLE
 from homeward.diagnosis.refit import Refit, estimates, holding
-from homeward.diagnosis.replay import Runs, predict
+from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Handed, Verdict
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
@@ -44,7 +43,7 @@ class Handover:
 def determined(
     fit: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]
 ) -> tuple[Refit, Corrected | None]:
-    """The fits with each group that the recordings leave open held as the robot file has it: what a file can say.
+    """The fits with each group that the recordings leave open held as the robot file has it.
 
     One group after the other is held, first that whose assumed value the recordings mind least: of two that cannot be
     told apart, the other is then determined.
@@ -63,6 +62,20 @@ def determined(
     return plain, _determined(
         lambda held: fit_model(holding(fit, runs, held), terms, runs, block), immaterial(fit, runs), runs, block
     )
+
+
+def sayable(plain: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]) -> Refit | Corrected | None:
+    """The fit of all that a robot file can say, beside faults of instruments; None where no effect was named.
+
+    What a schedule of the corrected model explains goes to the groups and effects that stay, as far as they take it.
+    """
+    if corrected is None:
+        return None
+    terms = corrected.model.terms
+    kept = [one for one in terms if can_be_said(one) or one.effect not in PHYSICS]
+    if len(kept) == len(terms):
+        return corrected
+    return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
 
 
 def _determined(
@@ -99,7 +112,7 @@ def _each_held(candidates: NDArray[np.bool_], held: NDArray[np.bool_]) -> list[N
 def hand_over(
     robot: Robot,
     verdict: Verdict,
-    models: tuple[Refit, Corrected | None],
+    models: tuple[Refit, Refit | Corrected | None],
     arms: Mapping[str, Array],
     runs: Runs,
     fold: NDArray[np.intp],
@@ -115,14 +128,14 @@ def hand_over(
     Args:
         robot: The robot as its file has it.
         verdict: What was concluded.
-        models: Refit and corrected model, `determined`.
+        models: Refit, `determined`, and what is `sayable` of the corrected model.
         arms: What `nominal` (where the file predicts what was recorded) and `refit` predict of what was held out.
         runs: The runs.
         fold: What is held out together, shape (windows,).
         trip: What counts as one trip, shape (windows,).
         seed: Seed of the bootstrap over trips.
     """
-    nominal, (plain, corrected) = arms.get("nominal"), models
+    nominal, (plain, model) = arms.get("nominal"), models
     kept = Handover(robot, nominal, Handed("nominal", "the recordings ask for no change that a robot file can hold"))
     if verdict not in ("parameters_off", "missing_physics"):
         return kept
@@ -130,22 +143,21 @@ def hand_over(
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, Handed("nominal", why))
     told = ""
-    if corrected is not None:
-        effects = corrected.effects()
-        after = _replayed(robot, corrected, runs, fold)
+    if model is not None:
+        robot_file, after = _written_and_replayed(robot, model, runs, fold)
         worse = worse_than(arms["refit"], after, runs, trip, seed)
-        if effects and not worse:
+        if not worse:
             why = "replayed as written it predicts what was held out better than the refit"
-            return Handover(written(robot, corrected, runs.unit, effects), after, Handed("corrected", why))
+            return Handover(robot_file, after, Handed("corrected", why))
         told = f"with what is missing, as far as a robot file can say it, {worse}; "
-        if not effects:
-            told = "a robot file cannot say what is missing, a schedule or a fault of an instrument; "
-    after = _replayed(robot, plain, runs, fold)
+    elif verdict == "missing_physics":
+        told = "a robot file cannot say when what is missing is at work; "
+    robot_file, after = _written_and_replayed(robot, plain, runs, fold)
     worse = worse_than(nominal, after, runs, trip, seed)
     if worse:
         return Handover(robot, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
     why = f"{told}replayed as written it predicts what was held out better than the file that was given"
-    return Handover(written(robot, plain, runs.unit, {}), after, Handed("refit", why))
+    return Handover(robot_file, after, Handed("refit", why))
 
 
 def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
@@ -172,20 +184,16 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], 
     return ""
 
 
-def _replayed(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:
-    """What the file of each fold's fit predicts of that fold, shape (windows,)."""
+def _written_and_replayed(
+    robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]
+) -> tuple[Robot, Array]:
+    """The file of the fit to all, and what the file of each fold's fit predicts of that fold, shape (windows,)."""
 
     def replay_file(chosen: NDArray[np.bool_]) -> Array:
-        fitted = model.fitted_to(chosen, runs.observed)
-        effects = fitted.effects() if isinstance(fitted, Corrected) else {}
-        return replayed(written(robot, fitted, runs.unit, effects), fitted, runs)
+        told = said(model.fitted_to(chosen, runs.observed), runs)
+        return replayed(written(robot, told, runs.unit), told, runs)
 
-    return held_out(replay_file, fold)
-
-
-def replayed(robot: Robot, model: Fitted, runs: Runs) -> Array:
-    """What a robot's file predicts, with the model's current at rest, shape (windows,)."""
-    return predict(runs, robot, float(model.theta[IDLE]) if runs.unit == "A" else 0.0)
+    return written(robot, said(model, runs), runs.unit), held_out(replay_file, fold)
 
 
 def _rmse(predicted: Array, runs: Runs) -> float:

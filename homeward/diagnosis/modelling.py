@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from homeward.diagnosis.fitted import excited
-from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Term
+from homeward.diagnosis.hypotheses import CATALOGUE, Term
 from homeward.diagnosis.parameters import ROLLING, Parameters, WithEffects, derivatives
 from homeward.diagnosis.refit import Refit, standard_errors
 from homeward.diagnosis.regression import bounded
@@ -172,35 +172,22 @@ class Corrected:
         found: dict[str, Value] = {}
         for one, value, interval in zip(self.model.unknowns, self.values.tolist(), self.ci95, strict=True):
             if one.term == index:
-                share = self._share(one)
+                share = self.share(one)
                 found[one.parameter] = Value(share * value, (share * interval[0], share * interval[1]), one.unit)
         if term.effect == "intermittent_load":
             for name, unit in (("period_s", "s"), ("duty", "1")):
                 found[name] = Value(term.shape[name], term.spread[name], unit)
         return found
 
-    def _share(self, one: Unknown) -> float:
+    def sizes(self, index: int) -> Array:
+        """Fitted sizes of one named effect, shape (sizes,)."""
+        found = [v for one, v in zip(self.model.unknowns, self.values, strict=True) if one.term == index]
+        return np.array(found)
+
+    def share(self, one: Unknown) -> float:
         """Factor from a fitted size to one of the robot's, a share of the rolling resistance fitted with it."""
         of_kg = self.model.terms[one.term].of_rolling_kg
         return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
-
-    def effects(self) -> dict[str, dict[str, float]]:
-        """The physical effects as a robot file has them: one size each, of what no schedule changes, and of no
-        instrument."""
-        result: dict[str, dict[str, float]] = {}
-        for index, term in enumerate(self.model.terms):
-            if term.effect not in PHYSICS or term.axis != "steady":
-                continue
-            known = {parameter.name for parameter in CATALOGUE[term.effect].parameters}
-            switch = CATALOGUE[term.effect].parameters[0]
-            numbers = {name: value.value for name, value in self.parameters_of(index).items() if name in known}
-            if term.effect == "wind":
-                numbers = {"exposure": 1.0}
-            if term.of_rolling_kg is not None:
-                numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
-            shape = {name: value for name, value in term.shape.items() if name in known | {"track_m"}}
-            result[term.effect] = {**shape, **numbers}
-        return result
 
 
 def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.intp]) -> Corrected:

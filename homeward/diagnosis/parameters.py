@@ -36,12 +36,13 @@ class Group:
 
 @dataclass(frozen=True)
 class WithEffects:
-    """What a prediction adds to the robot: effects by id with their parameters, a wind, a lag of the instrument."""
+    """What a prediction adds to the robot: effects by id, and what the drive met or its instruments did."""
 
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     headwind_mps: Sequence[Array] | None = None  # an array per run
     lag_s: float = 0.0
     speed_factors: Sequence[float] | None = None  # true over recorded speed, a number per run
+    roughness: Array | None = None  # of the ground, (windows,)
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,8 @@ class Parameters:
         if extra.effects:
             robot = with_effects_of(robot, extra.effects)
         rest_current_a = float(theta[0]) if runs.unit == "A" else 0.0
-        return predict(runs, robot, rest_current_a, extra.headwind_mps, extra.lag_s, extra.speed_factors)
+        return predict(runs, robot, rest_current_a, extra.headwind_mps, extra.lag_s, extra.speed_factors,
+                       extra.roughness)  # fmt: skip
 
     def active(self) -> NDArray[np.intp]:
         """Indices of theta that the groups stand for."""

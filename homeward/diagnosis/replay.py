@@ -87,6 +87,7 @@ def predict(
     headwind_mps: Sequence[Array] | None = None,
     lag_s: float = 0.0,
     speed_factors: Sequence[float] | None = None,
+    roughness: Array | None = None,
 ) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
@@ -100,6 +101,7 @@ def predict(
         headwind_mps: Wind against the direction of travel, m/s, an array per run.
         lag_s: Time by which the instrument is late, s.
         speed_factors: True over recorded speed, a number per run.
+        roughness: Of the ground, shape (windows,).
     """
     means = []
     for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
@@ -109,6 +111,7 @@ def predict(
             accel_mps2=true * run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
             base_distance_m=run.base_distance_m, direction=run.direction,
             headwind_mps=0.0 if headwind_mps is None else headwind_mps[index],
+            roughness=0.0 if roughness is None else cut.samples(roughness[runs.run == index], len(run.time_s)),
         )  # fmt: skip
         predicted = model.power_w
         if runs.unit == "A":

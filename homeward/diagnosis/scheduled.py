@@ -15,7 +15,7 @@ import numpy as np
 from homeward.diagnosis.hypotheses import CATALOGUE, STANDS_MPS, STORM_MPS, TINY, Setting, Term
 from homeward.diagnosis.parameters import ROLLING, WithEffects
 from homeward.diagnosis.replay import Runs
-from homeward.diagnosis.schedules import Axis, Schedule, by_place, in_time, profile
+from homeward.diagnosis.schedules import Axis, Schedule, by_place, in_time, profiles
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.steady import blowing
 from homeward.physics.effects import Parameter
@@ -85,14 +85,15 @@ def scheduled(effect: str, setting: Setting) -> Iterator[Term]:
             # Noise with memory has no gaps between its levels, however many changes follow it.
             cost = 1 if schedule.apart > _CLEARLY_APART else _COST_OF_A_CHANGE
             hidden = cost * schedule.changes + int(not natural)
-            yield Term(effect, schedule.columns(shape), low, high, hidden, rhythm, axis, schedule, spread, natural,
-                       of_rolling_kg=rolling_kg)  # fmt: skip
+            at_work = schedule.at_work()
+            yield Term(effect, shape[:, None] * at_work, low, high, hidden, rhythm, axis, schedule, spread, natural,
+                       of_rolling_kg=rolling_kg, at_work=at_work)  # fmt: skip
     if effect == "sensor_offset":
         yield _drift(runs)
     if effect in _BY_PLACE:
-        for columns in profile(shape, runs):
-            yield Term(effect, columns, *_limits(effect, parameter, True, columns.shape[1]), axis="place",
-                       of_rolling_kg=rolling_kg)  # fmt: skip
+        for hats in profiles(runs):
+            yield Term(effect, shape[:, None] * hats, *_limits(effect, parameter, True, hats.shape[1]), axis="place",
+                       of_rolling_kg=rolling_kg, at_work=hats)  # fmt: skip
 
 
 def _drift(runs: Runs) -> Term:

@@ -45,10 +45,10 @@ class Schedule:
     changes: int  # moments or places at which it changes
     apart: float  # distance of its levels, in standard deviations of what they leave
 
-    def columns(self, shape: Array) -> Array:
-        """The shape at each level beyond 0, shape (windows, levels - 1)."""
-        columns: Array = shape[:, None] * (self.level[:, None] == np.arange(1, self.levels))
-        return columns
+    def at_work(self) -> Array:
+        """Whether each level beyond 0 is at work, shape (windows, levels - 1)."""
+        at_work: Array = (self.level[:, None] == np.arange(1, self.levels)).astype(np.float64)
+        return at_work
 
 
 def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[Schedule]:
@@ -74,16 +74,15 @@ def by_place(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list
     return _schedules("place", shape, residual, [np.argsort(place_m, kind="stable")], _PLACES, signed)
 
 
-def profile(shape: Array, runs: Runs) -> list[Array]:
-    """The shape times hats along the way from base, coarse ones to fine: what an unknown but smooth profile adds."""
+def profiles(runs: Runs) -> list[Array]:
+    """Hats along the way from base, coarse ones to fine, shape (windows, hats) each: of an unknown smooth profile."""
     place_m = _place(runs)
     if place_m is None:
         return []
     columns = []
     for knots in _KNOTS:
         at = (place_m - place_m.min()) / float(np.ptp(place_m)) * (knots - 1)
-        hats = np.maximum(1.0 - np.abs(at[:, None] - np.arange(knots)), 0.0)
-        columns.append(shape[:, None] * hats)
+        columns.append(np.maximum(1.0 - np.abs(at[:, None] - np.arange(knots)), 0.0))
     return columns
 
 

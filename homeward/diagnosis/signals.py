@@ -182,6 +182,12 @@ class Windows:
         averages: Array = (np.add.reduceat(values, self.start) / counts)[self.keep]
         return averages
 
+    def samples(self, means: Array, count: int) -> Array:
+        """For each of `count` samples the value of its window, or of the kept one before it; the reverse of `means`."""
+        window = np.searchsorted(self.start, np.arange(count), side="right") - 1
+        values: Array = means[np.maximum(np.cumsum(self.keep)[window] - 1, 0)]
+        return values
+
 
 def usual_step_s(time_s: Array) -> float:
     """Median time between samples, s."""

@@ -10,7 +10,10 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse
-from homeward.diagnosis.handover import replayed, worse_than
+from homeward.diagnosis.correct import replayed, said
+from homeward.diagnosis.handover import sayable, worse_than
+from homeward.diagnosis.modelling import Corrected
+from homeward.diagnosis.refit import Refit
 from homeward.physics import ancillary_power
 
 Drive = Callable[..., list[Recording]]
@@ -20,9 +23,11 @@ def replay_equals_fit(analysis: Analysis) -> bool:
     """Whether the file that is handed over predicts what the joint fit to all data predicts, to its six digits."""
     evidence, handed = analysis.evidence, analysis.diagnosis.file
     assert evidence is not None and handed is not None and handed.holds != "nominal"
-    model = evidence.corrected if handed.holds == "corrected" else evidence.plain
+    model: Refit | Corrected | None = evidence.plain
+    if handed.holds == "corrected":
+        model = sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)
     assert model is not None
-    by_file = replayed(analysis.corrected, model, evidence.runs)
+    by_file = replayed(analysis.corrected, said(model, evidence.runs), evidence.runs)
     return float(np.abs(by_file - model.predicted).max()) < 1e-5 * float(np.abs(evidence.runs.observed).max())
 
 

@@ -71,7 +71,7 @@ def test_a_load_switched_on_part_way_is_found_with_its_time(drive: Drive, husky:
     runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 300.0))
     analysis = analyse(runs, husky)
     diagnosis = analysis.diagnosis
-    assert diagnosis.file is not None and "a robot file cannot say what is missing" in diagnosis.file.why
+    assert diagnosis.file is not None and "a robot file cannot say when" in diagnosis.file.why
     assert not analysis.corrected.effects  # a load that is there half of the time is none of all the time
     first = diagnosis.missing_physics[0]
     assert first.effect == "standby"
