@@ -16,6 +16,7 @@ FEWEST_BLOCKS = 16
 """With fewer independent stretches no test at the stated false alarm rate is possible."""
 
 _SHORTEST = 10  # windows
+_STRETCH = 4  # windows: two seconds, what a change of level is held to last at least
 _MOST_BLOCKS = 2000
 _MEMORY_TIMES = 3.0  # blocks are this many correlation times long
 _MOST_FOLDS = 10
@@ -101,6 +102,12 @@ def cut_blocks(run: NDArray[np.intp], residual: Array | None = None) -> NDArray[
         block[inside] = following + np.arange(len(inside)) * count // len(inside)
         following += count
     return block
+
+
+def cut_stretches(run: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Number within its run of the stretch of a few windows that each window lies in, shape (windows,)."""
+    first = np.searchsorted(run, run)
+    return (np.arange(len(run)) - first) // _STRETCH
 
 
 def cut_folds(runs: Runs, block: NDArray[np.intp]) -> tuple[NDArray[np.intp], Literal["run", "block"]]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis import wording
 from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_pct, score
+from homeward.diagnosis.bench import FOLDS
 from homeward.diagnosis.blocks import FEWEST_BLOCKS, cut_folds
 from homeward.diagnosis.charge import USABLE_ENERGY, Charge, weigh_charge
 from homeward.diagnosis.columns import Columns
@@ -26,7 +27,7 @@ from homeward.diagnosis.handover import determined, hand_over, sayable
 from homeward.diagnosis.hypotheses import what_can_be_shown
 from homeward.diagnosis.location import Location
 from homeward.diagnosis.modelling import Corrected
-from homeward.diagnosis.naming import FOLDS, Naming, shifted_in_time
+from homeward.diagnosis.naming import Naming, shifted_in_time
 from homeward.diagnosis.parameters import with_effects_of
 from homeward.diagnosis.quality import Finding, usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.stats import norm, spearmanr
 
 from homeward.diagnosis.arms import gain, held_out
+from homeward.diagnosis.bench import FOLDS
 from homeward.diagnosis.blocks import correlation_windows
-from homeward.diagnosis.naming import FOLDS, MUST_PAY, PLACEBOS, SMALLEST_GAIN
+from homeward.diagnosis.naming import MUST_PAY, PLACEBOS, SMALLEST_GAIN
 from homeward.diagnosis.refit import standard_errors
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Value

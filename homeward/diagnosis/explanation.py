@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.diagnosis.bench import FOLDS
 from homeward.diagnosis.describe import where_at_work
 from homeward.diagnosis.empirical import Empirical, propose
 from homeward.diagnosis.location import Location, locate
 from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.motion import explained, follows_motion
-from homeward.diagnosis.naming import FOLDS, Naming, name_missing
+from homeward.diagnosis.naming import Naming, name_missing
 from homeward.diagnosis.refit import Refit
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.structure import Dependence, dependences, independent_blocks

@@ -56,7 +56,8 @@ class Term:
     fixed: bool = False  # whether its columns are no response of the kernel
     natural: bool = True  # whether the size changes as the sizes of this effect do
     of_rolling_kg: float | None = None  # C_rr m that its sizes are shares of, where they are: before the joint fit
-    at_work: Array | None = None  # (windows, sizes): how much of each size is at work, where a schedule says
+    load: Array | None = None  # what a unit adds where it is at work, (windows,), where that is not everywhere
+    at_work: Array | None = None  # how much of each size is at work, (windows, sizes)
 
     @property
     def linear(self) -> bool:

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from homeward.diagnosis.hypotheses import CATALOGUE, STANDS_MPS, STORM_MPS, TINY, Setting, Term
 from homeward.diagnosis.parameters import ROLLING, WithEffects
@@ -72,10 +73,10 @@ def scheduled(effect: str, setting: Setting) -> Iterator[Term]:
     if shape is None:
         return
     rolling_kg = float(setting.theta[ROLLING]) if effect == "surface" else None
+    everywhere = np.ones(len(shape), np.bool_)
     axes: tuple[Axis, ...] = ("time", "place") if effect in _BY_PLACE else ("time",)
     for axis in axes:
-        find = in_time if axis == "time" else by_place
-        for schedule in find(shape, setting.residual, runs, signed=signed):
+        for schedule in schedules_of(effect, axis, shape, setting.residual, runs, everywhere):
             natural = axis == "place" or _possible(how, schedule, runs)
             if not natural and how not in _PREFERENCES:
                 continue
@@ -87,13 +88,35 @@ def scheduled(effect: str, setting: Setting) -> Iterator[Term]:
             hidden = cost * schedule.changes + int(not natural)
             at_work = schedule.at_work()
             yield Term(effect, shape[:, None] * at_work, low, high, hidden, rhythm, axis, schedule, spread, natural,
-                       of_rolling_kg=rolling_kg, at_work=at_work)  # fmt: skip
+                       of_rolling_kg=rolling_kg, load=shape, at_work=at_work)  # fmt: skip
     if effect == "sensor_offset":
         yield _drift(runs)
     if effect in _BY_PLACE:
         for hats in profiles(runs):
             yield Term(effect, shape[:, None] * hats, *_limits(effect, parameter, True, hats.shape[1]), axis="place",
-                       of_rolling_kg=rolling_kg, at_work=hats)  # fmt: skip
+                       of_rolling_kg=rolling_kg, load=shape, at_work=hats)  # fmt: skip
+
+
+def schedules_of(
+    effect: str, axis: Axis, load: Array, residual: Array, runs: Runs, told: NDArray[np.bool_]
+) -> list[Schedule]:
+    """Schedules that a search in some of the windows finds, of few changes to many.
+
+    Args:
+        effect: Id of the effect.
+        axis: What its size depends on.
+        load: What a unit of its size adds where it is at work, shape (windows,).
+        residual: What is to be explained.
+        runs: The runs.
+        told: Windows that the search may look at; the others have the level of those before them.
+    """
+    find = in_time if axis == "time" else by_place
+    return find(load * told, residual * told, runs, signed=_MAY_CHANGE[effect][1])
+
+
+def changes_repeatedly(effect: str) -> bool:
+    """Whether an effect comes and goes, rather than once."""
+    return _MAY_CHANGE[effect][0] == "repeatedly"
 
 
 def _drift(runs: Runs) -> Term:

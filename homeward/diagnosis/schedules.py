@@ -44,6 +44,7 @@ class Schedule:
     levels: int
     changes: int  # moments or places at which it changes
     apart: float  # distance of its levels, in standard deviations of what they leave
+    share: float  # of the squared residual that a change had to explain
 
     def at_work(self) -> Array:
         """Whether each level beyond 0 is at work, shape (windows, levels - 1)."""
@@ -126,7 +127,7 @@ def _schedules(
             changes += int(np.count_nonzero(np.diff(own))) + int(own[0] != 0)
         exact = _refined(level, shape, residual, parts)
         if not any(one.levels == levels and np.mean(one.level != exact) < _SAME for one in found):
-            found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual)))
+            found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual), share))
     return found
 
 

@@ -65,18 +65,9 @@ def _responses(effect: str, setting: Setting) -> Iterator[Term]:
     shapes = list(_SHAPES[effect](setting.runs)) if effect in _SHAPES else [{}]
     if effect == "turning" and setting.parameters.nominal.track_m == 0.0:
         shapes = [{"track_m": track_m} for track_m in _TRACKS_M]
-    best: tuple[float, Term] | None = None
     for shape in shapes:
         column = setting.response(effect, size, shape, base)
-        power = float(column @ column)
-        if power == 0.0:
-            continue
-        explained = float(column @ setting.residual) ** 2 / power
-        term = Term(effect, column[:, None], _bound(parameter.low), _bound(parameter.high), int(len(shapes) > 1), shape)
-        if best is None or explained > best[0]:
-            best = explained, term
-    if best is not None:
-        yield best[1]
+        yield Term(effect, column[:, None], _bound(parameter.low), _bound(parameter.high), int(len(shapes) > 1), shape)
 
 
 def _starts(setting: Setting) -> Iterator[Term]:
@@ -196,18 +187,11 @@ def blowing(setting: Setting, along: Sequence[Array]) -> Array:
 
 def _lags(setting: Setting) -> Iterator[Term]:
     """A power clock that is late by each of a few lags."""
-    best: tuple[float, Term] | None = None
     for lag_s in _LAGS_S:
         shifted = WithEffects(setting.present.effects, setting.present.headwind_mps, lag_s)
         change = setting.parameters.predict(setting.runs, setting.theta, shifted) - setting.predicted
-        left = setting.residual - change
-        error = float(left @ left)
-        if best is None or error < best[0]:
-            best = error, Term("clock_lag", change[:, None] / lag_s, _bound(-5.0), _bound(5.0), 1, {"lag_s": lag_s})
-    if best is not None:
-        lag_s = best[1].shape["lag_s"]
-        around = sorted((0.5 * lag_s, 1.5 * lag_s))
-        yield Term("clock_lag", best[1].columns, _bound(around[0]), _bound(around[1]), 1, best[1].shape)
+        low, high = sorted((0.5 * lag_s, 1.5 * lag_s))
+        yield Term("clock_lag", change[:, None] / lag_s, _bound(low), _bound(high), 1, {"lag_s": lag_s})
 
 
 def _odometry(setting: Setting) -> Iterator[Term]:
