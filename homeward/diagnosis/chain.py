@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from homeward.diagnosis import wording
 from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_pct, score
 from homeward.diagnosis.bench import FOLDS
-from homeward.diagnosis.blocks import FEWEST_BLOCKS, cut_folds
+from homeward.diagnosis.blocks import FEWEST_BLOCKS, correlation_windows, cut_folds
 from homeward.diagnosis.charge import USABLE_ENERGY, Charge, weigh_charge
 from homeward.diagnosis.columns import Columns
 from homeward.diagnosis.correct import of_capacity, range_change
@@ -32,10 +32,11 @@ from homeward.diagnosis.parameters import with_effects_of
 from homeward.diagnosis.quality import Finding, usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
-from homeward.diagnosis.replay import Runs, average
-from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, RecordingInfo, Verdict
+from homeward.diagnosis.replay import Runs, average, power_w
+from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, Product, RecordingInfo, Verdict
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import FALSE_ALARM_RATE, Dependence, dependences, independent_blocks
+from homeward.diagnosis.uncertainty import Joint, Spread, joint, products, recorded_range, spread
 from homeward.physics import Robot, load_robot
 
 Progress = Callable[[str], None]
@@ -68,8 +69,11 @@ class Evidence:
     corrected: Corrected | None  # the fitted model, where effects were named
     empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
     range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
-    charge: Charge | None = None  # of the battery beside the drive, where its state was recorded
-    remains: Left | None = None  # what the named effects leave, where it still depends on a channel
+    charge: Charge | None  # of the battery beside the drive, where its state was recorded
+    remains: Left | None  # what the named effects leave, where it still depends on a channel
+    products: tuple[Product, ...]  # of which the recordings determine no factor alone
+    joint: Joint  # covariance of everything that was fitted together
+    spread: Spread  # of what the last model leaves, between runs and within them
 
     @property
     def held(self) -> tuple[str, ...]:
@@ -119,6 +123,18 @@ class Analysis:
     corrected: Robot
     findings: tuple[Finding, ...]
     evidence: Evidence | None  # None where no run can be used
+
+    def per_sample(self, name: str) -> Array:
+        """Battery power that the corrected file says of one run, W, shape (samples,), at the run's `time_s`.
+
+        Args:
+            name: Path of the recording.
+
+        Raises:
+            KeyError: No usable run has this name.
+        """
+        runs = {} if self.evidence is None else {run.name: run for run in self.evidence.runs.signals}
+        return power_w(runs[name], self.corrected)
 
 
 def diagnose(
@@ -172,7 +188,7 @@ def analyse(
         robot, verdict, (evidence.plain, sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)),
         evidence.predictions, evidence.runs, evidence.fold, evidence.trip, seed,
     )  # fmt: skip
-    evidence, fit = _with_file(evidence, fit, handover.predicted, seed)
+    evidence, fit = _with_file(evidence, fit, handover.held_out, seed)
     found = (
         ()
         if evidence.corrected is None
@@ -196,6 +212,10 @@ def analyse(
         where=where or tuple(place for one in found for place in one.where),
         fit=fit,
         what_this_log_can_show=what_can_be_shown(evidence.naming.absorbed),
+        products=evidence.products,
+        range=None
+        if evidence.nominal is None or handover.replayed is None
+        else recorded_range((robot, corrected), (evidence.nominal, handover.replayed), evidence.runs, seed),
         range_change_m=None
         if evidence.runs.unit == "A" or verdict == "unknown_physics"
         else range_change(robot, corrected),
@@ -245,8 +265,10 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     progress("proving")
     named = fitted if corrected is None else corrected
     plain, corrected = determined(fitted, corrected, runs, block)
+    last = plain if corrected is None else corrected
     predicted = _predictions(fitted, corrected, told.empirical, nominal, runs, fold, seed)
-    known = _known(named, plain if corrected is None else corrected, runs, block)
+    known = _known(named, last, runs, block)
+    left = runs.observed - last.predicted
     evidence = Evidence(
         runs,
         fitted,
@@ -267,6 +289,9 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         },
         charge,
         told.left,
+        () if corrected is None else products(corrected, runs, block),
+        joint(last, runs, block),
+        spread(left, runs, correlation_windows(left, runs.run)),
     )
     arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)

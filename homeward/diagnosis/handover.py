@@ -33,10 +33,11 @@ Model = TypeVar("Model", Refit, Corrected)
 
 @dataclass(frozen=True)
 class Handover:
-    """The robot that is handed over, what its file predicts of what was held out, and what it holds and why."""
+    """The robot that is handed over, what its file predicts of what was recorded, and what it holds and why."""
 
     robot: Robot
-    predicted: Array | None  # (windows,); None where no file predicts what was recorded
+    held_out: Array | None  # each fold by the file of the others, (windows,); None where no file predicts it
+    replayed: Array | None  # by the file itself, (windows,)
     handed: Handed
 
 
@@ -136,28 +137,30 @@ def hand_over(
         seed: Seed of the bootstrap over trips.
     """
     nominal, (plain, model) = arms.get("nominal"), models
-    kept = Handover(robot, nominal, Handed("nominal", "the recordings ask for no change that a robot file can hold"))
+    kept = Handover(
+        robot, nominal, nominal, Handed("nominal", "the recordings ask for no change that a robot file can hold")
+    )
     if verdict not in ("parameters_off", "missing_physics"):
         return kept
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
-        return Handover(robot, None, Handed("nominal", why))
+        return Handover(robot, None, None, Handed("nominal", why))
     told = ""
     if model is not None:
-        robot_file, after = _written_and_replayed(robot, model, runs, fold)
+        after = _held_out(robot, model, runs, fold)
         worse = worse_than(arms["refit"], after, runs, trip, seed)
         if not worse:
             why = "replayed as written it predicts what was held out better than the refit"
-            return Handover(robot_file, after, Handed("corrected", why))
+            return _handed(robot, model, runs, after, Handed("corrected", why))
         told = f"with what is missing, as far as a robot file can say it, {worse}; "
     elif verdict == "missing_physics":
         told = "a robot file cannot say when what is missing is at work; "
-    robot_file, after = _written_and_replayed(robot, plain, runs, fold)
+    after = _held_out(robot, plain, runs, fold)
     worse = worse_than(nominal, after, runs, trip, seed)
     if worse:
-        return Handover(robot, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
+        return Handover(robot, nominal, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
     why = f"{told}replayed as written it predicts what was held out better than the file that was given"
-    return Handover(robot_file, after, Handed("refit", why))
+    return _handed(robot, plain, runs, after, Handed("refit", why))
 
 
 def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
@@ -184,16 +187,20 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], 
     return ""
 
 
-def _written_and_replayed(
-    robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]
-) -> tuple[Robot, Array]:
-    """The file of the fit to all, and what the file of each fold's fit predicts of that fold, shape (windows,)."""
+def _held_out(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:
+    """What the file of each fold's fit predicts of that fold, shape (windows,)."""
 
     def replay_file(chosen: NDArray[np.bool_]) -> Array:
         told = said(model.fitted_to(chosen, runs.observed), runs)
         return replayed(written(robot, told, runs.unit), told, runs)
 
-    return written(robot, said(model, runs), runs.unit), held_out(replay_file, fold)
+    return held_out(replay_file, fold)
+
+
+def _handed(robot: Robot, model: Refit | Corrected, runs: Runs, after: Array, handed: Handed) -> Handover:
+    told = said(model, runs)
+    robot_file = written(robot, told, runs.unit)
+    return Handover(robot_file, after, replayed(robot_file, told, runs), handed)
 
 
 def _rmse(predicted: Array, runs: Runs) -> float:

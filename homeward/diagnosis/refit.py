@@ -219,15 +219,19 @@ def _share_named(fit: Refit, j: int, others: NDArray[np.intp], weights: Array) -
 
 
 def standard_errors(jacobian: Array, residual: Array, block: NDArray[np.intp]) -> Array:
-    """Standard errors of the parameters by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
+    """Standard errors of the parameters, from their `covariance`."""
+    errors: Array = np.sqrt(np.maximum(np.diag(covariance(jacobian, residual, block)), 0.0))
+    return errors
+
+
+def covariance(jacobian: Array, residual: Array, block: NDArray[np.intp]) -> Array:
+    """Covariance of the parameters by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
     count, blocks = jacobian.shape[1], int(block.max()) + 1
     if count == 0:
-        return np.zeros(0)
+        return np.zeros((0, 0))
     bread = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
     scores = np.zeros((blocks, count))
     np.add.at(scores, block, jacobian * residual[:, None])
     n = len(residual)
     small_sample = blocks / max(blocks - 1, 1) * (n - 1) / max(n - count, 1)
-    covariance = small_sample * bread @ (scores.T @ scores) @ bread
-    errors: Array = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return errors
+    return np.asarray(small_sample * bread @ (scores.T @ scores) @ bread)

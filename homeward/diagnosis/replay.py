@@ -80,6 +80,15 @@ def thrust_n_per_a(robot: Robot) -> float:
     return robot.traction_n_per_a * (1.0 - robot.friction_loss)
 
 
+def power_w(run: Signals, robot: Robot) -> Array:
+    """Battery power that a robot file says of a run, W, shape (samples,)."""
+    return replay(
+        robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+        accel_mps2=run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
+        base_distance_m=run.base_distance_m, direction=run.direction,
+    ).power_w  # fmt: skip
+
+
 def predict(
     runs: Runs,
     robot: Robot,

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from homeward.diagnosis.arms import Arm
 from homeward.diagnosis.location import Place
 
-SCHEMA = 1
+SCHEMA = 2
 
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
 VERDICTS = ("no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable")
@@ -45,6 +45,26 @@ class Value:
     value: float
     ci95: tuple[float, float]
     unit: str
+
+
+@dataclass(frozen=True)
+class Product:
+    """What recordings determine of numbers that stand in for each other: their product or the power that they make."""
+
+    of: tuple[str, ...]
+    value: Value
+
+
+@dataclass(frozen=True)
+class Range:
+    """Range on one charge of a robot that goes on driving as recorded, beside d_max at its best speed on the level."""
+
+    recorded_m: float  # by the recorded energy per metre
+    ci95: tuple[float, float]  # over runs
+    nominal_m: float  # as the robot file predicts these trips
+    file_m: float  # as corrected.toml does
+    d_max_nominal_m: float
+    d_max_file_m: float
 
 
 @dataclass(frozen=True)
@@ -103,6 +123,8 @@ class Diagnosis:
     where: tuple[Place, ...] = ()
     fit: Fit | None = None
     what_this_log_can_show: dict[str, float | None] = field(default_factory=dict)
+    products: tuple[Product, ...] = ()
+    range: Range | None = None
     range_change_m: float | None = None
     file: Handed | None = None
     next_experiment: str | None = None
@@ -134,6 +156,12 @@ class Diagnosis:
                 "missing_physics": tuple(_missing(one) for one in data["missing_physics"]),
                 "where": tuple(Place(**one) for one in data["where"]),
                 "fit": None if data["fit"] is None else _fit(data["fit"]),
+                "products": tuple(
+                    Product(tuple(one["of"]), _value(one["value"])) for one in data["products"]
+                ),
+                "range": None if data["range"] is None else Range(
+                    **{**data["range"], "ci95": _pair(data["range"]["ci95"])}
+                ),
                 "file": None if data["file"] is None else Handed(**data["file"]),
             })  # fmt: skip
         except (KeyError, TypeError, AttributeError, IndexError) as error:
@@ -150,10 +178,12 @@ def _fit(data: dict[str, Any]) -> Fit:
     return Fit(**{**data, "arms": arms})
 
 
+def _value(data: dict[str, Any]) -> Value:
+    return Value(**{**data, "ci95": _pair(data["ci95"])})
+
+
 def _missing(data: dict[str, Any]) -> MissingPhysics:
-    parameters = {
-        name: Value(**{**value, "ci95": _pair(value["ci95"])}) for name, value in data["parameters"].items()
-    }  # fmt: skip
+    parameters = {name: _value(value) for name, value in data["parameters"].items()}
     return MissingPhysics(**{
         **data,
         "parameters": parameters,

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from homeward.diagnosis.chain import Analysis
 from homeward.diagnosis.formats import ARMS, PAPER_ACCURACY, decimal, number
-from homeward.diagnosis.result import Fit, MissingPhysics
+from homeward.diagnosis.result import Fit, MissingPhysics, Range
 
 _WIDE = 70  # columns that the table of all figures takes
 
@@ -42,6 +42,12 @@ def show(analysis: Analysis, console: Console) -> None:
     for off in diagnosis.parameters_off:
         fitted = f"{number(off.fitted)} {off.unit} (95 %: {_interval(off.ci95)})"
         _say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed", indent=2)
+    for product in diagnosis.products:
+        value = f"{number(product.value.value)} {product.value.unit} (95 %: {_interval(product.value.ci95)})"
+        _say(console, f"{' x '.join(product.of)}: {value}, known together only, neither by itself", indent=2)
+    if diagnosis.range is not None:
+        console.print()
+        _say(console, _range(diagnosis.range))
     if diagnosis.next_experiment:
         console.print()
         _say(console, f"Next experiment: {diagnosis.next_experiment}")
@@ -73,6 +79,14 @@ def _show_effect(one: MissingPhysics, console: Console) -> None:
     if one.confused_with:
         rivals = ", ".join(one.confused_with).replace("_", " ")
         _say(console, f"could as well be: {rivals}. {one.to_tell_apart}", indent=2)
+
+
+def _range(one: Range) -> str:
+    return (
+        f"Range on one charge, driven as recorded: {number(one.file_m)} m by corrected.toml, {number(one.nominal_m)} m "
+        f"by the robot file; recorded {number(one.recorded_m)} m (95 %: {_interval(one.ci95)}). d_max, at best speed "
+        f"on the level: {number(one.d_max_file_m)} m instead of {number(one.d_max_nominal_m)} m."
+    )
 
 
 def _interval(ci95: tuple[float, float]) -> str:

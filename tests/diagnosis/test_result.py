@@ -18,6 +18,8 @@ from homeward.diagnosis.result import (
     Handed,
     MissingPhysics,
     ParameterOff,
+    Product,
+    Range,
     RecordingInfo,
     Value,
 )
@@ -50,10 +52,14 @@ diagnosis = st.builds(
     where=st.lists(place, max_size=2).map(tuple),
     fit=st.none() | fit,
     what_this_log_can_show=st.dictionaries(text, st.none() | st.floats(0, 1), max_size=2),
+    products=st.lists(
+        st.builds(Product, st.lists(text, max_size=2).map(tuple), st.builds(Value, number, pair, text)), max_size=2
+    ).map(tuple),
+    range=st.none() | st.builds(Range, number, pair, number, number, number, number),
     range_change_m=optional,
     file=st.none() | st.builds(Handed, st.sampled_from(["corrected", "refit", "nominal"]), text),
     next_experiment=st.none() | text,
-    schema=st.just(1),
+    schema=st.just(2),
 )
 
 
@@ -66,7 +72,7 @@ def test_keys_are_those_of_the_format() -> None:
     keys = set(json.loads(Diagnosis("husky", (), "not_testable", "no").to_json()))
     assert keys == {
         "schema", "robot", "recordings", "verdict", "summary", "parameters_off", "missing_physics", "where", "fit",
-        "what_this_log_can_show", "range_change_m", "file", "next_experiment",
+        "what_this_log_can_show", "products", "range", "range_change_m", "file", "next_experiment",
     }  # fmt: skip
 
 
@@ -77,7 +83,7 @@ def test_what_is_no_number_becomes_null(value: float) -> None:
     assert Diagnosis.from_json(one.to_json()) == dataclasses.replace(one, range_change_m=None)
 
 
-@pytest.mark.parametrize("spoiled", ["", "[]", "{}", '{"schema": 2, "verdict": "no_mismatch"}', "null"])
+@pytest.mark.parametrize("spoiled", ["", "[]", "{}", '{"schema": 1, "verdict": "no_mismatch"}', "null"])
 def test_foreign_json_is_refused(spoiled: str) -> None:
     with pytest.raises(ValueError):
         Diagnosis.from_json(spoiled)
