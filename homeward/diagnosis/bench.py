@@ -5,9 +5,10 @@ of a few windows are held out, as the windows around them tell its level; elsewh
 
 How well nothing does as well comes from placebos. Of what needs no search, all hypotheses are tried on residuals whose
 blocks have random signs, which keeps their memory and their uneven size (wild cluster bootstrap: Cameron, Gelbach &
-Miller, 2008), and the best of them counts (Westfall & Young, 1993). A search is repeated on every placebo, until the
-answer is plain (Besag & Clifford, 1991): on random signs of blocks, too, or, of what changes repeatedly, on Gaussian
-noise of the same spectrum (Theiler et al., 1992), which has no levels.
+Miller, 2008), and the best of them counts (Westfall & Young, 1993). A search is repeated on every placebo, until some
+do as well (Besag & Clifford, 1991): on random signs of blocks, too, or, of what changes repeatedly, on Gaussian noise
+of the same spectrum (Theiler et al., 1992), which has no levels. The best scores of searches are extreme values: a
+Gumbel distribution says how rare a better one is (Winkler et al., 2016), times the number of searches.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import gumbel_r
 
-from homeward.diagnosis.blocks import correlation_windows, cut_stretches
+from homeward.diagnosis.blocks import correlation_windows, cut_blocks, cut_stretches
 from homeward.diagnosis.hypotheses import Setting, Term
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
@@ -35,7 +37,8 @@ FOLDS = 5
 """Of blocks or stretches, over which hypotheses are compared."""
 
 _DRAWS = 1999
-_SEARCHES = 99  # so that none better has p = 0.01
+_SEARCHES = 29  # as many as give the two moments of their scores to a sixth
+_AS_GOOD = 3  # placebos that decide against a search
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
 _RIDGE = 1e-9  # of a column's norm
 
@@ -187,10 +190,15 @@ class Bench:
 
         What a wrong model leaves has the memory of what it lacks, and counts for less.
         """
+        left = self._left(chosen)
+        return max(len(left) / correlation_windows(left, self.runs.run), 2.0)
+
+    def _left(self, chosen: tuple[int, ...]) -> Array:
+        """What these hypotheses leave of the target, shape (windows,)."""
         columns = self._chosen(self._whole, chosen)
         weights = self._weights(self._whole, columns, chosen)
-        left = self.target - self._whole.columns[:, columns] @ weights
-        return max(len(left) / correlation_windows(left, self.runs.run), 2.0)
+        left: Array = self.target - self._whole.columns[:, columns] @ weights
+        return left
 
     def absorbed(self) -> dict[str, float]:
         """Share of each effect that the refit takes up: of several forms, the one that shows most counts."""
@@ -223,10 +231,15 @@ class Bench:
             reached = self.score(self.share(chosen), independent, chosen)
             return float((1 + np.sum(self._best_of_noise(independent, rng) >= reached)) / (_DRAWS + 1))
         reached = self._searched(term, self.target, independent)
-        for count, placebo in enumerate(self._placebos(term, rng), start=1):
-            if self._searched(term, placebo, independent) >= reached:
-                return 1.0 / count if count > 1 else 1.0
-        return 1.0 / (_SEARCHES + 1)
+        scores: list[float] = []
+        for placebo in self._placebos(chosen, rng):
+            scores.append(self._searched(term, placebo, independent))
+            if sum(score >= reached for score in scores) == _AS_GOOD:
+                return _AS_GOOD / len(scores)
+        scale = float(np.std(scores)) * np.sqrt(6.0) / np.pi
+        beyond = float(gumbel_r.sf(reached, float(np.mean(scores)) - np.euler_gamma * scale, max(scale, 1e-12)))
+        searches = {(one.effect, one.axis) for one in self.candidates if one.schedule is not None}
+        return min(1.0, len(searches) * max(beyond, 1e-12))
 
     def _best_of_noise(self, independent: float, rng: np.random.Generator) -> Array:
         """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
@@ -256,12 +269,14 @@ class Bench:
                 best = np.maximum(best, independent * ratio + self.score(0.0, independent, index))
         return best
 
-    def _placebos(self, term: Term, rng: np.random.Generator) -> Iterator[Array]:
+    def _placebos(self, chosen: int, rng: np.random.Generator) -> Iterator[Array]:
+        """Targets without a cause; signs change from block to block that outlast what the hypothesis leaves."""
+        block = cut_blocks(self.runs.run, self._left((chosen,)))
         for _ in range(_SEARCHES):
-            if changes_repeatedly(term.effect):
+            if changes_repeatedly(self.candidates[chosen].effect):
                 yield _of_same_spectrum(self.target, rng)
             else:
-                yield self.target * rng.choice([-1.0, 1.0], int(self.block.max()) + 1)[self.block]
+                yield self.target * rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]
 
     def _searched(self, term: Term, target: Array, independent: float) -> float:
         """Score of the best schedule of an effect that a search in this target finds, each fold searched by itself."""
