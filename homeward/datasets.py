@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -35,6 +36,7 @@ class Dataset:
     columns: str  # mapping file that ships with the package
     robot: str | None  # preset that drove it
     licence: str
+    group_folder: int = 0  # which folder of a file's path names its group; a number before it, as in 3_EE2, is left out
 
 
 DATASETS = {
@@ -54,9 +56,24 @@ DATASETS = {
             "f1tenth",
             "MIT, (c) 2022 AhmadAmine998",
         ),
+        Dataset(
+            "turtlebot3_tactics",
+            "https://raw.githubusercontent.com/S2-group/msr-2021-robotics-green-architectural-tactics-replication-package/ec92e17a86d2a472b3f2c91f793bd101db8984da/RQ2_data/raw_data_experiment/",
+            "turtlebot3_tactics",
+            None,
+            "MIT, S2-group, MSR 2021",
+            group_folder=1,
+        ),
+        Dataset(
+            "ase_rover",
+            "https://raw.githubusercontent.com/S2-group/greens-2026-ase-rover-rep-pkg/",
+            "ase_rover",
+            None,
+            "MIT, S2-group, GREENS 2026",
+        ),
     )
 }
-"""The data sets, by name. Addresses carry the commit, so that the files cannot change."""
+"""The data sets, by name. Addresses of files carry the commit, so that the files cannot change."""
 
 
 def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
@@ -64,7 +81,7 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
 
     Args:
         name: One of `DATASETS`.
-        group: Only the files below this folder, such as `FLOORING`.
+        group: Only the files of this group, such as `FLOORING`.
         progress: Show a progress bar per file.
 
     Raises:
@@ -74,16 +91,16 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
     if name not in DATASETS:
         raise DatasetError(f"unknown data set {name!r}; known: {', '.join(DATASETS)}")
     registry = _registry(name)
-    wanted = [file for file in registry if file.startswith(f"{group}/" if group else "")]
+    wanted = [file for file in registry if not group or _group(name, file) == group]
     if not wanted:
-        groups = sorted({file.split("/")[0] for file in registry if "/" in file})
-        raise DatasetError(f"{name} has no group {group!r}; groups: {', '.join(groups) or 'none'}")
+        raise DatasetError(f"{name} has no group {group!r}; groups: {', '.join(groups_of(name)) or 'none'}")
     local = os.environ.get(LOCAL_FOLDER)
     if local:
         return [_local(Path(local) / name, file, registry[file]) for file in wanted]
     source = pooch.create(
-        path=pooch.os_cache("homeward") / name, base_url=DATASETS[name].base_url, registry=registry, retry_if_failed=2
-    )
+        path=pooch.os_cache("homeward") / name, base_url=DATASETS[name].base_url, registry=registry,
+        urls={file: url_of(name, file) for file in registry}, retry_if_failed=2,
+    )  # fmt: skip
     downloader = pooch.HTTPDownloader(progressbar=_Bar() if progress else False, timeout=30)
     pooch.get_logger().setLevel("WARNING")
     import requests  # only now, as pooch does: it is slow to load
@@ -116,6 +133,29 @@ def files_of(name: str) -> list[str]:
     return list(_registry(name))
 
 
+def groups_of(name: str) -> list[str]:
+    """Groups of a data set's files, sorted.
+
+    Args:
+        name: One of `DATASETS`.
+
+    >>> groups_of("turtlebot3_tactics")
+    ['EE1', 'EE2', 'EE3', 'EE4', 'baseline', 'combined']
+    """
+    return sorted({_group(name, file) for file in _registry(name)} - {""})
+
+
+def url_of(name: str, file: str) -> str:
+    """Address of a file of a data set.
+
+    Args:
+        name: One of `DATASETS`.
+        file: Its path in the data set.
+    """
+    elsewhere = {line[1]: line[2] for line in _lines(name) if len(line) == 3}
+    return DATASETS[name].base_url + elsewhere.get(file, file)
+
+
 def shipped_recording() -> Path:
     """The recording that ships with the package: synthetic, of a Husky that differs from the preset `husky`."""
     return Path(str(files("homeward") / "recordings" / "synthetic_husky.csv.gz"))
@@ -143,11 +183,20 @@ class _Bar:
         self._bar.stop()
 
 
+def _group(name: str, file: str) -> str:
+    folders = file.split("/")[:-1]
+    return re.sub(r"^\d+_", "", (folders[DATASETS[name].group_folder :] or [""])[0])
+
+
 def _registry(name: str) -> dict[str, str]:
     """Files of a data set and their SHA-256."""
-    lines = (files("homeward") / "recordings" / f"{name}.sha256").read_text(encoding="utf-8").splitlines()
-    pairs = (line.split() for line in lines if line and not line.startswith("#"))
-    return {file: digest for digest, file in pairs}
+    return {file: digest for digest, file, *_ in _lines(name)}
+
+
+def _lines(name: str) -> list[list[str]]:
+    """SHA-256, path and, where it differs, the path at the source, of each file."""
+    text = (files("homeward") / "recordings" / f"{name}.sha256").read_text(encoding="utf-8")
+    return [line.split() for line in text.splitlines() if line and not line.startswith("#")]
 
 
 def _local(folder: Path, file: str, digest: str) -> Path:

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from homeward import cli
-from homeward.datasets import DATASETS, DatasetError, fetch, files_of
+from homeward.datasets import DATASETS, DatasetError, fetch, files_of, groups_of
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,8 @@ def main(args: Args) -> None:
             heading, justify="right" if heading == "files" else "left", overflow="fold", no_wrap=heading == "data set"
         )
     for name, dataset in DATASETS.items():
-        files = files_of(name)
-        groups = sorted({file.split("/")[0] for file in files if "/" in file})
-        table.add_row(name, dataset.robot or "", str(len(files)), ", ".join(groups), dataset.licence)
+        groups = ", ".join(groups_of(name))
+        table.add_row(name, dataset.robot or "", str(len(files_of(name))), groups, dataset.licence)
     Console().print(table)
 
 

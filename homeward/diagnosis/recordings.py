@@ -23,8 +23,9 @@ from homeward.diagnosis.columns import Columns, RecordingError, load_columns
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
-_SUFFIXES = (".csv", ".csv.gz", ".parquet")
+_SUFFIXES = (".csv", ".csv.gz", ".txt", ".parquet")
 _STRAY_SHARE = 0.01  # up to this share of impossible values is taken for glitches and left out, more for a wrong unit
+_MOST_BROKEN = 0.1  # of the lines of a file without names of columns; more for a mapping of other files
 _LONGEST_STEP_S = 30.0
 _LONGEST_RUN_S = 3 * 86400.0
 
@@ -52,14 +53,17 @@ class Recording:
         return float(time_s[-1] - time_s[0])
 
 
-def read_recording(path: str | Path, columns: str | Path | Columns | None = None) -> Recording:
+def read_recording(
+    path: str | Path, columns: str | Path | Columns | None = None, *, standing: bool = False
+) -> Recording:
     """Read a recording in the project's schema, or a foreign one through a mapping.
 
     Args:
-        path: A .csv, .csv.gz or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag. One file or
+        path: A .csv, .csv.gz, .txt or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag. One file or
             folder is one run.
         columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag it names topics, see
             `homeward.diagnosis.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
+        standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
 
     Raises:
         RecordingError: The file is missing, empty, cut off, not what its name says, lacks channels, or holds times that
@@ -68,6 +72,7 @@ def read_recording(path: str | Path, columns: str | Path | Columns | None = None
     path = Path(path)
     if path.exists() and is_bag(path):
         return _read_bag(path, columns)
+    notes: tuple[str, ...] = ()
     mapping = None if columns is None else load_columns(columns)
     suffix = next((s for s in _SUFFIXES if path.name.lower().endswith(s)), None)
     if not path.exists():
@@ -81,13 +86,21 @@ def read_recording(path: str | Path, columns: str | Path | Columns | None = None
             raise RecordingError(f"{path}: is empty")
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        read = _read_parquet if suffix == ".parquet" else _read_csv
-        table = read(path, mapping)
+        if mapping is not None and mapping.header and suffix != ".parquet":
+            table, notes = _read_without_header(path, mapping)
+        else:
+            read = _read_parquet if suffix == ".parquet" else _read_csv
+            table = read(path, mapping, standing)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if mapping is not None:
-        table = mapping.apply(table)
-    return _checked(str(path), sha256, table)
+    try:
+        table = table if mapping is None else mapping.apply(table)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    if standing and not any(all(name in table for name in names) for names in MOTION):
+        table = table.assign(speed_mps=0.0)
+    recording = _checked(str(path), sha256, table)
+    return replace(recording, notes=(*notes, *recording.notes))
 
 
 def _read_bag(path: Path, mapping: str | Path | Columns | None) -> Recording:
@@ -106,7 +119,28 @@ def _read_bag(path: Path, mapping: str | Path | Columns | None) -> Recording:
     return replace(recording, notes=(*notes, *recording.notes))
 
 
-def _read_csv(path: Path, mapping: Columns | None) -> pd.DataFrame:
+def _read_without_header(path: Path, mapping: Columns) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Columns that the mapping names, by line of the file, and a note on the broken lines that are left out."""
+    wanted = _wanted(path, list(mapping.header), mapping)
+    with gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb") as file:
+        lines = file.read().decode("utf-8-sig", "replace").splitlines()
+    rows = {number: cells for number, line in enumerate(lines)
+            if len(cells := line.split(mapping.separator)) == len(mapping.header)}  # fmt: skip
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=list(mapping.header))[wanted]
+    plain = [name for name in wanted if not any(s.whole_seconds and s.terms[0][0] == name
+                                                for s in mapping.sources.values())]  # fmt: skip
+    table[plain] = table[plain].apply(pd.to_numeric, errors="coerce")
+    table = table[np.isfinite(table[plain]).all(axis="columns")]
+    broken = len(lines) - len(table)
+    if broken > _MOST_BROKEN * len(lines):
+        raise RecordingError(
+            f"{path}: {broken} of {len(lines)} lines do not hold the {len(mapping.header)} numbers of the mapping "
+            f"{mapping.name}"
+        )
+    return table, (f"{broken} broken lines are left out",) if broken else ()
+
+
+def _read_csv(path: Path, mapping: Columns | None, standing: bool) -> pd.DataFrame:
     separator = "," if mapping is None else mapping.separator
     compression = "gzip" if path.suffix.lower() == ".gz" else None
     options: Any = {"sep": separator, "compression": compression, "encoding": "utf-8-sig", "skipinitialspace": True}
@@ -114,7 +148,7 @@ def _read_csv(path: Path, mapping: Columns | None) -> pd.DataFrame:
         with gzip.open(path, "rb") if compression else path.open("rb") as file:
             line = file.readline(1 << 16).decode("utf-8-sig")
         header = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
-        wanted = _wanted(path, header, mapping)
+        wanted = _wanted(path, header, mapping, standing)
         places = [header.index(name) for name in wanted]
         # All columns are read as they are, so that a short last line can be told from an empty last cell.
         table = pd.read_csv(path, **options, header=0, names=range(len(header)), usecols=[*places, len(header) - 1],
@@ -150,10 +184,10 @@ def _refuse_cut_line(path: Path, table: pd.DataFrame, separator: str, packed: bo
         )
 
 
-def _read_parquet(path: Path, mapping: Columns | None) -> pd.DataFrame:
+def _read_parquet(path: Path, mapping: Columns | None, standing: bool) -> pd.DataFrame:
     try:
         with pq.ParquetFile(path) as file:
-            wanted = _wanted(path, file.schema_arrow.names, mapping)
+            wanted = _wanted(path, file.schema_arrow.names, mapping, standing)
             table: pd.DataFrame = file.read(columns=wanted).to_pandas()[wanted]
             return table
     except (pa.ArrowException, OSError) as error:
@@ -161,7 +195,7 @@ def _read_parquet(path: Path, mapping: Columns | None) -> pd.DataFrame:
         raise RecordingError(f"{path}: is not a whole Parquet file ({message}); copy or record it again") from error
 
 
-def _wanted(path: Path, header: list[str], mapping: Columns | None) -> list[str]:
+def _wanted(path: Path, header: list[str], mapping: Columns | None, standing: bool = False) -> list[str]:
     """Columns to read: those that the mapping names, or those of the schema."""
     if mapping is not None:
         missing = [name for name in mapping.file_columns() if name not in header]
@@ -172,7 +206,7 @@ def _wanted(path: Path, header: list[str], mapping: Columns | None) -> list[str]
         wanted = mapping.file_columns()
     else:
         wanted = [name for name in CHANNELS if name in header]
-        _refuse_missing(path, wanted, header)
+        _refuse_missing(path, [*wanted, "speed_mps"] if standing else wanted, header)
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:
         raise RecordingError(f"{path}: has two columns {twice[0]}; keep one")
@@ -186,7 +220,8 @@ def _refuse_missing(path: str | Path, present: list[str], header: list[str]) -> 
     for what, sets in (("motion", MOTION), ("power", POWER)):
         if not any(all(name in present for name in names) for names in sets):
             options = " or ".join(" + ".join(names) for names in sets)
-            raise RecordingError(f"{path}: has no {what} channel ({options}); {advice}")
+            stood = ", or say --standing if the robot stood" if what == "motion" else ""
+            raise RecordingError(f"{path}: has no {what} channel ({options}); {advice}{stood}")
 
 
 def _has(header: list[str]) -> str:

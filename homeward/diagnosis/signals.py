@@ -60,7 +60,7 @@ def signals(recording: Recording, robot: Robot) -> Signals:
     """
     given = recording.channels
     speed = given["speed_mps"] if "speed_mps" in given else (given["wheel_left_mps"] + given["wheel_right_mps"]) / 2.0
-    observed, unit = _observed(given)
+    observed, unit = observed_of(given)
     good = np.isfinite(speed) & np.isfinite(observed)
     kept = {name: values[good] for name, values in given.items()}
     speed, observed, time_s = _at_rest(speed[good], robot), observed[good], kept["time_s"]
@@ -113,7 +113,8 @@ def _at_rest(speed: Array, robot: Robot) -> Array:
     return np.where(np.abs(speed) < _CREEPS * robot.max_speed_mps, 0.0, speed)
 
 
-def _observed(given: Mapping[str, Array]) -> tuple[Array, Unit]:
+def observed_of(given: Mapping[str, Array]) -> tuple[Array, Unit]:
+    """Battery power in W or, from motor currents alone, the sum of their magnitudes in A, by a recording's channels."""
     if "power_w" in given:
         return given["power_w"], "W"
     if "voltage_v" in given and "current_a" in given:
