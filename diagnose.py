@@ -3,6 +3,9 @@
 `homeward diagnose RUN... --robot PRESET_OR_TOML [--columns MAP] --out DIR`, in a checkout also `python diagnose.py`,
 writes DIR/diagnosis.json, DIR/report.html and DIR/corrected.toml. RUN is a table or a ROS bag, read without ROS.
 Without RUN it diagnoses the recording that ships with the project.
+
+`--group NAME=RUNS --group NAME=RUNS` says which parameter or effect differs between groups of runs and writes
+DIR/groups.json and DIR/groups.html.
 """
 
 from __future__ import annotations
@@ -18,10 +21,15 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from homeward import cli
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
-from homeward.diagnosis import Analysis, RecordingError, analyse, terminal
+from homeward.diagnosis import Analysis, Recording, RecordingError, analyse, read_recording, terminal
 from homeward.diagnosis.bags.files import is_bag
 from homeward.diagnosis.chain import STAGES
+from homeward.diagnosis.group_comparison import Comparison
+from homeward.diagnosis.group_report import show_groups, write_groups
+from homeward.diagnosis.group_runs import compare_driving, compare_standing
 from homeward.diagnosis.report import check_writable, write_outputs
+from homeward.diagnosis.standing import stands
+from homeward.group_inputs import Grouped, grouped_runs
 from homeward.physics import RobotError
 
 
@@ -30,8 +38,13 @@ class Args:
     """What to diagnose."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Recordings (.csv, .csv.gz, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each; none: the one
-    that ships with the project."""
+    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each; none:
+    the one that ships with the project."""
+    group: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """NAME=RUNS: a group to compare with others, given once per group or run. RUNS are paths or patterns with commas
+    between them, or a group of a data set, such as EE2=turtlebot3_tactics/EE2."""
+    standing: bool = False
+    """The robot stood while it recorded: a recording without a motion channel then gives its ancillary power."""
     robot: str | None = None
     """Robot that the simulator uses: preset name or TOML file; the data set's own, or husky, if left out."""
     columns: str | None = None
@@ -39,20 +52,79 @@ class Args:
     dataset: str | None = None
     """Public data set to fetch instead of RUN, or a group of it, such as husky_borealtc/FLOORING."""
     out: Path = Path("runs/diagnosis")
-    """Folder for diagnosis.json, report.html and corrected.toml."""
+    """Folder for diagnosis.json, report.html and corrected.toml; of groups also groups.json and groups.html."""
     seed: int = 0
     """Seed of the bootstrap draws."""
 
 
-def main(args: Args) -> Analysis:
-    """Diagnose, write the outputs and print the verdict.
+def main(args: Args) -> Analysis | Comparison:
+    """Diagnose, or compare groups; write the outputs and print the verdict.
 
     Raises:
         RecordingError, RobotError, DatasetError: Input that cannot be used.
         OSError: The output folder cannot be written to.
     """
-    runs, robot, columns = _inputs(args)
+    if args.group:
+        return _compare(args)
+    paths, robot, columns = _inputs(args)
     check_writable(args.out)
+    recordings = _read([(path, columns) for path in paths], args.standing)
+    analysis = _diagnose(recordings, robot, args)
+    if all(stands(one) for one in recordings):
+        level = compare_standing(recordings, ["these runs"] * len(recordings))
+        write_groups(level, args.out)
+        show_groups(level, Console())
+    return analysis
+
+
+def _compare(args: Args) -> Comparison:
+    if args.runs or args.dataset:
+        raise RecordingError("give either --group or RUN and --dataset, not both; a group takes NAME=DATASET/GROUP")
+    groups = grouped_runs(args.group, args.columns)
+    check_writable(args.out)
+    recordings = _read([(path, columns) for one in groups for path, columns in one.runs], args.standing)
+    labels = [one.name for one in groups for _ in one.runs]
+    _refuse_twice(recordings, labels)
+    if all(stands(one) for one in recordings):
+        comparison = compare_standing(recordings, labels)
+    else:
+        comparison = compare_driving(_diagnose(recordings, _robot_of(args, groups), args), recordings, labels)
+    page = write_groups(comparison, args.out)[-1]
+    console = Console()
+    show_groups(comparison, console)
+    console.print(f"Page: {page}", markup=False, highlight=False, soft_wrap=True)
+    return comparison
+
+
+def _read(paths: list[tuple[Path, str | None]], standing: bool) -> list[Recording]:
+    recordings = [read_recording(path, columns, standing=standing) for path, columns in paths]
+    drives = [one.name for one in recordings if not stands(one)]
+    if standing and drives:
+        raise RecordingError(f"{drives[0]}: drives, by its motion channel; leave out --standing")
+    return recordings
+
+
+def _refuse_twice(recordings: list[Recording], labels: list[str]) -> None:
+    seen: dict[str, str] = {}
+    for one, label in zip(recordings, labels, strict=True):
+        if one.sha256 in seen:
+            raise RecordingError(f"{one.name} ({label}) is the same recording as {seen[one.sha256]}; a run counts once")
+        seen[one.sha256] = f"{one.name} ({label})"
+
+
+def _robot_of(args: Args, groups: list[Grouped]) -> str:
+    datasets = [one.dataset for one in groups if one.dataset is not None]
+    return args.robot or (_robot_of_dataset(datasets[0]) if datasets else "husky")
+
+
+def _robot_of_dataset(name: str) -> str:
+    robot = DATASETS[name].robot
+    if robot is None:
+        raise DatasetError(f"{name}: no preset fits this robot; name one with --robot")
+    return robot
+
+
+def _diagnose(recordings: list[Recording], robot: str, args: Args) -> Analysis:
     console = Console(stderr=True)
     with Progress(
         TextColumn("{task.description:<22}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
@@ -62,7 +134,7 @@ def main(args: Args) -> Analysis:
         def show(stage: str) -> None:
             bar.update(task, description=stage, completed=STAGES.index(stage))
 
-        analysis = analyse(runs, robot, columns, args.seed, show)
+        analysis = analyse(recordings, robot, seed=args.seed, progress=show)
         bar.update(task, description="writing", completed=len(STAGES))
         written = write_outputs(analysis, args.out)
     _print(analysis, written)
@@ -76,10 +148,7 @@ def _inputs(args: Args) -> tuple[list[Path], str, str | None]:
         raise RecordingError("give either RUN or --dataset, not both")
     name, _, group = args.dataset.partition("/")
     runs = fetch(name, group)
-    robot = args.robot or DATASETS[name].robot
-    if robot is None:
-        raise DatasetError(f"{name}: no preset fits this robot; name one with --robot")
-    return runs, robot, args.columns or DATASETS[name].columns
+    return runs, args.robot or _robot_of_dataset(name), args.columns or DATASETS[name].columns
 
 
 def _print(analysis: Analysis, written: list[Path]) -> None:

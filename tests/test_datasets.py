@@ -10,7 +10,7 @@ import pytest
 import requests
 
 from homeward import datasets
-from homeward.datasets import DATASETS, DatasetError, DownloadError, fetch
+from homeward.datasets import DATASETS, DatasetError, DownloadError, fetch, groups_of
 from homeward.diagnosis import load_columns, read_recording
 from homeward.physics import load_robot
 
@@ -42,6 +42,12 @@ def test_unknown_name_and_group() -> None:
         fetch("kitti")
     with pytest.raises(DatasetError, match="groups: ASPHALT, FLOORING, ICE, SNOW"):
         fetch("husky_borealtc", "SAND")
+
+
+def test_groups_are_folders_without_their_number(data_folder: Path) -> None:
+    assert groups_of("ase_rover")[:2] == ["baseline_on_track", "before_intervention"]
+    assert groups_of("f1tenth_frictionmaps") == []
+    assert {path.parts[-3] for path in fetch("turtlebot3_tactics", "EE2")} == {"3_EE2"}
 
 
 def test_offline_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -104,7 +110,7 @@ def test_a_local_copy_stands_for_the_network(dataset: datasets.Dataset, data_fol
     assert [path.is_relative_to(data_folder / dataset.name) for path in paths] == [True] * len(
         datasets._registry(dataset.name)
     )
-    run = read_recording(paths[0], dataset.columns)
+    run = read_recording(paths[0], dataset.columns, standing=True)  # two have no motion channel
     assert run.duration_s > 5.0
     assert {"voltage_v", "current_a"} <= run.channels.keys() or {"motor_left_a", "motor_right_a"} <= run.channels.keys()
 
@@ -112,7 +118,8 @@ def test_a_local_copy_stands_for_the_network(dataset: datasets.Dataset, data_fol
 @pytest.mark.parametrize("dataset", DATASETS.values(), ids=DATASETS)
 def test_addresses_cannot_change_and_digests_are_whole(dataset: datasets.Dataset) -> None:
     assert dataset.base_url.startswith("https://") and dataset.base_url.endswith("/")
-    assert any(len(part) == 40 for part in dataset.base_url.split("/"))  # the commit
+    for file in datasets.files_of(dataset.name):
+        assert any(len(part) == 40 for part in datasets.url_of(dataset.name, file).split("/"))  # the commit
     registry = datasets._registry(dataset.name)
     assert registry and all(len(digest) == 64 for digest in registry.values())
 

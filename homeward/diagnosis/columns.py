@@ -86,7 +86,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         RecordingError: Unknown name, unreadable file or a wrong entry.
 
     >>> load_columns("husky_borealtc").sources["motor_left_a"]
-    Source(terms=(('curL', 1.0),), offset=0.0)
+    Source(terms=(('curL', 1.0),), offset=0.0, whole_seconds=False)
     """
     if isinstance(mapping, Columns):
         return mapping
@@ -139,7 +139,14 @@ def _source(where: str, entry: Any) -> Source:
     if isinstance(entry, str):
         return Source(((entry, 1.0),))
     wanted = "write a column name, or { column = NAME, factor = NUMBER, offset = NUMBER }"
-    if not isinstance(entry, dict) or entry.keys() - {"column", "columns", "factor", "factors", "offset", "whole_seconds"}:
+    if not isinstance(entry, dict) or entry.keys() - {
+        "column",
+        "columns",
+        "factor",
+        "factors",
+        "offset",
+        "whole_seconds",
+    }:
         raise RecordingError(f"{where} = {entry!r} is not understood; {wanted}")
     names = entry.get("columns", [entry.get("column")])
     factors = entry.get("factors", [entry.get("factor", 1.0)] * len(names))

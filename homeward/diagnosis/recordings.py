@@ -59,8 +59,8 @@ def read_recording(
     """Read a recording in the project's schema, or a foreign one through a mapping.
 
     Args:
-        path: A .csv, .csv.gz, .txt or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag. One file or
-            folder is one run.
+        path: A .csv, .csv.gz, .txt or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag. One
+            file or folder is one run.
         columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag it names topics, see
             `homeward.diagnosis.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
         standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
@@ -130,7 +130,7 @@ def _read_without_header(path: Path, mapping: Columns) -> tuple[pd.DataFrame, tu
     plain = [name for name in wanted if not any(s.whole_seconds and s.terms[0][0] == name
                                                 for s in mapping.sources.values())]  # fmt: skip
     table[plain] = table[plain].apply(pd.to_numeric, errors="coerce")
-    table = table[np.isfinite(table[plain]).all(axis="columns")]
+    table = table[np.isfinite(table[plain].to_numpy(dtype=np.float64)).all(axis=1)]
     broken = len(lines) - len(table)
     if broken > _MOST_BROKEN * len(lines):
         raise RecordingError(

@@ -25,14 +25,14 @@ def show(analysis: Analysis, console: Console) -> None:
     """
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
     console.print(diagnosis.verdict, style="bold", highlight=False)
-    _say(console, diagnosis.summary)
+    say(console, diagnosis.summary)
     if diagnosis.fit is not None and evidence is not None:
         console.print()
         console.print(
             Padding(_arms(diagnosis.fit, evidence.range_accuracy_pct, wide=console.width >= _WIDE), (0, 0, 0, 2))
         )
         claim = f"; the paper claims a range accuracy of {PAPER_ACCURACY}" if diagnosis.fit.unit == "W" else ""
-        _say(console, f"held out by {diagnosis.fit.held_out_by}, {diagnosis.fit.folds} folds{claim}", indent=2)
+        say(console, f"held out by {diagnosis.fit.held_out_by}, {diagnosis.fit.folds} folds{claim}", indent=2)
     for one in diagnosis.missing_physics:
         console.print()
         _show_effect(one, console)
@@ -41,16 +41,16 @@ def show(analysis: Analysis, console: Console) -> None:
         console.print("parameters off", style="bold", highlight=False)
     for off in diagnosis.parameters_off:
         fitted = f"{number(off.fitted)} {off.unit} (95 %: {_interval(off.ci95)})"
-        _say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed", indent=2)
+        say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed", indent=2)
     for product in diagnosis.products:
         value = f"{number(product.value.value)} {product.value.unit} (95 %: {_interval(product.value.ci95)})"
-        _say(console, f"{' x '.join(product.of)}: {value}, known together only, neither by itself", indent=2)
+        say(console, f"{' x '.join(product.of)}: {value}, known together only, neither by itself", indent=2)
     if diagnosis.range is not None:
         console.print()
-        _say(console, _range(diagnosis.range))
+        say(console, _range(diagnosis.range))
     if diagnosis.next_experiment:
         console.print()
-        _say(console, f"Next experiment: {diagnosis.next_experiment}")
+        say(console, f"Next experiment: {diagnosis.next_experiment}")
 
 
 def _arms(fit: Fit, accuracy: Mapping[str, float | None], wide: bool) -> Table:
@@ -67,7 +67,7 @@ def _arms(fit: Fit, accuracy: Mapping[str, float | None], wide: bool) -> Table:
             if energy:
                 figures += [_percent(arm.energy_error_pct), _percent(accuracy.get(name))]
             style = "bold" if name == "corrected" else None
-            table.add_row(name.replace("_", " "), *(_ascii(figure) for figure in figures), style=style)
+            table.add_row(name.replace("_", " "), *(plain(figure) for figure in figures), style=style)
     return table
 
 
@@ -75,10 +75,10 @@ def _show_effect(one: MissingPhysics, console: Console) -> None:
     console.print(one.name, style="bold", highlight=False)
     for name, value in one.parameters.items():
         unit = "" if value.unit == "1" else f" {value.unit}"
-        _say(console, f"{name} = {number(value.value)}{unit} (95 %: {_interval(value.ci95)})", indent=2)
+        say(console, f"{name} = {number(value.value)}{unit} (95 %: {_interval(value.ci95)})", indent=2)
     if one.confused_with:
         rivals = ", ".join(one.confused_with).replace("_", " ")
-        _say(console, f"could as well be: {rivals}. {one.to_tell_apart}", indent=2)
+        say(console, f"could as well be: {rivals}. {one.to_tell_apart}", indent=2)
 
 
 def _range(one: Range) -> str:
@@ -97,12 +97,13 @@ def _percent(value: float | None) -> str:
     return "-" if value is None else f"{decimal(value, 1)} %"
 
 
-def _ascii(text: str) -> str:
+def plain(text: str) -> str:
+    """Text with dashes and minus signs that every terminal has."""
     return text.replace("–", "-").replace("−", "-")
 
 
-def _say(console: Console, text: str, indent: int = 0) -> None:
+def say(console: Console, text: str, indent: int = 0) -> None:
     """Print text that may hold names given by others: no markup, no control characters, only what can be shown."""
-    shown = "".join(c if c.isprintable() else "?" for c in _ascii(text))
+    shown = "".join(c if c.isprintable() else "?" for c in plain(text))
     shown = shown.encode(console.encoding, "replace").decode(console.encoding)
     console.print(Padding(Text(shown), (0, 0, 0, indent), expand=False))

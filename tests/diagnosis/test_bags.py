@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 pytest.importorskip("rosbags")
 
 import diagnose
-from homeward.diagnosis import Recording, RecordingError, read_recording
+from homeward.diagnosis import Analysis, Recording, RecordingError, read_recording
 from homeward.diagnosis.bags import clock
 from homeward.diagnosis.bags.lag import estimate_lag
 from homeward.diagnosis.bags.messages import WrongField, getter, shipped_definitions
@@ -580,6 +580,7 @@ def test_a_bag_is_diagnosed_as_its_table_is(tmp_path: Path, capsys: pytest.Captu
     }  # fmt: skip
     bag = write_bag(tmp_path, "ros1", streams)
     analysis = diagnose.main(diagnose.Args(runs=(bag,), robot="husky", out=tmp_path / "out"))
+    assert isinstance(analysis, Analysis)
     read = read_recording(bag)
     for name in ("time_s", "speed_mps", "yaw_rate_radps"):
         np.testing.assert_allclose(read.channels[name], table[name], atol=1e-6)

@@ -1,0 +1,61 @@
+"""Groups of runs as the command line names them: NAME=RUNS, with paths, patterns or a data set's group."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from homeward.datasets import DATASETS, fetch
+from homeward.diagnosis import RecordingError
+
+_NAME = re.compile(r"[\w.+ -]{1,40}")
+
+
+@dataclass(frozen=True)
+class Grouped:
+    """Runs of a group, each with the mapping of its columns, and the data set that they come from."""
+
+    name: str
+    runs: tuple[tuple[Path, str | None], ...]
+    dataset: str | None
+
+
+def grouped_runs(given: Sequence[str], columns: str | None) -> list[Grouped]:
+    """The groups in the order given, those of one name put together.
+
+    Args:
+        given: Each NAME=RUNS.
+        columns: Mapping for all; data sets bring their own where it is left out.
+
+    Raises:
+        RecordingError: Fewer than two groups, a bad name, or a pattern that no file fits.
+        DatasetError: A data set's group that is unknown or cannot be had.
+    """
+    groups: dict[str, Grouped] = {}
+    for one in given:
+        name, equals, values = one.partition("=")
+        if not equals or not _NAME.fullmatch(name) or not values.strip(", "):
+            raise RecordingError(f"--group {one!r} is not NAME=RUNS, such as before=a1.csv,a2.csv or after='b*.csv'")
+        before = groups.get(name, Grouped(name, (), None))
+        for value in filter(None, values.split(",")):
+            runs, dataset = _runs(value, columns)
+            before = Grouped(name, (*before.runs, *runs), dataset or before.dataset)
+        groups[name] = before
+    if len(groups) < 2:
+        raise RecordingError(f"one group only, {next(iter(groups))}; a comparison takes --group at least twice")
+    if len({one.dataset for one in groups.values()} - {None}) > 1:
+        raise RecordingError("the groups are of different data sets, of different robots; compare those of one")
+    return list(groups.values())
+
+
+def _runs(value: str, columns: str | None) -> tuple[list[tuple[Path, str | None]], str | None]:
+    dataset, _, group = value.partition("/")
+    if dataset in DATASETS and not Path(value).is_file():
+        return [(path, columns or DATASETS[dataset].columns) for path in fetch(dataset, group)], dataset
+    found = [value] if Path(value).exists() else sorted(glob.glob(value))
+    if not found:
+        raise RecordingError(f"{value}: no such file, and no pattern that a file fits")
+    return [(Path(path), columns) for path in found], None
