@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ class Source:
 
     terms: tuple[tuple[str, float], ...]
     offset: float = 0.0
-    whole_seconds: bool = False  # time stamps that repeat within a second
+    whole_seconds: bool = field(default=False, repr=False)  # time stamps that repeat within a second
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         RecordingError: Unknown name, unreadable file or a wrong entry.
 
     >>> load_columns("husky_borealtc").sources["motor_left_a"]
-    Source(terms=(('curL', 1.0),), offset=0.0, whole_seconds=False)
+    Source(terms=(('curL', 1.0),), offset=0.0)
     """
     if isinstance(mapping, Columns):
         return mapping

@@ -203,13 +203,14 @@ def summary_of(differences: Sequence[Difference], groups: Sequence[str], most: i
             "Nothing can be said of differences: no two groups have at least two runs each, so how much runs of one "
             "group differ is not known."
         )
-    tested = f"{len(differences)} comparison{'s' if len(differences) > 1 else ''}"
+    tested = f"{len(differences)} compared"
     if verdict == "no_difference":
-        return f"No difference between {', '.join(groups)} stands out from the spread between runs ({tested}, Holm)."
+        between = ", ".join(groups)
+        return f"No difference between {between} stands out from the spread between runs ({tested}, Holm, 5 % in all)."
     named = [one for one in differences if one.named]
     said = "; ".join(said_of(one) for one in named[:most])
     more = f"; and {len(named) - most} more" if len(named) > most else ""
-    return f"{said}{more}. {len(named)} of {tested} differ (Holm, 5 % in all)."
+    return f"{said}{more}. {len(named)} of {tested} can be named (Holm, 5 % in all)."
 
 
 def said_of(one: Difference) -> str:

@@ -76,7 +76,8 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
         quantity: np.where(where >= 0, one[where], np.nan) for quantity, one in values_of_runs(evidence).items()
     }  # fmt: skip
     levels, differences = compare(labels, values)
-    remarks += [_left_out(one) for one in _parameters(evidence) if one.status in _OPEN]
+    told = estimates(evidence.fitted, evidence.runs, evidence.block)
+    remarks += [_left_out(one) for one in told if one.status in _OPEN]
     if analysis.diagnosis.verdict == "unknown_physics" or evidence.remains is not None:
         remarks.append("something is left that no known effect explains: it may pass for a difference between groups")
     return _comparison("driving", recordings, labels, values, levels, differences, remarks)
@@ -92,7 +93,8 @@ def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
         evidence: Of the diagnosis of all runs.
     """
     runs, fit, effects = evidence.runs, evidence.fitted, _steady_effects(evidence)
-    index = np.array([j for j, one in enumerate(_parameters(evidence)) if one.status not in _OPEN], dtype=np.intp)
+    told = estimates(fit, runs, evidence.block)
+    index = np.array([j for j, one in enumerate(told) if one.status not in _OPEN], dtype=np.intp)
     problem, active = fit.parameters, fit.parameters.active()[index]
     per_step = problem.scale[active] * problem.to_group[index]
     quantities = [Quantity(problem.groups[j].symbol, problem.groups[j].unit) for j in index]
@@ -111,18 +113,13 @@ def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
 
 def _steady_effects(evidence: Evidence) -> dict[str, Array]:
     """What each named effect adds that is the same in all runs; one that comes and goes may be what the groups are."""
-    corrected = evidence.corrected
-    if corrected is None:
-        return {}
-    pairs = zip(corrected.model.terms, corrected.contribution, strict=True)
-    return {term.effect.replace("_", " "): added for term, added in pairs if term.axis == "steady"}
-
-
-def _parameters(evidence: Evidence) -> list[Estimate]:
-    effects = list(_steady_effects(evidence).values())
-    return estimates(
-        evidence.fitted, evidence.runs, evidence.block, np.column_stack(effects) if effects else None
-    )  # fmt: skip
+    found: dict[str, Array] = {}
+    if evidence.corrected is not None:
+        for term, added in zip(evidence.corrected.model.terms, evidence.corrected.contribution, strict=True):
+            if term.axis == "steady":
+                name = term.effect.replace("_", " ")
+                found[name] = found.get(name, 0.0) + added
+    return found
 
 
 def _steps(columns: Array, left: Array, block: NDArray[np.intp], sizes: Array) -> Array:

@@ -17,7 +17,7 @@ from homeward.diagnosis.signals import Array, Unit, observed_of, usual_step_s, w
 
 _STANDS_MPS = 0.01
 _STANDS_RADPS = 0.02
-_BATCH_TIMES = 5.0  # batches are this many autocorrelation times long
+_BATCH_TIMES = 8.0  # batches are this many autocorrelation times long
 _MOST_BATCHES = 10
 _FEWEST_WINDOWS = 6
 _STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's own load stays below
@@ -58,7 +58,7 @@ def stands(recording: Recording) -> bool:
 def standing_run(recording: Recording) -> StandingRun:
     """Mean power of a run of a standing robot, with the interval of this run alone.
 
-    The interval is Student's over the means of batches of five autocorrelation times, two to ten of them (batch
+    The interval is Student's over the means of batches of eight autocorrelation times, two to ten of them (batch
     means; Schmeiser, Operations Research 30, 1982).
 
     Args:

@@ -213,7 +213,7 @@ def test_groups_from_the_command_line(
     groups = ("--group", f"before={logs}/a*.csv", "--group", several, "--group", f"after={logs / 'b2.csv'}")
     assert run(monkeypatch, *groups, "--out", out) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert said.startswith("groups_differ P_anc, idle part is 3.") and "1 of 1 comparison differ" in said
+    assert said.startswith("groups_differ P_anc, idle part is 3.") and "1 of 1 compared can be named" in said
     data = json.loads((out / "groups.json").read_text())
     assert (data["schema"], data["kind"], data["verdict"]) == (1, "standing", "groups_differ")
     assert [one["group"] for one in data["runs"]] == ["before"] * 3 + ["after"] * 3
