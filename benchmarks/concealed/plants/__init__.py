@@ -1,0 +1,1 @@
+"""What makes recordings: vehicles, drives, the chain from wheel to battery, hidden mechanisms, instruments."""

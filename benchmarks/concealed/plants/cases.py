@@ -1,0 +1,304 @@
+"""Cases: what a part of the benchmark asks, drawn from [seed, part, number] and nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypeVar, get_args
+
+import numpy as np
+import pandas as pd
+from numpy.random import Generator
+from scipy.optimize import lsq_linear
+
+from benchmarks.concealed.plants.catalogue import TRUTHS, replayed
+from benchmarks.concealed.plants.chain import Mechanism, Work, rollout
+from benchmarks.concealed.plants.drives import Array, Route, Run, make_drives, make_route
+from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS
+from benchmarks.concealed.plants.instruments import FAULTS, NEEDS_ROOM, NOISES, Logging, read_power, record
+from benchmarks.concealed.plants.outside import OUTSIDE, make_outside
+from benchmarks.concealed.plants.vehicles import BURGER, GRAVITY_MPS2, RACER, VEHICLES, Vehicle
+from homeward.physics import Robot
+
+Part = Literal["singles", "pairs", "controls", "outside", "coverage"]
+PARTS: tuple[Part, ...] = get_args(Part)
+ReadBy = Literal["gauge", "terminals"]
+Kind = TypeVar("Kind")
+
+COLD_C = {"heater": (-8.0, 3.0), "cold_battery": (-14.0, 2.0)}  # mean temperatures of the day, where it must be cold
+BATTERY_LAWS = ("internal_resistance", "rate_capacity", "cold_battery")  # at the terminals: in voltage and charge
+NEEDS_CHARGE = ("ageing", "rate_capacity")
+VISIBLE_SHARE = 0.03  # of the mean power, which the best refit must miss for an effect to count as visible
+
+
+@dataclass(frozen=True)
+class Later:
+    """A drive of the same plant that the tool never sees, with the energy that it truly took."""
+
+    kind: Literal["same conditions", "new route"]
+    run: Run
+    power_w: Array
+
+
+@dataclass(frozen=True)
+class Case:
+    """One question to the tool, with its answer."""
+
+    part: Part
+    number: int
+    vehicle: str
+    label: str  # noise, kind of control, or mechanism
+    hidden: tuple[str, ...]
+    fair: frozenset[str]  # ids that would describe a mechanism outside the catalogue
+    fault: str
+    truth: Robot
+    nominal: Robot
+    recordings: list[pd.DataFrame]
+    refit_misses: dict[str, float]  # share of the mean power that the best refit misses, by effect
+    refit: Robot | None = None  # of the noise-free recordings, for the later drives
+    later: list[Later] = field(default_factory=list)
+
+    @property
+    def visible(self) -> dict[str, bool]:
+        """Whether each hidden effect shows in the recordings beyond what a refit takes up."""
+        return {effect: share >= VISIBLE_SHARE for effect, share in self.refit_misses.items()}
+
+
+def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
+    """Draw a case; the same three numbers give the same case.
+
+    Args:
+        part: Part of the benchmark.
+        seed: Seed of the benchmark.
+        number: Which case of the part; what is hidden goes round by it, so that every effect gets its share.
+        short: Few, short drives, for tests.
+    """
+    rng = np.random.default_rng([seed, PARTS.index(part), number])
+
+    def in_turn(kinds: Sequence[Kind]) -> Kind:
+        """Every kind once, in an order by the seed, before any comes again."""
+        return kinds[int(np.random.default_rng([seed, PARTS.index(part)]).permutation(len(kinds))[number % len(kinds)])]
+
+    if part == "singles":
+        effect, level = in_turn([(effect, level) for effect in EFFECTS for level in NOISES])
+        return _hidden(part, number, (effect,), level, rng, short)
+    if part == "pairs":
+        first = in_turn(list(EFFECTS))
+        second = str(rng.choice([name for name in EFFECTS if _go_together(first, name)]))
+        return _hidden(part, number, (first, second), str(rng.choice(list(NOISES))), rng, short)
+    if part == "controls":
+        exact, fault = in_turn([(exact, fault) for exact in (True, False) for fault in ("none", *FAULTS)])
+        return _control(number, exact, fault, rng, short)
+    if part == "outside":
+        return _outside(number, in_turn(list(OUTSIDE)), rng, short)
+    return _coverage(number, in_turn([*TRUTHS, "none", "none", "none"]), rng, short)
+
+
+# ---- parts ----------------------------------------------------------------------------------------------------------
+
+
+def _hidden(part: Part, number: int, effects: tuple[str, ...], level: str, rng: Generator, short: bool) -> Case:
+    vehicle = _vehicle_for(effects, rng)
+    situation = _situation(vehicle, effects, rng, short)
+    mechanisms = [EFFECTS[name](vehicle, rng, len(situation.runs)) for name in effects]
+    read_by = _read_by(effects, rng)
+    robot = vehicle.robot
+    nominal = robot if rng.random() < 0.5 else _misset(robot, rng, 0.03, 0.1)
+    noise_seed = int(rng.integers(2**32))
+    logging = _logging(vehicle, effects, rng)
+    works = _rollouts(vehicle, situation.runs, mechanisms, read_by, noise_seed)
+    recordings = [record(work, NOISES[level], logging, rng) for work in works]
+    misses = {
+        mechanism.effect: _refit(_rollouts(vehicle, situation.runs, [mechanism], read_by, noise_seed))[1]
+        for mechanism in mechanisms
+    }
+    elsewhere = {"ageing", "odometry_scale", *(BATTERY_LAWS if read_by == "terminals" else ())}
+    misses |= {name: 1.0 for name in elsewhere & set(effects)}  # they show in voltage, charge or distance
+    return Case(
+        part, number, robot.name, level, effects, frozenset(), "none", robot, nominal, recordings, misses,
+        _refit(works)[0], _later(vehicle, situation, mechanisms, read_by, rng, short),
+    )  # fmt: skip
+
+
+def _control(number: int, exact: bool, fault: str, rng: Generator, short: bool) -> Case:
+    vehicle = _pick([v for v in VEHICLES if fault not in NEEDS_ROOM or v not in (BURGER, RACER)], rng)
+    situation = _situation(vehicle, (), rng, short)
+    nominal = vehicle.robot if exact else _misset(vehicle.robot, rng, 0.1, 0.4)
+    level = ("low", "middle")[int(rng.integers(2))]
+    logging = _logging(vehicle, (), rng)
+    works = _rollouts(vehicle, situation.runs, [], _read_by((), rng), 0)
+    recordings = [record(work, NOISES[level], logging, rng) for work in works]
+    if fault != "none":
+        bad = rng.random()
+        recordings = [FAULTS[fault](frame, work, bad, rng) for frame, work in zip(recordings, works, strict=True)]
+    return Case(
+        "controls", number, vehicle.robot.name, "exact" if exact else "misset", (), frozenset(), fault, vehicle.robot,
+        nominal, recordings, {},
+    )  # fmt: skip
+
+
+def _outside(number: int, name: str, rng: Generator, short: bool) -> Case:
+    vehicle = _pick(VEHICLES, rng)
+    situation = _situation(vehicle, (), rng, short)
+    mechanism, fair = make_outside(name, vehicle, rng, len(situation.runs))
+    level = ("low", "middle")[int(rng.integers(2))]
+    read_by = _read_by((), rng)
+    works = _rollouts(vehicle, situation.runs, [mechanism], read_by, int(rng.integers(2**32)))
+    logging = _logging(vehicle, (), rng)
+    recordings = [record(work, NOISES[level], logging, rng) for work in works]
+    return Case(
+        "outside", number, vehicle.robot.name, name, (name,), fair, "none", vehicle.robot, vehicle.robot, recordings,
+        {name: _refit(works)[1]},
+    )  # fmt: skip
+
+
+def _coverage(number: int, effect: str, rng: Generator, short: bool) -> Case:
+    """A plant in the catalogue's own form, whose true numbers are known."""
+    vehicle = _vehicle_for((effect,), rng)
+    situation = _situation(vehicle, (effect,), rng, short)
+    truth = vehicle.robot
+    if effect != "none":
+        truth = dataclasses.replace(truth, effects={effect: TRUTHS[effect](vehicle, rng)})
+    nominal = vehicle.robot if effect != "none" and rng.random() < 0.5 else _misset(vehicle.robot, rng, 0.1, 0.3)
+    level = ("low", "middle")[int(rng.integers(2))]
+    works = [replayed(vehicle, truth, run) for run in situation.runs]
+    recordings = [record(work, NOISES[level], Logging(charge=False), rng) for work in works]
+    hidden = () if effect == "none" else (effect,)
+    return Case(
+        "coverage", number, truth.name, level, hidden, frozenset(), "none", truth, nominal, recordings,
+        {name: _refit(works)[1] for name in hidden},
+    )  # fmt: skip
+
+
+# ---- what they share ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Situation:
+    routes: list[Route]
+    mean_c: float
+    runs: list[Run]
+
+
+def _pick(vehicles: Sequence[Vehicle], rng: Generator) -> Vehicle:
+    return vehicles[int(rng.integers(len(vehicles)))]
+
+
+def _go_together(first: str, second: str) -> bool:
+    """Two effects of which at most one is an instrument's, and not both changes of the battery's law."""
+    battery = ("internal_resistance", "rate_capacity", "cold_battery")
+    both = {first, second}
+    return first != second and not both <= set(INSTRUMENTS) and not both <= set(battery)
+
+
+def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Vehicle:
+    """A vehicle that can show the effects: weather needs the outdoors, recuperation hills that roll by themselves."""
+    fit = list(VEHICLES)
+    if set(effects) & {"wind", "heater", "cold_battery"}:
+        fit = [vehicle for vehicle in fit if vehicle.outdoor]
+    if "regeneration" in effects:
+        fit = [vehicle for vehicle in fit if vehicle.steepest_grade_rad > 1.5 * vehicle.robot.rolling_resistance]
+    return _pick(fit, rng)
+
+
+def _situation(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator, short: bool) -> _Situation:
+    routes = [_route(vehicle, effects, rng) for _ in range(int(rng.integers(1, 3)))]
+    mean_c = rng.uniform(4.0, 24.0) if vehicle.outdoor else rng.uniform(17.0, 23.0)
+    for effect in effects:
+        mean_c = rng.uniform(*COLD_C[effect]) if effect in COLD_C else mean_c
+    return _Situation(routes, mean_c, make_drives(vehicle, routes, rng, 2 if short else int(rng.integers(3, 7)), mean_c,
+                                                  short))  # fmt: skip
+
+
+def _route(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator) -> Route:
+    """A route on which the effects can show: not a loop for a tilt, steep enough to roll down for recuperation."""
+    rolls_rad = 1.3 * vehicle.robot.rolling_resistance
+    while True:
+        route = make_route(vehicle, rng)
+        steepest_rad = np.abs(route.elevation(np.linspace(0.0, route.length_m, 400), 1)).max()
+        level = "regeneration" in effects and steepest_rad <= rolls_rad
+        if not (level or (route.loop and "hidden_grade" in effects)):
+            return route
+
+
+def _read_by(effects: tuple[str, ...], rng: Generator) -> ReadBy:
+    """A charge gauge that knows what the cells lose, or a meter at the battery's terminals."""
+    drawn: ReadBy = "gauge" if rng.random() < 0.6 else "terminals"
+    return "terminals" if "ageing" in effects else drawn
+
+
+def _logging(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator) -> Logging:
+    roomy = vehicle not in (BURGER, RACER)
+    return Logging(
+        wheels=vehicle.steering != "ackermann" and bool(rng.random() < 0.25),
+        elevation=roomy and bool(rng.random() < 0.25),
+        distance="odometry_scale" in effects or bool(rng.random() < 0.5),
+        charge=bool(set(effects) & set(NEEDS_CHARGE)) or bool(rng.random() < 0.5),
+    )
+
+
+def _misset(robot: Robot, rng: Generator, least: float, most: float) -> Robot:
+    """The robot with rolling resistance and up to two other parameters wrong by some share, up or down."""
+    others = ["controller_w", "sensing_j_per_sample", "mass_kg"]
+    names = ["rolling_resistance", *rng.choice(others, size=int(rng.integers(0, 3)), replace=False).tolist()]
+    wrong = {n: getattr(robot, n) * (1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(least, most)) for n in names}
+    if "mass_kg" in wrong:  # at most one of the two, so that their errors cannot cancel in C_rr m
+        wrong["rolling_resistance"] = robot.rolling_resistance
+    return dataclasses.replace(robot, **wrong)
+
+
+def _rollouts(vehicle: Vehicle, runs: Sequence[Run], mechanisms: Sequence[Mechanism], read_by: ReadBy,
+              seed: int) -> list[Work]:  # fmt: skip
+    return [rollout(vehicle, run, mechanisms, np.random.default_rng([seed, run.index]), read_by) for run in runs]
+
+
+def _later(vehicle: Vehicle, situation: _Situation, mechanisms: Sequence[Mechanism], read_by: ReadBy, rng: Generator,
+           short: bool) -> list[Later]:  # fmt: skip
+    """Two drives on the known routes and two on new ones, after all changes have happened; energy as it truly was."""
+    physical = [mechanism for mechanism in mechanisms if mechanism.stage != "instrument"]
+    new = [_route(vehicle, tuple(m.effect for m in mechanisms), rng) for _ in range(2)]
+    later = []
+    for kind, routes in (("same conditions", situation.routes), ("new route", new)):
+        for run in make_drives(vehicle, routes, rng, 2, situation.mean_c, short):
+            after = dataclasses.replace(run, index=len(situation.runs) + run.index)
+            work = rollout(vehicle, after, physical, rng, read_by)
+            later.append(Later("same conditions" if kind == "same conditions" else "new route", after, work.seen_w))
+    return later
+
+
+def _refit(works: Sequence[Work]) -> tuple[Robot, float]:
+    """Fit the model's own groups to noise-free recordings: the refitted robot, and what it misses.
+
+    The groups are those of physics.md, trap 7: idle power, energy a sample, and C_rr m, c and m over Gamma, none of
+    them negative. Descents that draw nothing are left out of the groups, for there the model has a kink.
+
+    Returns:
+        The robot, and the rms of what it misses over 5 s as a share of the mean power.
+    """
+    robot = works[0].vehicle.robot
+    columns, powers = [], []
+    for work in works:
+        run = work.run
+        speed = run.speed_mps * work.odometer_gain
+        slope = np.sin(run.grade_rad)
+        pulls = speed * (robot.rolling_resistance * np.cos(run.grade_rad) + slope > 0.0)
+        groups = np.column_stack(
+            [np.ones(speed.size), run.sensing_hz, pulls * np.cos(run.grade_rad), pulls * speed**2, pulls * slope]
+        )
+        block = max(1, round(5.0 / run.dt_s))
+        n = speed.size // block * block
+        columns.append(groups[:n].reshape(-1, block, groups.shape[1]).mean(axis=1))
+        powers.append(read_power(work)[:n].reshape(-1, block).mean(axis=1))
+    matrix, power_w = np.concatenate(columns), np.concatenate(powers)
+    scale = np.maximum(np.abs(matrix).max(axis=0), 1e-12)
+    groups = lsq_linear(matrix / scale, power_w, bounds=(0.0, np.inf)).x / scale
+    missed_w = power_w - matrix @ groups
+    idle_w, sample_j, rolling, drag, grade = groups * np.array([1.0, 1.0, *[robot.traction_efficiency] * 3])
+    mass_kg = max(grade / GRAVITY_MPS2, 0.01 * robot.mass_kg)
+    refitted = dataclasses.replace(
+        robot, mass_kg=mass_kg, rolling_resistance=float(np.clip(rolling / GRAVITY_MPS2 / mass_kg, 1e-4, 1.0)),
+        drag_ns2_per_m2=drag, sensing_j_per_sample=max(sample_j - robot.computer_j_per_sample, 0.0),
+        controller_w=max(idle_w - robot.sensing_idle_w - robot.communication_w, 0.0),
+    )  # fmt: skip
+    return refitted, float(np.sqrt(np.mean(missed_w**2)) / np.mean(np.abs(power_w)))

@@ -1,0 +1,65 @@
+"""Plants in the catalogue's own form, for the coverage of intervals: the public replay with known numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.random import Generator
+
+from benchmarks.concealed.plants.chain import Work
+from benchmarks.concealed.plants.drives import Run
+from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Vehicle, rolling_power_w, typical_power_w
+from homeward.physics import Robot, replay
+
+Truth = Callable[[Vehicle, Generator], dict[str, float]]
+
+
+def _rolling_n(vehicle: Vehicle) -> float:
+    return vehicle.robot.rolling_resistance * vehicle.robot.mass_kg * GRAVITY_MPS2
+
+
+TRUTHS: dict[str, Truth] = {
+    "inertia": lambda vehicle, rng: {"mass_factor": rng.uniform(1.0, 1.6)},
+    "viscous": lambda vehicle, rng: {
+        "drag_ns_per_m": rng.uniform(0.5, 1.0) * _rolling_n(vehicle) / vehicle.robot.max_speed_mps
+    },
+    "turning": lambda vehicle, rng: {"scrub": rng.uniform(0.2, 0.6)},
+    "hidden_grade": lambda vehicle, rng: {"slope": rng.uniform(0.2, 0.4) * vehicle.robot.rolling_resistance},
+    "slip": lambda vehicle, rng: {"per_load": rng.uniform(0.3, 1.0)},
+    "copper_loss": lambda vehicle, rng: {
+        "w_per_n2": rng.uniform(0.1, 0.3) * rolling_power_w(vehicle) / _rolling_n(vehicle) ** 2
+    },
+    "no_load": lambda vehicle, rng: {"power_w": rng.uniform(0.3, 0.6) * rolling_power_w(vehicle)},
+    "compute": lambda vehicle, rng: {
+        "power_w": rng.uniform(0.25, 0.5) * typical_power_w(vehicle), "base_share": rng.uniform(0.4, 0.8)
+    },
+    "radio": lambda vehicle, rng: {
+        "w_per_km2": rng.uniform(0.3, 0.6) * typical_power_w(vehicle) / (0.7e-3 * vehicle.leg_m) ** 2
+    },
+    "heater": lambda vehicle, rng: {
+        "w_per_k": rng.uniform(0.03, 0.08) * typical_power_w(vehicle), "on_below_c": rng.uniform(2.0, 8.0)
+    },
+    "intermittent_load": lambda vehicle, rng: {
+        "power_w": rng.uniform(0.25, 0.5) * typical_power_w(vehicle), "period_s": rng.uniform(30.0, 80.0),
+        "duty": rng.uniform(0.3, 0.6),
+    },
+    "breakaway": lambda vehicle, rng: {
+        "start_j": rng.uniform(3.0, 8.0) * _rolling_n(vehicle) * vehicle.robot.max_speed_mps
+    },
+    "cold_battery": lambda vehicle, rng: {"per_k": rng.uniform(0.005, 0.012), "warm_c": rng.uniform(15.0, 22.0)},
+}  # fmt: skip
+"""Effects that a replay of recorded channels alone can drive, and how their true numbers are drawn."""
+
+
+def replayed(vehicle: Vehicle, truth: Robot, run: Run) -> Work:
+    """The drive as the replay has it, ready to be recorded."""
+    power_w = replay(
+        truth, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+        temperature_c=run.temperature_c, sensing_hz=run.sensing_hz, base_distance_m=run.base_distance_m,
+        direction=run.direction,
+    ).power_w  # fmt: skip
+    work = Work(run, vehicle, "gauge")
+    work.power_w = work.chemical_w = work.seen_w = np.asarray(power_w, dtype=np.float64)
+    work.soc = np.full(run.time_s.size, 0.95)
+    return work

@@ -1,0 +1,240 @@
+"""Mechanisms that no effect of the catalogue describes, and which effects would still be a fair description, if any."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.random import Generator
+
+from benchmarks.concealed.plants.chain import Change, Mechanism, Stage, Work
+from benchmarks.concealed.plants.effects import first_order, ornstein_uhlenbeck, since, since_start_m
+from benchmarks.concealed.plants.vehicles import Vehicle, rolling_power_w, typical_power_w
+
+Fair = frozenset[str]
+DrawOutside = Callable[[Vehicle, Generator, int], tuple[Stage, Change, Fair]]
+
+
+def furrows(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """Ploughed ground: rolling is harder across the furrows than along them, the same there and back."""
+    along_rad, gain = rng.uniform(0.0, np.pi), rng.uniform(0.4, 1.0)
+
+    def change(work: Work, _: Generator) -> None:
+        work.rolling *= 1.0 + gain * np.sin(work.run.heading_rad - along_rad) ** 2
+
+    return "ground", change, frozenset()
+
+
+def squealing_bearing(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A bearing that runs dry above a temperature, and recovers only well below it."""
+    rise_s, gain, trip = rng.uniform(60.0, 150.0), rng.uniform(0.4, 0.9), rng.uniform(0.55, 0.7)
+
+    def change(work: Work, _: Generator) -> None:
+        heat = first_order(work.run.speed_mps / vehicle.robot.max_speed_mps, work.run.dt_s, rise_s)
+        dry = False
+        for i, level in enumerate(heat / max(float(heat.max()), 1e-9)):
+            dry = level > (trip - 0.15 if dry else trip)
+            work.rolling[i] *= 1.0 + gain * dry
+
+    return "ground", change, frozenset()
+
+
+def speed_coupled_pump(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A spray pump whose duty cycle follows the speed, with a fixed stroke: pulses come with the way driven."""
+    size_w, stroke_m = typical_power_w(vehicle) * rng.uniform(0.3, 0.6), vehicle.leg_m * rng.uniform(0.15, 0.3)
+
+    def change(work: Work, _: Generator) -> None:
+        moving = work.run.speed_mps > 0.0
+        work.ancillary_w += size_w * (np.mod(work.run.distance_m / stroke_m, 1.0) < 0.4) * moving
+
+    return "load", change, frozenset({"intermittent_load"})
+
+
+def hiccup_converter(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A converter that falls out of its efficient mode above a load, for some seconds at least."""
+    limit, loss = rng.uniform(0.9, 1.3), rng.uniform(0.15, 0.3)
+
+    def change(work: Work, _: Generator) -> None:
+        over = (work.drive_w + work.ancillary_w > limit * typical_power_w(vehicle)).astype(np.float64)
+        held = first_order(over, work.run.dt_s, 8.0) > 0.3
+        work.ancillary_w += loss * held * (work.drive_w + work.ancillary_w)
+
+    return "load", change, frozenset()
+
+
+def cold_tyres(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """Tyres roll worse until they are warm and cool while standing (SAE J2452 warms them for half an hour)."""
+    gain, warm_s = rng.uniform(0.5, 1.0), rng.uniform(100.0, 250.0)
+
+    def change(work: Work, _: Generator) -> None:
+        warm = first_order((work.run.speed_mps > 0.0).astype(np.float64), work.run.dt_s, warm_s)
+        work.rolling *= 1.0 + gain * (1.0 - warm)
+
+    return "ground", change, frozenset()
+
+
+def clinging_mud(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """Mud clings with the way and falls off whenever the vehicle stands."""
+    gain, way_m = rng.uniform(0.6, 1.2), vehicle.robot.max_speed_mps * rng.uniform(15.0, 35.0)
+
+    def change(work: Work, _: Generator) -> None:
+        work.rolling *= 1.0 + gain * (1.0 - np.exp(-since_start_m(work.run) / way_m))
+
+    return "ground", change, frozenset()
+
+
+def slow_puncture(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """Air leaks out in one of the drives; rolling resistance goes with pressure^-0.4 (Clark, Mechanics of Tires)."""
+    drive, leak_s = int(rng.integers(0, runs)), rng.uniform(60.0, 120.0)
+
+    def change(work: Work, _: Generator) -> None:
+        leaking = since(work.run, drive, 0.2).astype(np.float64) * work.run.dt_s
+        gone_s = np.cumsum(leaking) + (1e4 if work.run.index > drive else 0.0)
+        work.rolling *= (0.12 + 0.88 * np.exp(-gone_s / leak_s)) ** -0.4
+
+    return "ground", change, frozenset({"surface"})
+
+
+def sticking_brake(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A brake lets go only slowly after a stop longer than some seconds, not after a short one."""
+    gain, free_s = rng.uniform(1.5, 3.0), rng.uniform(6.0, 15.0)
+
+    def change(work: Work, _: Generator) -> None:
+        stood_s, driven_s, grip = 0.0, 0.0, 0.0
+        for i, speed in enumerate(work.run.speed_mps):
+            if speed == 0.0:
+                stood_s, driven_s = stood_s + work.run.dt_s, 0.0
+                grip = 1.0 if stood_s > 10.0 else grip
+            else:
+                stood_s, driven_s = 0.0, driven_s + work.run.dt_s
+                work.rolling[i] *= 1.0 + gain * grip * np.exp(-driven_s / free_s)
+
+    return "ground", change, frozenset({"breakaway"})
+
+
+def solar_panel(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A solar panel under passing clouds feeds the bus (cloud shadows last some minutes)."""
+    size_w, minutes_s = typical_power_w(vehicle) * rng.uniform(0.2, 0.4), rng.uniform(60.0, 150.0)
+
+    def change(work: Work, clouds: Generator) -> None:
+        sky = ornstein_uhlenbeck(clouds, work.run.time_s.size, work.run.dt_s, 1.0, minutes_s)
+        work.ancillary_w -= size_w / (1.0 + np.exp(-3.0 * sky))
+
+    return "load", change, frozenset()
+
+
+def washboard(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """Corrugated ground shakes the suspension at one speed: a resonance (Wong, ch. 7)."""
+    at, width, gain = rng.uniform(0.4, 0.75), rng.uniform(0.06, 0.1), rng.uniform(0.8, 1.6)
+
+    def change(work: Work, _: Generator) -> None:
+        off = (work.run.speed_mps / vehicle.robot.max_speed_mps - at) / width
+        work.rolling *= 1.0 + gain / (1.0 + off**2)
+
+    return "ground", change, frozenset()
+
+
+def damaged_steering(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A bent linkage costs power while turning left, nothing while turning right."""
+    gain = rng.uniform(0.8, 1.6)
+
+    def change(work: Work, _: Generator) -> None:
+        left = np.tanh(np.maximum(work.run.yaw_rate_radps, 0.0) / (0.1 * vehicle.max_turn_radps))
+        work.drive_w += gain * rolling_power_w(vehicle) * left
+
+    return "motor", change, frozenset({"turning"})
+
+
+def cooling_fan(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A fan comes on when the motor is hot and runs on until it is cool."""
+    size_w, heat_s = typical_power_w(vehicle) * rng.uniform(0.25, 0.5), rng.uniform(40.0, 100.0)
+
+    def change(work: Work, _: Generator) -> None:
+        heat = first_order(work.drive_w / rolling_power_w(vehicle), work.run.dt_s, heat_s)
+        high = float(np.quantile(heat, 0.6))
+        on = False
+        for i, level in enumerate(heat):
+            on = level > (0.7 * high if on else high)
+            work.ancillary_w[i] += size_w * on
+
+    return "load", change, frozenset({"intermittent_load"})
+
+
+def hill_descent(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """Hill descent control holds the vehicle back with the motors against each other: descents cost power."""
+    gain = rng.uniform(0.5, 1.0)
+
+    def change(work: Work, _: Generator) -> None:
+        steep = np.clip((-work.run.grade_rad - 0.01) / (0.5 * vehicle.steepest_grade_rad), 0.0, 1.0)
+        work.drive_w += gain * rolling_power_w(vehicle) * steep * (work.run.speed_mps > 0.0)
+
+    return "motor", change, frozenset()
+
+
+def altitude_switch(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """An instrument that works only above a height of the route, as one with a line of sight to a mast does."""
+    size_w, share = typical_power_w(vehicle) * rng.uniform(0.25, 0.5), rng.uniform(0.45, 0.6)
+
+    def change(work: Work, _: Generator) -> None:
+        height = work.run.elevation_m
+        work.ancillary_w += size_w * (height > np.quantile(height, share))
+
+    return "load", change, frozenset()
+
+
+def growing_bursts(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A gripper that jams a little more each time it closes; it closes at random times."""
+    size_w, every_s = typical_power_w(vehicle) * rng.uniform(0.2, 0.3), rng.uniform(25.0, 50.0)
+
+    def change(work: Work, jitter: Generator) -> None:
+        at_s, times = float(jitter.exponential(every_s)), 0
+        while at_s < work.run.time_s[-1]:
+            burst = (work.run.time_s >= at_s) & (work.run.time_s < at_s + jitter.uniform(3.0, 12.0))
+            work.ancillary_w += size_w * (1.0 + 0.3 * times) * burst
+            at_s, times = at_s + float(jitter.exponential(every_s)) + 5.0, times + 1
+
+    return "load", change, frozenset({"intermittent_load"})
+
+
+def shower(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """Rain wets the ground in one drive, and the ground dries; wipers or a blower run while it lasts."""
+    drive, start, gain = int(rng.integers(0, runs)), rng.uniform(0.2, 0.4), rng.uniform(0.5, 1.0)
+
+    def change(work: Work, _: Generator) -> None:
+        if work.run.index == drive:
+            share = work.run.time_s / work.run.time_s[-1]
+            raining = ((share > start) & (share < start + 0.35)).astype(np.float64)
+            work.rolling *= 1.0 + gain * first_order(raining, work.run.dt_s, 30.0)
+
+    return "ground", change, frozenset({"surface"})
+
+
+def speed_memory(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+    """A gearbox that heats its oil into foam after fast driving: losses follow the fastest speed of the last minute."""
+    gain, minute_s = rng.uniform(0.5, 1.0), rng.uniform(40.0, 80.0)
+
+    def change(work: Work, _: Generator) -> None:
+        memory = 0.0
+        forget = float(np.exp(-work.run.dt_s / minute_s))
+        for i, speed in enumerate(work.run.speed_mps / vehicle.robot.max_speed_mps):
+            memory = max(speed, memory * forget)
+            work.rolling[i] *= 1.0 + gain * memory**3
+
+    return "ground", change, frozenset()
+
+
+OUTSIDE: dict[str, DrawOutside] = {
+    draw.__name__: draw
+    for draw in (
+        furrows, squealing_bearing, speed_coupled_pump, hiccup_converter, cold_tyres, clinging_mud, slow_puncture,
+        sticking_brake, solar_panel, washboard, damaged_steering, cooling_fan, hill_descent, altitude_switch,
+        growing_bursts, shower, speed_memory,
+    )
+}  # fmt: skip
+"""Every mechanism outside the catalogue and what draws it."""
+
+
+def make_outside(name: str, vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Mechanism, Fair]:
+    """Draw the mechanism of a name, and the effects that would describe it fairly."""
+    stage, change, fair = OUTSIDE[name](vehicle, rng, runs)
+    return Mechanism(name, stage, change), fair

@@ -1,0 +1,1 @@
+"""What asks the tool, and counts its answers."""

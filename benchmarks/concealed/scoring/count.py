@@ -1,0 +1,241 @@
+"""Counts over outcomes, with Wilson intervals, as tables."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS
+from benchmarks.concealed.plants.instruments import NOISES
+from benchmarks.concealed.scoring.outcome import Outcome
+
+NAMES_GRADE = re.compile(r"grade|elevation|slope|altitude|hills?\b", re.IGNORECASE)
+STANDARD_NORMAL_975 = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Share:
+    """So many of so many."""
+
+    hits: int
+    of: int
+
+    @classmethod
+    def over(cls, flags: Iterable[bool]) -> Share:
+        """Count what is true."""
+        listed = list(flags)
+        return cls(sum(listed), len(listed))
+
+    @property
+    def wilson(self) -> tuple[float, float]:
+        """95 % interval of the share (Wilson 1927).
+
+        >>> [round(bound, 3) for bound in Share(9, 10).wilson]
+        [0.596, 0.982]
+        """
+        if self.of == 0:
+            return 0.0, 1.0
+        z2 = STANDARD_NORMAL_975**2
+        p = self.hits / self.of
+        middle = (p + z2 / (2 * self.of)) / (1 + z2 / self.of)
+        half = STANDARD_NORMAL_975 * np.sqrt(p * (1 - p) / self.of + z2 / (4 * self.of**2)) / (1 + z2 / self.of)
+        return float(max(middle - half, 0.0)), float(min(middle + half, 1.0))
+
+    def __str__(self) -> str:
+        if self.of == 0:
+            return "–"
+        low, high = self.wilson
+        return f"{self.hits}/{self.of} = {100 * self.hits / self.of:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A title, the names of the columns, and rows of text."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+
+    def markdown(self) -> str:
+        """The table in Markdown."""
+        lines = [f"### {self.title}", "", "| " + " | ".join(self.columns) + " |", "|" + "---|" * len(self.columns)]
+        return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in self.rows), ""])
+
+
+# ---- what counts as what --------------------------------------------------------------------------------------------
+
+
+def found_first(outcome: Outcome) -> bool:
+    """Whether the hidden effect is the first that is named, or among those the first is confused with."""
+    return bool(outcome.classes) and outcome.hidden[0] in outcome.classes[0]
+
+
+def false_alarm(outcome: Outcome) -> bool:
+    """Whether a control got physics that it does not lack; without a grade channel it may ask for that channel."""
+    if outcome.verdict == "unknown_physics" and outcome.fault == "no_grade":
+        return not NAMES_GRADE.search(outcome.summary)
+    return outcome.verdict in ("missing_physics", "unknown_physics")
+
+
+def wrongly_named(outcome: Outcome) -> bool:
+    """Whether a mechanism outside the catalogue got the name of an effect that is no fair description of it."""
+    fair = set(outcome.fair)
+    return any(entry[0] in EFFECTS and not fair & set(entry) for entry in outcome.classes)
+
+
+def covers(low: float, true: float, high: float) -> bool:
+    """Whether an interval holds the true value."""
+    return low <= true <= high
+
+
+# ---- tables ---------------------------------------------------------------------------------------------------------
+
+
+def tables(outcomes: Sequence[Outcome]) -> list[Table]:
+    """All tables for which there are outcomes."""
+    made: list[Table] = []
+    makers: dict[str, Callable[[list[Outcome]], list[Table]]] = {
+        "singles": _singles, "pairs": _pairs, "controls": _controls, "outside": _outside, "coverage": _coverage,
+    }  # fmt: skip
+    for part, maker in makers.items():
+        chosen = [outcome for outcome in outcomes if outcome.part == part]
+        if chosen:
+            made += maker(chosen)
+    hidden = [outcome for outcome in outcomes if outcome.part in ("singles", "pairs")]
+    return [*made, *(_later(hidden) if hidden else []), _cost(outcomes)]
+
+
+def _class_size(outcomes: Sequence[Outcome]) -> str:
+    sizes = [len(outcome.classes[0]) for outcome in outcomes if outcome.classes]
+    return f"{np.mean(sizes):.2f}" if sizes else "–"
+
+
+def _singles(outcomes: list[Outcome]) -> list[Table]:
+    columns = ("", "found first", "of these visible", *NOISES, "first by name", "visible but no mismatch", "class size")
+
+    def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
+        visible = [o for o in chosen if all(o.visible.values())]
+        levels = [Share.over(found_first(o) for o in chosen if o.label == level) for level in NOISES]
+        by_name = Share.over(bool(o.classes) and o.classes[0][0] == o.hidden[0] for o in chosen)
+        blind = Share.over(o.verdict in ("no_mismatch", "parameters_off", "not_testable") for o in visible)
+        shares = (Share.over(map(found_first, chosen)), Share.over(map(found_first, visible)), *levels, by_name, blind)
+        return (name, *map(str, shares), _class_size(chosen))
+
+    rows = [row("all", outcomes), row("physics", [o for o in outcomes if o.hidden[0] not in INSTRUMENTS])]
+    rows.append(row("instruments", [o for o in outcomes if o.hidden[0] in INSTRUMENTS]))
+    for effect in EFFECTS:
+        chosen = [o for o in outcomes if o.hidden[0] == effect]
+        rows += [row(effect, chosen)] if chosen else []
+    return [Table("One hidden effect", columns, rows)]
+
+
+def _pairs(outcomes: list[Outcome]) -> list[Table]:
+    def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
+        in_class = [[any(effect in entry for entry in o.classes) for effect in o.hidden] for o in chosen]
+        by_name = [[any(effect == entry[0] for entry in o.classes) for effect in o.hidden] for o in chosen]
+        shares = (map(all, in_class), map(all, by_name), map(any, in_class), map(found_first_of_pair, chosen))
+        return (name, *(str(Share.over(share)) for share in shares))
+
+    columns = ("", "both in some class", "both by name", "one or both in some class", "first named is one of them")
+    rows = [row("all", outcomes), row("both visible", [o for o in outcomes if all(o.visible.values())])]
+    return [Table("Two hidden effects", columns, rows)]
+
+
+def found_first_of_pair(outcome: Outcome) -> bool:
+    """Whether what is named first is one of the hidden effects, or confused with one."""
+    return bool(outcome.classes) and bool(set(outcome.hidden) & set(outcome.classes[0]))
+
+
+def _controls(outcomes: list[Outcome]) -> list[Table]:
+    columns = ("", "missing or unknown physics", "exact called parameters_off", "misset called parameters_off",
+               "crashes", "refused")  # fmt: skip
+
+    def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
+        exact = [o for o in chosen if o.label == "exact"]
+        misset = [o for o in chosen if o.label == "misset"]
+        return (
+            name, str(Share.over(map(false_alarm, chosen))), *(
+                str(Share.over(o.verdict == "parameters_off" for o in group)) for group in (exact, misset)
+            ), *(str(Share.over(o.verdict == what for o in chosen)) for what in ("crash", "refused")),
+        )  # fmt: skip
+
+    clean = [o for o in outcomes if o.fault == "none"]
+    rows = [row("all", outcomes), row("clean", clean), row("faulty", [o for o in outcomes if o.fault != "none"])]
+    for fault in sorted({o.fault for o in outcomes} - {"none"}):
+        rows.append(row(fault, [o for o in outcomes if o.fault == fault]))
+    return [Table("Controls: no physics is missing", columns, rows)]
+
+
+def _outside(outcomes: list[Outcome]) -> list[Table]:
+    columns = ("", "wrongly named", "unknown or empirical", "fairly named", "no mismatch seen", "crashes")
+
+    def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
+        empirical = [all(c[0] not in EFFECTS for c in o.classes) for o in chosen]
+        flags = (
+            map(wrongly_named, chosen),
+            (o.verdict in ("unknown_physics", "missing_physics") and e for o, e in zip(chosen, empirical, strict=True)),
+            (not e and not wrongly_named(o) for o, e in zip(chosen, empirical, strict=True)),
+            (o.verdict in ("no_mismatch", "parameters_off", "not_testable") for o in chosen),
+            (o.verdict == "crash" for o in chosen),
+        )
+        return (name, *(str(Share.over(flag)) for flag in flags))
+
+    rows = [row("all", outcomes)]
+    for name in sorted({o.label for o in outcomes}):
+        rows.append(row(name, [o for o in outcomes if o.label == name]))
+    return [Table("Mechanisms outside the catalogue", columns, rows)]
+
+
+def _later(outcomes: list[Outcome]) -> list[Table]:
+    columns = ("", "worse than the refit by > 1 point", "worse than nominal by > 1 point", "median nominal, %",
+               "median refit, %", "median corrected, %", "90th percentile refit, %",
+               "90th percentile corrected, %")  # fmt: skip
+    rows = []
+    for kind in ("all", "same conditions", "new route"):
+        drives = [d for o in outcomes for d in o.later if kind in ("all", d["kind"])]
+        if not drives:
+            continue
+        nominal, refit = (np.array([d["nominal_pct"] for d in drives]), np.array([d["refit_pct"] for d in drives]))
+        corrected = np.array([d["corrected_pct"] for d in drives])
+        shares = [Share.over((corrected > other + 1.0).tolist()) for other in (refit, nominal)]
+        figures = [np.median(errors) for errors in (nominal, refit, corrected)]
+        figures += [np.quantile(errors, 0.9) for errors in (refit, corrected)]
+        rows.append((kind, *map(str, shares), *(f"{figure:.2f}" for figure in figures)))
+    wanted = [
+        (effect, o.holds) for o in outcomes for effect, seen in o.visible.items() if seen and effect not in INSTRUMENTS
+    ]
+    kept = [
+        ("any effect", str(Share.over(bool(holds) for _, holds in wanted))),
+        ("the hidden effect", str(Share.over(effect in holds for effect, holds in wanted))),
+    ]
+    held = Table("Visible physical effects for which corrected.toml holds", ("", "share"), kept)
+    return [Table("Energy of later drives", columns, rows), held]
+
+
+def _coverage(outcomes: list[Outcome]) -> list[Table]:
+    intervals = [interval for outcome in outcomes for interval in outcome.intervals]
+    columns = ("", "covers the truth", "median relative width")
+
+    def row(name: str, names: set[str]) -> tuple[str, ...]:
+        chosen = [i for i in intervals if i["name"] in names]
+        share = Share.over(covers(i["low"], i["true"], i["high"]) for i in chosen)
+        widths = [(i["high"] - i["low"]) / abs(i["true"]) for i in chosen if i["true"] != 0.0]
+        return name, str(share), f"{np.median(widths):.3f}" if widths else "–"
+
+    names = {i["name"] for i in intervals}
+    effects = {name for name in names if "." in name}
+    rows = [row("all", names), row("parameters of effects", effects), row("groups of the robot", names - effects)]
+    return [Table("Intervals of 95 %", columns, [*rows, *(row(name, {name}) for name in sorted(names))])]
+
+
+def _cost(outcomes: Sequence[Outcome]) -> Table:
+    rows = []
+    for part in dict.fromkeys(o.part for o in outcomes):
+        asked = [o.diagnose_s for o in outcomes if o.part == part]
+        made = [o.make_s for o in outcomes if o.part == part]
+        crashes = Share.over(o.verdict == "crash" for o in outcomes if o.part == part)
+        rows.append((part, f"{np.mean(made):.1f}", f"{np.mean(asked):.1f}", f"{np.max(asked):.1f}", str(crashes)))
+    return Table("Seconds a case", ("", "plant", "diagnosis, mean", "diagnosis, longest", "crashes"), rows)

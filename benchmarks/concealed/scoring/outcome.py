@@ -1,0 +1,175 @@
+"""Ask the tool about a case, as its command line does, and keep what it answered."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import shutil
+import time
+import traceback
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypedDict
+
+import numpy as np
+
+from benchmarks.concealed.plants.cases import Case, Later
+from homeward.commands import diagnose
+from homeward.diagnosis import RecordingError
+from homeward.physics import Robot, RobotError, load_robot, replay
+
+
+class Interval(TypedDict):
+    """A 95 % interval and the true value."""
+
+    name: str
+    true: float
+    low: float
+    high: float
+
+
+class LaterError(TypedDict):
+    """Errors of a later drive's energy, %, by who predicts it."""
+
+    kind: str
+    nominal_pct: float
+    refit_pct: float
+    corrected_pct: float
+
+
+@dataclass
+class Outcome:
+    """A case and what the tool said about it; everything in it is written to JSON as it stands."""
+
+    part: str
+    number: int
+    vehicle: str
+    label: str
+    hidden: list[str]
+    visible: dict[str, bool]
+    fair: list[str]
+    fault: str
+    verdict: str = ""  # the tool's, or "refused" (input that it cannot use) or "crash"
+    summary: str = ""
+    classes: list[list[str]] = field(default_factory=list)  # missing_physics: effect, then what it is confused with
+    off: list[str] = field(default_factory=list)
+    holds: list[str] = field(default_factory=list)  # effects in corrected.toml
+    later: list[LaterError] = field(default_factory=list)
+    intervals: list[Interval] = field(default_factory=list)
+    make_s: float = 0.0
+    diagnose_s: float = 0.0
+
+
+def ask(case: Case, folder: Path, seed: int = 0) -> Outcome:
+    """Write the case's recordings into the folder, diagnose them, and read diagnosis.json and corrected.toml."""
+    outcome = Outcome(case.part, case.number, case.vehicle, case.label, list(case.hidden), case.visible,
+                      sorted(case.fair), case.fault)  # fmt: skip
+    recordings = folder / "recordings"
+    recordings.mkdir(parents=True, exist_ok=True)
+    runs = []
+    for index, frame in enumerate(case.recordings):
+        runs.append(recordings / f"drive{index}.parquet")
+        frame.to_parquet(runs[-1], index=False)
+    (folder / "nominal.toml").write_text(case.nominal.to_toml())
+    args = diagnose.Args(runs=tuple(runs), robot=str(folder / "nominal.toml"), out=folder, seed=seed)
+    start_s = time.perf_counter()
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            diagnose.main(args)
+    except (RecordingError, RobotError) as error:
+        outcome.verdict, outcome.summary = "refused", str(error)
+    except Exception:  # whatever it is, it is the tool's and counts as a crash
+        outcome.verdict, outcome.summary = "crash", traceback.format_exc(limit=-3)
+    else:
+        read_diagnosis(outcome, json.loads((folder / "diagnosis.json").read_text()), case)
+        _read_corrected(outcome, case, folder)
+    outcome.diagnose_s = time.perf_counter() - start_s
+    shutil.rmtree(recordings)
+    return outcome
+
+
+class _Parameter(TypedDict):
+    value: float
+    ci95: list[float]
+
+
+class _Missing(TypedDict):
+    effect: str
+    confused_with: list[str]
+    parameters: dict[str, _Parameter]
+
+
+class _Off(TypedDict):
+    group: str
+    ci95: list[float]
+
+
+class Diagnosis(TypedDict):
+    """What is read of diagnosis.json."""
+
+    verdict: str
+    summary: str
+    missing_physics: list[_Missing]
+    parameters_off: list[_Off]
+
+
+def read_diagnosis(outcome: Outcome, diagnosis: Diagnosis, case: Case) -> None:
+    """Take over the verdict, the classes and, where the true values are known, the intervals."""
+    outcome.verdict, outcome.summary = diagnosis["verdict"], diagnosis["summary"]
+    missing, off = diagnosis["missing_physics"], diagnosis["parameters_off"]
+    outcome.classes = [[entry["effect"], *entry["confused_with"]] for entry in missing]
+    outcome.off = [entry["group"] for entry in off]
+    if case.part != "coverage":
+        return
+    for entry in missing:
+        true = case.truth.effects.get(entry["effect"], {})
+        for name, parameter in entry["parameters"].items():
+            if name in true:
+                outcome.intervals.append(_interval(f"{entry['effect']}.{name}", true[name], parameter["ci95"]))
+    groups = true_groups(case.truth)
+    for group in off:
+        if group["group"] in groups:
+            outcome.intervals.append(_interval(group["group"], groups[group["group"]], group["ci95"]))
+
+
+def _interval(name: str, true: float, ci95: list[float]) -> Interval:
+    return {"name": name, "true": true, "low": ci95[0], "high": ci95[1]}
+
+
+def true_groups(robot: Robot) -> dict[str, float]:
+    """What recordings can show of a robot without effects (physics.md, trap 7), by the names that the tool uses."""
+    gamma = robot.traction_efficiency
+    return {
+        "P_anc, idle part": robot.sensing_idle_w + robot.communication_w + robot.controller_w,
+        "P_anc, per sample": robot.sensing_j_per_sample + robot.computer_j_per_sample,
+        "C_rr m / Gamma": robot.rolling_resistance * robot.mass_kg / gamma,
+        "c / Gamma": robot.drag_ns2_per_m2 / gamma,
+        "m / Gamma": robot.mass_kg / gamma,
+    }
+
+
+def _read_corrected(outcome: Outcome, case: Case, folder: Path) -> None:
+    """Replay corrected.toml and the refit over the later drives; refit.toml is the tool's own, where it writes one."""
+    corrected = load_robot(folder / "corrected.toml")
+    outcome.holds = list(corrected.active_effects)
+    written = folder / "refit.toml"
+    refit = load_robot(written) if written.exists() else case.refit
+    if refit is not None:
+        outcome.later = [
+            {"kind": drive.kind, "nominal_pct": _error_pct(case.nominal, drive), "refit_pct": _error_pct(refit, drive),
+             "corrected_pct": _error_pct(corrected, drive)}
+            for drive in case.later
+        ]  # fmt: skip
+
+
+def _error_pct(robot: Robot, drive: Later) -> float:
+    """Error of a trip's energy without its sign, %."""
+    run = drive.run
+    model = replay(
+        robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+        temperature_c=run.temperature_c, sensing_hz=run.sensing_hz, base_distance_m=run.base_distance_m,
+        direction=run.direction,
+    )  # fmt: skip
+    true_j = float(np.sum(drive.power_w)) * run.dt_s
+    return float(abs(np.sum(model.power_w) * run.dt_s - true_j) / abs(true_j) * 100.0)
