@@ -21,9 +21,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from benchmarks.concealed.plants.cases import PARTS, Part, make_case
+from benchmarks.concealed.plants.cases import PARTS, Part
 from benchmarks.concealed.scoring.count import Table, tables
-from benchmarks.concealed.scoring.outcome import Outcome, ask
+from benchmarks.concealed.scoring.outcome import Outcome, run_case
 
 
 @dataclass(frozen=True)
@@ -75,16 +75,6 @@ def _wanted(args: Args) -> list[tuple[Part, int]]:
         return [("singles", n) for n in range(half)] + [("pairs", n) for n in range(args.cases - half)]
     parts = PARTS if args.part == "all" else (args.part,)
     return [(part, number) for part in parts for number in range(args.cases)]
-
-
-def run_case(part: Part, seed: int, number: int, out: Path) -> Outcome:
-    """Make one case and ask the tool."""
-    start_s = time.perf_counter()
-    case = make_case(part, seed, number)
-    make_s = time.perf_counter() - start_s
-    outcome = ask(case, out / part / f"{number:04d}")
-    outcome.make_s = make_s
-    return outcome
 
 
 def _answers(jobs: list[tuple[Part, int, int, Path]], workers: int) -> Iterator[Outcome]:

@@ -14,10 +14,10 @@ from typing import TypedDict
 
 import numpy as np
 
-from benchmarks.concealed.plants.cases import Case, Later
+from benchmarks.concealed.plants.cases import Case, Later, Part, make_case
 from homeward.commands import diagnose
 from homeward.diagnosis import RecordingError
-from homeward.physics import Robot, RobotError, load_robot, replay
+from homeward.physics import Robot, load_robot, replay
 
 
 class Interval(TypedDict):
@@ -61,6 +61,16 @@ class Outcome:
     diagnose_s: float = 0.0
 
 
+def run_case(part: Part, seed: int, number: int, out: Path) -> Outcome:
+    """Make one case and ask the tool."""
+    start_s = time.perf_counter()
+    case = make_case(part, seed, number)
+    make_s = time.perf_counter() - start_s
+    outcome = ask(case, out / part / f"{number:04d}")
+    outcome.make_s = make_s
+    return outcome
+
+
 def ask(case: Case, folder: Path, seed: int = 0) -> Outcome:
     """Write the case's recordings into the folder, diagnose them, and read diagnosis.json and corrected.toml."""
     outcome = Outcome(case.part, case.number, case.vehicle, case.label, list(case.hidden), case.visible,
@@ -77,9 +87,9 @@ def ask(case: Case, folder: Path, seed: int = 0) -> Outcome:
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             diagnose.main(args)
-    except (RecordingError, RobotError) as error:
+    except RecordingError as error:
         outcome.verdict, outcome.summary = "refused", str(error)
-    except Exception:  # whatever it is, it is the tool's and counts as a crash
+    except Exception:  # the robot file is valid, so that even a RobotError is the tool's own and counts as a crash
         outcome.verdict, outcome.summary = "crash", traceback.format_exc(limit=-3)
     else:
         read_diagnosis(outcome, json.loads((folder / "diagnosis.json").read_text()), case)
