@@ -21,7 +21,6 @@ pytest.importorskip("rosbags")
 import diagnose
 from homeward.diagnosis import Analysis, Recording, RecordingError, read_recording
 from homeward.diagnosis.bags import clock
-from homeward.diagnosis.bags.lag import estimate_lag
 from homeward.diagnosis.bags.messages import WrongField, getter, shipped_definitions
 from homeward.diagnosis.bags.topics import load_topics, shipped_topics
 from tests.diagnosis.bag_writer import KINDS, Array, Stream, write_bag
@@ -229,32 +228,6 @@ def test_charging_at_the_dock_does_not_turn_the_sign(tmp_path: Path) -> None:
     assert np.all(recording.channels["current_a"][~docked] > 0.0)
 
 
-@pytest.mark.parametrize("late_s", [-0.6, 0.0, 0.45])
-def test_the_lag_is_found_and_left(tmp_path: Path, late_s: float) -> None:
-    time_s = np.arange(0.4, SECONDS, 0.1)
-    rng = np.random.default_rng(0)
-    streams = {"/battery_state": battery(time_s, late_s=late_s), "/odom": odometry()}
-    noisy = streams["/battery_state"].values["current"] + 0.1 * rng.standard_normal(len(time_s))
-    streams["/battery_state"].values |= {"current": noisy}  # type: ignore[operator]
-    recording = read_recording(write_bag(tmp_path, "mcap", streams))
-    (note,) = (note for note in recording.notes if "power is recorded" in note)
-    assert "left as it is" in note
-    found = float(note.split()[3]) * (1.0 if " later " in note else -1.0)
-    half_width = float(note.split("within ")[1].split()[0])
-    assert 0.01 <= half_width < 0.15
-    assert found == pytest.approx(late_s, abs=half_width + 0.005)
-
-
-def test_a_lag_that_cannot_be_seen_is_not_made_up() -> None:
-    rng = np.random.default_rng(1)
-    ticks = np.arange(0.0, 200.0, 0.5)
-    lag = estimate_lag(ticks, rng.standard_normal(len(ticks)), FAST_S * 3.4, speed(FAST_S), None)
-    assert lag.lag_s is None
-    assert "can be seen" in str(lag)
-    steady = estimate_lag(FAST_S, power(FAST_S) * 0.0 + 5.0, FAST_S, speed(FAST_S), None)
-    assert steady.lag_s is None
-
-
 def accelerometer(covariance: float = -1.0) -> Stream:
     """Specific force of a robot that speeds up and slows down on a slope."""
     forward = np.gradient(speed(FAST_S), FAST_S) + 9.80665 * np.sin(slope(FAST_S))
@@ -354,7 +327,7 @@ def storage(bag: Path) -> Path:
 @pytest.mark.parametrize("share", [0.97, 0.5])
 @pytest.mark.parametrize(
     ("form", "compression"),
-    [("ros1", ""), ("ros1", "bz2"), ("ros1", "lz4"), ("sqlite3", ""), ("mcap", ""), ("mcap", "storage")],
+    [("ros1", ""), ("ros1", "bz2"), ("ros1", "lz4"), ("mcap", ""), ("mcap", "storage")],
 )
 def test_a_cut_bag_gives_what_is_left(tmp_path: Path, form: str, compression: str, share: float) -> None:
     bag = write_bag(tmp_path, form, HUSKY, compression)
@@ -367,6 +340,15 @@ def test_a_cut_bag_gives_what_is_left(tmp_path: Path, form: str, compression: st
     assert recording.duration_s > (0.5 if compression else 0.85) * share * SECONDS - 2.0
     (note,) = (note for note in recording.notes if "cut off" in note)
     assert note.startswith(f"{file.name} is cut off or damaged (") and note.endswith(" messages could be read")
+
+
+def test_a_cut_database_is_for_sqlite_to_rebuild(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path, "sqlite3", HUSKY)
+    file = storage(bag)
+    file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
+    with pytest.raises(RecordingError) as caught:
+        read_recording(bag)
+    assert f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3' in str(caught.value)
 
 
 @pytest.mark.parametrize("form", ["sqlite3", "mcap"])
@@ -591,4 +573,3 @@ def test_a_bag_is_diagnosed_as_its_table_is(tmp_path: Path, capsys: pytest.Captu
     assert turning.parameters["scrub"].value == pytest.approx(0.3, abs=0.04)  # as it was made
     said = capsys.readouterr().err
     assert "run.bag: topic mapping husky: power from /status, motion from /odometry/filtered" in said
-    assert "run.bag: power is recorded" in said

@@ -99,9 +99,10 @@ class Bag:
         except Exception as error:  # a cut file raises anything, from ReaderError to TypeError
             remains = Remains(file)
             count = sum(connection.msgcount for connection in remains.connections)
-            self.notes.append(
-                f"{file.name} is cut off or damaged ({_first_line(error)}): {count} messages could be read"
-            )
+            left = f"{count} messages could be read"
+            if file.suffix == ".db3":
+                left = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
+            self.notes.append(f"{file.name} is cut off or damaged ({_first_line(error)}): {left}")
             return remains
         self._stack.callback(reader.close)
         return reader

@@ -11,7 +11,6 @@ import pandas as pd
 
 from homeward.diagnosis.bags import clock, grade
 from homeward.diagnosis.bags.container import Bag
-from homeward.diagnosis.bags.lag import estimate_lag
 from homeward.diagnosis.bags.samples import Array, Samples, read_samples, times_s
 from homeward.diagnosis.bags.topics import (
     ACCELERATION,
@@ -95,12 +94,6 @@ class _Reading:
         columns = {name: clock.on_clock(one.time_s, one.values, ticks) for name, one in series.items()}
         self._leave_out_impossible(columns)
         self._say(series, motion, power)
-        draw = columns["power_w"] if "power_w" in columns else columns[power[0]] * columns[power[1]]
-        if power == POWER[2]:
-            draw = np.abs(columns[power[0]]) + np.abs(columns[power[1]])
-        turning = series.get("yaw_rate_radps")
-        rate = None if turning is None else np.interp(speed.time_s, turning.time_s, turning.values)
-        self.notes.append(str(estimate_lag(ticks, draw, speed.time_s, speed.values, rate)))
         return pd.DataFrame({"time_s": ticks - ticks[0], **columns}), [*self.bag.notes, *self.notes]
 
     def _load(self) -> None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import bz2
 import contextlib
 import io
-import sqlite3
 import struct
 import sys
 from collections.abc import Callable, Collection, Iterator
@@ -20,8 +19,6 @@ from typing import Any, BinaryIO
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 from rosbags.typesys.msg import normalize_msgtype
-
-from homeward.diagnosis.bags.sqlite_pages import message_rows
 
 Message = tuple[int, int, bytes]  # id of its connection, time of receipt in ns, content
 Record = Connection | Message
@@ -144,38 +141,12 @@ def _mcap_records(file: BinaryIO, schemas: dict[int, tuple[str, str, str]]) -> I
             yield number, received, data[22:]
 
 
-def _sqlite(path: Path) -> Callable[[], Iterator[Record]]:
-    def records() -> Iterator[Record]:
-        definitions = {}
-        try:
-            # The tables of topics and types are small and come first in the file.
-            query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-            definitions = {name: (_FORMATS[encoding], text) for name, encoding, text in _rows(path, query)}
-        except (sqlite3.DatabaseError, KeyError):
-            pass  # the bag is of ROS 2 before Iron, or they are lost
-        try:
-            topics = _rows(path, "SELECT id, name, type FROM topics")
-        except sqlite3.DatabaseError:
-            return
-        for number, topic, kind in topics:
-            yield _connection(number, topic, kind, *definitions.get(kind, (MessageDefinitionFormat.NONE, "")))
-        yield from message_rows(path)
-
-    return records
-
-
-def _rows(path: Path, query: str) -> list[Any]:
-    with contextlib.closing(sqlite3.connect(f"file:{path}?immutable=1", uri=True)) as database:
-        database.execute("PRAGMA writable_schema = ON")  # or a file shorter than its header says is not opened
-        return database.execute(query).fetchall()
-
-
 def _nothing(path: Path) -> Callable[[], Iterator[Record]]:
-    """What is left of a file that was compressed as a whole."""
+    """What is left of a file that was compressed as a whole, or of a database."""
     return lambda: iter(())
 
 
-_SCANNERS = {".bag": _ros1, ".active": _ros1, ".mcap": _mcap, ".db3": _sqlite}
+_SCANNERS = {".bag": _ros1, ".active": _ros1, ".mcap": _mcap}
 
 
 def _sized(file: BinaryIO, length_format: str) -> bytes | None:
