@@ -17,10 +17,10 @@ from sklearn.metrics import adjusted_rand_score
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
+from benchmarks.ground_groups import group_runs
 from homeward import cli
 from homeward.datasets import DatasetError, fetch
 from homeward.diagnosis import Analysis, analyse
-from homeward.diagnosis.grouping import group_runs
 
 GROUNDS = ("FLOORING", "ASPHALT", "ICE", "SNOW")
 _WIDTH = 170  # columns of the tables

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.ground_groups import group_runs
 from homeward import Robot
 from homeward.diagnosis import Recording, analyse
-from homeward.diagnosis.grouping import group_runs
 
 Drive = Callable[..., list[Recording]]
 

@@ -1,0 +1,4 @@
+"""The drives of the diagnosis's tests, for benchmarks of it."""
+
+from tests.diagnosis.conftest import drive as drive
+from tests.diagnosis.conftest import husky as husky
