@@ -16,6 +16,7 @@ from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 
 _DRAWS = 2000
+_FEWEST_FOR_TREES = 60  # twice the smallest leaf: a split
 _MOST_FOR_TREES = 20_000
 
 
@@ -73,6 +74,8 @@ def black_box(
     used = [values for name, values in runs.context.items() if channels is None or name in channels]
     features = np.column_stack([nominal, *used])
     rows = np.flatnonzero(chosen)
+    if len(rows) < _FEWEST_FOR_TREES:
+        return nominal
     if len(rows) > _MOST_FOR_TREES:
         rows = np.sort(rng.choice(rows, _MOST_FOR_TREES, replace=False))
     trees = HistGradientBoostingRegressor(

@@ -72,6 +72,7 @@ class Bench:
     setting: Setting  # its residual is what is to be explained
     block: Index
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
+    doubted: float = 0.0  # squared error that the errors of the channels account for
 
     @property
     def runs(self) -> Runs:
@@ -163,6 +164,10 @@ class Bench:
         """Share of the base's held-out squared error that these hypotheses explain."""
         before, after = self._error_of((), self._splits(chosen)), self._error_of(chosen, self._splits(chosen))
         return 1.0 - after / before if before > 0.0 else 0.0
+
+    def squared_error(self, *chosen: int) -> float:
+        """Held-out squared error of the base, on the folds that these hypotheses are tried on."""
+        return self._error_of((), self._splits(chosen))
 
     def _error_of(self, chosen: tuple[int, ...], splits: tuple[_Split, ...]) -> float:
         known = self._errors.setdefault(id(splits), {})

@@ -34,6 +34,7 @@ from homeward.diagnosis.recordings import Recording, RecordingError, read_record
 from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
 from homeward.diagnosis.replay import Runs, average, power_w
 from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, Product, RecordingInfo, Verdict
+from homeward.diagnosis.rules import SAMPLES_A_WINDOW
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import FALSE_ALARM_RATE, Dependence, dependences, independent_blocks
 from homeward.diagnosis.uncertainty import Joint, Spread, joint, products, recorded_range, spread
@@ -182,7 +183,7 @@ def analyse(
     if not usable:
         untestable = Diagnosis(robot.name, infos, "not_testable", wording.nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
-    evidence, fit = _weigh(average(usable), robot, seed, progress)
+    evidence, fit = _weigh(average(usable, SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
     handover = hand_over(
         robot, verdict, (evidence.plain, sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.arms import gain, held_out
 from homeward.diagnosis.bench import FOLDS, Base, Bench
+from homeward.diagnosis.doubt import doubted
 from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, look_alike
 from homeward.diagnosis.modelling import Corrected, fit_model, immaterial
 from homeward.diagnosis.motion import follows_motion
@@ -101,6 +102,7 @@ def name_missing(
     base = Base(fit.jacobian, *fit.freedom())
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
     material = holding(fit, runs, immaterial(fit, runs))
+    in_doubt = doubted(fit, runs)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
@@ -108,7 +110,7 @@ def name_missing(
     while len(named) < _MOST_EFFECTS:
         progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named), schedules))
-        bench = Bench(base, candidates, setting, block)
+        bench = Bench(base, candidates, setting, block, doubted=in_doubt)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, seed):
@@ -234,6 +236,8 @@ def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent:
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
     if delta_bic < MUST_PAY or share < SMALLEST_GAIN:
         return None
+    if bench.candidates[chosen].axis != "steady" and share * bench.squared_error(chosen) <= bench.doubted:
+        return None  # errors of the channels would do as much
     without, with_it = bench.predictions(chosen)
     interval = gain(bench.target, without, with_it, bench.block, seed).ci95
     if interval[0] <= 0.0:

@@ -7,10 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from homeward.diagnosis.channels import MOTION, POWER
+from homeward.diagnosis.faults import without_faults
+from homeward.diagnosis.lags import late_slope, without_drift
+from homeward.diagnosis.pitch import without_tilt
 from homeward.diagnosis.recordings import Recording
 from homeward.diagnosis.replay import average as average_runs
 from homeward.diagnosis.replay import predict
-from homeward.diagnosis.signals import Signals, gaps, signals, usual_step_s
+from homeward.diagnosis.rules import RIGHT_ROBOT
+from homeward.diagnosis.signals import Signals, gaps, known, signals, slope_if_late, usual_step_s
 from homeward.physics import Robot
 
 _SHORTEST_RUN_S = 5.0
@@ -41,38 +46,94 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
     """
     findings: list[Finding] = []
     kept: list[Signals] = []
+    sources: list[Recording] = []
     seen: dict[str, str] = {}
-    for recording in recordings:
-        findings += [Finding(recording.name, note) for note in recording.notes]
-        if recording.sha256 in seen:
-            findings.append(Finding(recording.name, f"is the same as {seen[recording.sha256]}", refused=True))
+    for given in recordings:
+        if given.sha256 in seen:
+            findings.append(Finding(given.name, f"is the same as {seen[given.sha256]}", refused=True))
             continue
-        seen[recording.sha256] = recording.name
-        run = signals(recording, robot)
-        fault = _fault(recording, run, robot)
+        seen[given.sha256] = given.name
+        lacks = _lacks(given)
+        if lacks is not None:
+            findings.append(Finding(given.name, lacks, refused=True))
+            continue
+        recording, error = without_faults(given, robot)
+        findings += [Finding(recording.name, note) for note in recording.notes]
+        run = signals(recording, robot, error=error)
+        fault = _fault(run, robot)
         if fault is not None:
             findings.append(Finding(recording.name, fault, refused=True))
             continue
-        findings += [Finding(recording.name, text) for text in _remarks(recording, run, robot)]
+        findings += [Finding(recording.name, text) for text in _remarks(given, run, robot)]
         kept.append(run)
+        sources.append(recording)
     if len({run.unit for run in kept}) > 1:
         current = [run for run in kept if run.unit == "A"]
         findings += [Finding(r.name, "has motor current only, while other runs have power", True) for r in current]
         kept = [run for run in kept if run.unit == "W"]
-    return kept, findings
+        sources = [one for one in sources if one.name in {run.name for run in kept}]
+    kept, said = _set_right(kept, sources, robot)
+    return kept, findings + said
 
 
-def _fault(recording: Recording, run: Signals, robot: Robot) -> str | None:
-    """Why a run cannot be used, or None."""
-    missing = 1.0 - len(run.time_s) / len(recording)
+def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
+    """The runs without what only their drive shows: a late or tilted slope, a clock that drifts, another robot."""
+    said: list[Finding] = []
+    if not runs:
+        return runs, said
+    first = runs[0].name
+    late_s = late_slope(runs, robot, lambda index, late: slope_if_late(sources[index], runs[index], robot, late))
+    if late_s:
+        runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
+        when = "late" if late_s > 0.0 else "early"
+        said.append(
+            Finding(first, f"slopes of all runs are {abs(late_s):.3g} s {when} against power: they are set right")
+        )
+    if any("grade_rad" in source.channels for source in sources):
+        runs, angle = without_tilt(runs)
+        if angle:
+            text = f"slopes of ways that close have a mean of {np.degrees(angle):+.2g} degrees"
+            said.append(Finding(first, f"{text}: the sensor is tilted, and the slopes of all runs are set right"))
+    runs, drifts = without_drift(runs, robot)
+    for name, drift_s in drifts.items():
+        way = "back" if drift_s > 0.0 else "ahead"
+        text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is set right"
+        said.append(Finding(name, text))
+    if runs[0].unit == "W" or robot.traction_n_per_a > 0.0:
+        expected = float(np.sum(predict(average_runs(runs), robot)))
+        ratio = float(np.sum(average_runs(runs).observed)) / expected if expected > 0.0 else 1.0
+        if not 1.0 / RIGHT_ROBOT < ratio < RIGHT_ROBOT:
+            text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
+            said.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
+    return runs, said
+
+
+def _lacks(recording: Recording) -> str | None:
+    """What a recording must have and has not, or None."""
+    for what, sets in (("motion", MOTION), ("power", POWER)):
+        if not any(all(name in recording.channels for name in names) for names in sets):
+            return f"has no {what} channel ({' or '.join(' + '.join(names) for names in sets)})"
+    missing = 1.0 - float(known(recording).mean())
     if missing > _MOST_MISSING:
         return f"motion or power is missing in {missing:.0%} of the samples"
+    if len(recording) < _FEWEST_SAMPLES or recording.duration_s < _SHORTEST_RUN_S:
+        return f"is too short ({len(recording)} samples over {recording.duration_s:.3g} s)"
+    return None
+
+
+def _fault(run: Signals, robot: Robot) -> str | None:
+    """Why a run cannot be used, or None."""
+    if len(run.time_s) == 0:
+        return "holds nothing but charging"
     if len(run.time_s) < _FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < _SHORTEST_RUN_S:
-        return f"is too short ({len(run.time_s)} samples over {recording.duration_s:.3g} s)"
+        return f"is too short ({len(run.time_s)} samples of driving over {np.ptp(run.time_s):.3g} s)"
     if not run.observed.any():
         return "the recorded power or current is zero throughout; was the sensor connected?"
     if np.ptp(run.observed) == 0.0:
         return f"the recorded power or current never changes ({run.observed[0]:.4g} {run.unit}); did the logger hang?"
+    driving = run.observed[run.speed_mps != 0.0]
+    if run.unit == "W" and len(driving) and float(driving.mean()) < 0.0:
+        return "power is negative while it drives: power drawn must be positive (factor -1 in a mapping file)"
     quick = float(np.quantile(np.abs(run.speed_mps), 0.99))
     if quick > _FAST * robot.max_speed_mps:
         guess = "; km/h?" if quick / 3.6 <= 1.2 * robot.max_speed_mps else ""
@@ -96,7 +157,7 @@ def _wrong_scale(run: Signals, robot: Robot) -> str | None:
 
 def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
     remarks = []
-    missing = len(recording) - len(run.time_s)
+    missing = len(recording) - int(known(recording).sum())
     if missing:
         remarks.append(f"{missing} samples without motion or power are left out")
     remarks += [f"missing values of {name} are interpolated" for name in run.filled]

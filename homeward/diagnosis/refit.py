@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
+from homeward.diagnosis.doubt import reliability
 from homeward.diagnosis.fitted import Fitted, excited
 from homeward.diagnosis.parameters import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.rules import RELIABLE
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
@@ -26,6 +28,7 @@ Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bou
 _ITERATIONS = 12
 _WEAK_PRIOR = 1e-5  # of a column's norm: keeps a parameter that the data leave open at its assumed value
 _COLLINEAR = 1e-4  # a column of which less than this share is its own cannot be told apart from the others
+_RESTS_ON = {"rolling": "speed_mps", "drag": "speed_mps", "mass": "grade_rad"}
 _NOISE_ONLY = 0.2  # a column whose own part has less than this autocorrelation varies by measurement noise only
 
 
@@ -179,7 +182,9 @@ def estimates(model: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[Estima
         known = assumed if runs.unit == "W" or (problem.current_known and group.name != "rest_current") else None
         status, mixed = _status(fit, runs, j, moving)
         fitted, width = fit.theta[index] * problem.to_group[j], widths[j] * problem.to_group[j]
-        if status == "fitted" and width > max(abs(assumed), abs(fitted)):
+        if status == "fitted" and (
+            width > max(abs(assumed), abs(fitted)) or reliability(_RESTS_ON.get(group.name, ""), runs) < RELIABLE
+        ):
             status = "too uncertain"
         elif status == "fitted" and fit.at_bound[j]:
             status = "at bound"

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis.signals import Array, Signals, Unit, Windows, usual_step_s, windows
+from homeward.diagnosis.signals import WINDOW_S, Array, Signals, Unit, Windows, usual_step_s, windows
 from homeward.physics import Robot, replay
 
-WINDOW_S = 0.5
-"""Length of the averaging windows, s; a recording with longer steps keeps its samples.
-
-Longer ones hide the accelerations of small fast robots, shorter ones show current ripple and clock errors.
-"""
-
 _MOST_WINDOWS = 100_000  # of very long recordings the windows grow instead
+
+_MOST_LOADS = 5  # at which a run is replayed
 
 _SLOW_MPS = 0.02  # wheels slower than this stand: a motor's current vanishes with the motion
 
@@ -41,14 +39,15 @@ class Runs:
         return [run.name for run in self.signals]
 
 
-def average(signals: Sequence[Signals]) -> Runs:
+def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
     """Average runs over windows.
 
     Args:
         signals: Runs with the same unit of what was observed.
+        samples: That a window holds at least.
     """
     total_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in signals)
-    lengths = [max(WINDOW_S, usual_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
+    lengths = [max(WINDOW_S, samples * usual_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
     cuts = [windows(run.time_s, length) for run, length in zip(signals, lengths, strict=True)]
     pairs = list(zip(signals, cuts, strict=True))
     counts = [int(cut.keep.sum()) for cut in cuts]
@@ -113,21 +112,47 @@ def predict(
         roughness: Of the ground, shape (windows,).
     """
     means = []
+    loads_kg = [run.context.get("payload_kg", np.zeros(1)) for run in runs.signals]
     for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
         true = 1.0 if speed_factors is None else speed_factors[index]
-        model = replay(
-            robot, run.time_s, true * run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+        model = _loaded(
+            robot, loads_kg[index], run.time_s, true * run.speed_mps,
+            grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
             accel_mps2=true * run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
             base_distance_m=run.base_distance_m, direction=run.direction,
             headwind_mps=0.0 if headwind_mps is None else headwind_mps[index],
             roughness=0.0 if roughness is None else cut.samples(roughness[runs.run == index], len(run.time_s)),
         )  # fmt: skip
-        predicted = model.power_w
+        predicted = model[0]
         if runs.unit == "A":
             wheels_mps = np.maximum(np.abs(run.speed_mps), 0.5 * np.abs(run.yaw_rate_radps) * robot.track_m)
             turning = np.minimum(wheels_mps / _SLOW_MPS, 1.0)
-            predicted = rest_current_a + turning * model.wheel_force_n / thrust_n_per_a(robot)
+            predicted = rest_current_a + turning * model[1] / thrust_n_per_a(robot)
         if lag_s != 0.0:
             predicted = np.interp(run.time_s - lag_s, run.time_s, predicted)
         means.append(cut.means(predicted))
     return np.concatenate(means)
+
+
+def _loaded(robot: Robot, load_kg: Array, time_s: Array, speed_mps: Array, **conditions: Any) -> tuple[Array, Array]:
+    """Power and wheel force of a robot with a recorded load beside that of its file, shape (n,) each.
+
+    Between a few loads both are linear in the load, but for the bends where nothing is drawn.
+    """
+    load_kg = np.nan_to_num(load_kg)
+    levels = np.unique(load_kg)
+    if len(levels) > _MOST_LOADS:
+        levels = np.linspace(levels[0], levels[-1], _MOST_LOADS)
+    power_w, force_n = np.zeros(len(time_s)), np.zeros(len(time_s))
+    for number, level in enumerate(levels.tolist()):
+        model = replay(_with_load(robot, level), time_s, speed_mps, **conditions)
+        share = np.interp(load_kg, levels, np.eye(len(levels))[number])
+        power_w, force_n = power_w + share * model.power_w, force_n + share * model.wheel_force_n
+    return power_w, force_n
+
+
+def _with_load(robot: Robot, load_kg: float) -> Robot:
+    if load_kg == 0.0:
+        return robot
+    mass_kg = robot.effects.get("payload", {}).get("mass_kg", 0.0) + load_kg
+    return dataclasses.replace(robot, effects={**robot.effects, "payload": {"mass_kg": mass_kg}})

@@ -23,7 +23,7 @@ from homeward.diagnosis.formats import ARMS, PAPER_ACCURACY, decimal, labels, nu
 from homeward.diagnosis.hypotheses import OF_CURRENT, missing_channels
 from homeward.diagnosis.location import Place
 from homeward.diagnosis.naming import Naming
-from homeward.diagnosis.replay import WINDOW_S
+from homeward.diagnosis.signals import WINDOW_S
 from homeward.diagnosis.structure import FALSE_ALARM_RATE, SMALLEST_GAIN
 from homeward.files import write_whole
 

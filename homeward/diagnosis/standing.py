@@ -12,8 +12,7 @@ from homeward.diagnosis.blocks import correlation_windows
 from homeward.diagnosis.channels import MOTION
 from homeward.diagnosis.columns import RecordingError
 from homeward.diagnosis.recordings import Recording
-from homeward.diagnosis.replay import WINDOW_S
-from homeward.diagnosis.signals import Array, Unit, observed_of, usual_step_s, windows
+from homeward.diagnosis.signals import WINDOW_S, Array, Unit, observed_of, usual_step_s, windows
 
 _STANDS_MPS = 0.01
 _STANDS_RADPS = 0.02

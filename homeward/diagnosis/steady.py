@@ -206,6 +206,8 @@ def _odometry(setting: Setting) -> Iterator[Term]:
         away = straight > 0.5 * np.diff(path_m)  # not round a bend, where the distance from base says little
         covered_m = float(straight[away].sum())
         ratios.append(float(np.diff(path_m)[away].sum()) / covered_m if covered_m > 0.0 else 1.0)
+    if min(ratios) <= 0.0:
+        return  # it moves without driving
     scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
     scale[np.abs(scale) < _SAME_ODOMETER] = 0.0
     if not scale.any() or (scale <= -1.0).any():

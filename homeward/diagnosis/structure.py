@@ -9,13 +9,14 @@ bootstrap distribution (Westfall & Young, 1993), so looking at many channels doe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from homeward.diagnosis.blocks import cut_blocks
+from homeward.diagnosis.doubt import doubted
 from homeward.diagnosis.fitted import Fitted
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
@@ -149,7 +150,10 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: NDArray[np.intp], 
         for one, p_value in zip(group, p_values, strict=True):
             # Two families of looks, each with half of the false alarm rate.
             found.append(_describe(one, min(1.0, 2.0 * p_value), fit, runs, blocks, held_out))
-    return _ranked(found)
+    total = max(float(np.sum((runs.observed - fit.predicted) ** 2)), 1e-300)
+    doubt = {name: doubted(fit, runs, name) / total for name in {one.channel.name for one in found}}
+    sure = [one if one.held_out_gain > doubt[one.channel.name] else replace(one, p_value=1.0) for one in found]
+    return _ranked(sure)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from homeward.diagnosis.location import WHOLE_RUN, Location
 from homeward.diagnosis.quality import Finding
 from homeward.diagnosis.refit import Estimate
 from homeward.diagnosis.result import Fit, Handed, MissingPhysics, ParameterOff, Verdict
+from homeward.diagnosis.rules import EXPLAINS, LASTS
 from homeward.diagnosis.structure import FALSE_ALARM_RATE
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ def summary(
     )
     if verdict in ("parameters_off", "missing_physics"):
         first += f" corrected.toml {_HOLDS[handed.holds]}: {handed.why}."
+    first += _not_recorded(evidence, fit)
     refused = [one for one in findings if one.refused]
     if refused:
         names = PurePath(refused[0].recording).name
@@ -63,6 +65,33 @@ def summary(
             f" {len(refused)} of the runs set aside ({names} {refused[0].text}{', ...' if len(refused) > 1 else ''})."
         )
     return first
+
+
+_TELLS = (
+    ("slopes", ("grade_rad",), "grade_rad or elevation_m"),
+    ("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
+    ("the sensing rate", ("sensing_hz",), "sensing_hz"),
+)
+"""What power follows beside speed, the channels that tell it, and what to record."""
+
+
+def _not_recorded(evidence: Evidence, fit: Fit) -> str:
+    """What was not recorded, where the best model leaves much that lasts; nothing where all was."""
+    best, model = fit.arms.get("corrected", fit.arms["refit"]), evidence.predictions.get("corrected", evidence.refit)
+    missing = [one for one in _TELLS if not any(name in evidence.runs.context for name in one[1])]
+    if fit.unit == "A":
+        missing = [one for one in missing if one[0] != "the sensing rate"]
+    if not missing or best.r2 is None or best.r2 > EXPLAINS:
+        return ""
+    left = evidence.runs.observed - model
+    together = evidence.runs.run[1:] == evidence.runs.run[:-1]
+    if float((left[1:] * left[:-1])[together].sum()) < LASTS * float(left @ left):
+        return ""
+    what, record = " and ".join(one[0] for one in missing), " and ".join(one[2] for one in missing)
+    return (
+        f" Held out, the best fit explains {max(best.r2, 0.0):.0%} of the variance: {what} that were not recorded "
+        f"({record}) may be why."
+    )
 
 
 def _not_testable(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> str:
@@ -188,6 +217,12 @@ def _no_mismatch(evidence: Evidence, off: Sequence[ParameterOff], fit: Fit) -> s
         return (
             "The model's structure explains the recorded motor current; the robot file gives no thrust per ampere "
             "(traction_n_per_a), so its parameters cannot be compared."
+        )
+    r2 = fit.arms["refit"].r2
+    if r2 is not None and r2 < EXPLAINS:
+        return (
+            f"Nothing recorded speaks against the robot file: the refit is no better on held-out data and nothing "
+            f"that remains depends on a recorded channel (false alarm rate {FALSE_ALARM_RATE:.0%})."
         )
     return (
         f"The robot file explains the recorded {_MEASURED[fit.unit]}: the refit is no better on held-out data and "

@@ -1,0 +1,94 @@
+"""Every threshold of the diagnosis that is a choice, once, with its origin."""
+
+from __future__ import annotations
+
+# --- Instruments: what a recording's own channels say of their noise, lags and faults -------------------------------
+
+NEGLIGIBLE_NOISE = 0.01
+"""Share of a channel's variance over windows that may be noise before the channel is smoothed. Errors in variables
+attenuate a coefficient by this share (Fuller, Measurement Error Models, 1987, section 1.1), less than any interval."""
+
+RELIABLE = 0.8
+"""Least reliability of a channel for a parameter that rests on it alone, as for measurement in general (Nunnally,
+Psychometric Theory, 1978, p. 245: 0.8 for research)."""
+
+SMOOTHED_AT_ONCE = 50_000
+"""Samples from which the noise of a channel is estimated: its standard error is then below 1 % (1 / sqrt(2 n))."""
+
+PLATEAUS = 0.1
+"""A channel that changes in less than this share of its samples, always by whole steps, is told by the changes: were
+its noise above a third of a step, it would change in more (normal noise rounded to steps)."""
+
+SPIKE = 10.0
+"""A single sample this many robust standard deviations off both its neighbours is a spike: Hampel's identifier takes 3
+(Davies & Gather, 1993); ripple of motor current has heavy tails."""
+
+SPIKE_BEYOND = 1.5
+"""A spike also lies beyond what all other samples reach, by this factor: a peak that the robot can draw is not one."""
+
+AT_THE_START_S = 0.5
+"""An averaging window: a spike this close to a start of motion may be the start's, the break-away of friction or the
+inrush of the motor."""
+
+MOST_SPIKES = 0.005
+"""Share of the samples: more of them are how the robot draws its power."""
+
+CHARGES_S = 5.0
+"""A robot that gives power back while it stands does so from its charger if it lasts: a capacitor lasts less."""
+
+ZERO_ERROR = 0.05
+"""Of the mean power of driving: what a current sensor may read below zero of nothing (1 to 3 % of full scale is usual:
+Allegro ACS712 data sheet), so that less is no charging."""
+
+HELD = 0.95
+"""Share of a channel's changes that come after at least one repeated sample where the channel is held: with noise,
+repeats are chance."""
+
+HELD_SMOOTH = 0.5
+"""Least lag-one autocorrelation of held values for interpolating between them: of independent values a straight line
+has as large an error as a step (both have twice the variance of linear prediction at half a step for 0.5)."""
+
+LONGEST_CHANNEL_LAG_S = 20.0
+"""A channel that is later than this is not looked for: a filter of a barometer or GNSS receiver takes seconds."""
+
+SHORTEST_CHANNEL_LAG_S = 1.0
+"""Nor one less late than this: the lag of power, against which it is found, trades with inertia by some tenths."""
+
+LONGEST_DRIFT_S = 4.0
+"""Nor a clock that drifts by more over a run: 100 ppm, a poor crystal, are 0.4 s an hour; loggers lose more."""
+
+SMALLEST_DRIFT_S = 0.1
+"""A fifth of an averaging window: less moves hardly any power from one window to the next."""
+
+LAG_MUST_EXPLAIN = 0.1
+"""Share of the squared error of power that setting a lag right must take away: twice what a named effect must."""
+
+CLEAR_DRIFT = 5.0
+"""Standard errors that a clock's drift must be from zero: clustered errors of a dozen stretches are a quarter too small
+(Cameron, Gelbach & Miller, 2008, table 2), and there may be dozens of runs."""
+
+CLOSED = 0.05
+"""A drive is closed where it ends within this share of its length of where it began: odometry is that good
+(Borenstein & Feng, 1996)."""
+
+ALIKE = 0.8
+"""Correlation of the slopes out with those home, reversed, above which they are those of one path: as RELIABLE, of two
+readings of the same ground."""
+
+CLEAR_TILT = 4.0
+"""Standard errors that the mean slope of closed drives must be from zero to be a tilted sensor."""
+
+SAMPLES_A_WINDOW = 2
+"""Samples that a window of a slow log holds at least: acceleration is a central difference over two steps. Over windows
+of one sample a true inertia comes out 8 % too large at 1 Hz, over two 2 %, over three -2 % (six drives)."""
+
+RIGHT_ROBOT = 2.0
+"""A robot file whose energy is off by more than this factor is asked about: the presets' parameters, each estimated
+within some ten per cent, do not add up to it."""
+
+EXPLAINS = 0.9
+"""Held-out R^2 below which a channel that was not recorded may be why: slopes of 2 % take as much as a seventh of the
+rolling resistance of the presets, so that on hills a fit without slopes stays below."""
+
+LASTS = 0.5
+"""Correlation of what is left from window to window above which it is no noise of power, as HELD_SMOOTH."""
