@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from homeward import Robot, load_robot
@@ -40,11 +39,11 @@ def levels(rng: np.random.Generator, choices: tuple[float, ...], shortest_s: flo
 def drive(robot: Robot, seed: int) -> Channels:
     """Out and back over hills with stops and turns, measured well; power follows by the kernel."""
     rng = np.random.default_rng(seed)
-    time_s = STEP_S * np.arange(SAMPLES)
+    time_s = STEP_S * np.arange(SAMPLES, dtype=np.float64)
     top = robot.max_speed_mps
     speed = uniform_filter1d(levels(rng, (0.0, 0.3, 0.5, 0.7, 0.9), 4.0, 12.0), 15, mode="nearest") * top
     speed[speed < 0.02 * top] = 0.0
-    path_m: NDArray[np.float64] = np.concatenate(([0.0], np.cumsum(speed[:-1] * STEP_S)))
+    path_m = np.concatenate(([0.0], np.cumsum(speed[:-1] * STEP_S)))
     place_m = path_m[-1] / 2.0 - np.abs(path_m - path_m[-1] / 2.0)
     waves_m, phases = np.array([35.0, 60.0, 90.0]) * top, rng.uniform(0.0, 2.0 * np.pi, 3)
     angle = 2.0 * np.pi * place_m[:, None] / waves_m + phases
