@@ -28,8 +28,9 @@ from homeward.physics import Robot
 Array = NDArray[np.float64]
 
 _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel
-_SHARED_S = 3.0  # of a lag of power
+_SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
 _MOST_RUNS = 5  # that are asked: all have the same sensor
+_MOST_ASKED = 20_000  # samples of each: half an hour at 10 Hz
 _COARSE_DRIFT_S = 0.5
 _STRETCH_S = 10.0  # longer than a robot takes to change its speed: their errors count as independent
 _FEWEST_STRETCHES = 12
@@ -50,32 +51,23 @@ def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
     ])  # fmt: skip
 
 
-def late_slope(runs: Sequence[Signals], robot: Robot, slope: Callable[[int, float], Array]) -> float:
+def late_slope(runs: Sequence[Signals], robot: Robot, slope: Callable[[int, Signals, float], Array]) -> float:
     """Time by which the channel of slope is late in all runs, s; 0 where that does not matter.
 
     Args:
         runs: The runs.
         robot: Their robot.
-        slope: Slope of a run, by its number and the time it is taken to be late.
+        slope: Slope of a run, by its number, the part of it that is asked, and the time it is taken to be late.
     """
     sloping = [index for index, run in enumerate(runs) if run.grade_rad.any()][:_MOST_RUNS]
-    if not sloping:
+    asked = [runs[index].only(np.arange(len(runs[index].time_s)) < _MOST_ASKED) for index in sloping]
+    if not asked:
         return 0.0
-
-    # A clock of power that is late makes slopes seem early: what all channels of motion share is its doing.
-    right = without_drift([runs[index] for index in sloping], robot)[0]
-    columns = [drive_columns(run, robot, run.grade_rad) for run in right]
-
-    def common(lag_s: float) -> float:
-        return sum(_regression(_early(run, lag_s), made) for run, made in zip(right, columns, strict=True))
-
-    shared_s = min(np.arange(-_SHARED_S, _SHARED_S + 1e-9, _FINE_S).tolist(), key=common)
-    right = [_early(run, shared_s) for run in right]
 
     def error(late_s: float) -> Array:
         return np.array([
-            _regression(run, drive_columns(run, robot, slope(index, late_s)))
-            for index, run in zip(sloping, right, strict=True)
+            _regression(run, drive_columns(run, robot, slope(index, run, late_s)))
+            for index, run in zip(sloping, asked, strict=True)
         ])  # fmt: skip
 
     steps = np.arange(-LONGEST_CHANNEL_LAG_S, LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S)
@@ -84,14 +76,24 @@ def late_slope(runs: Sequence[Signals], robot: Robot, slope: Callable[[int, floa
     for late in (best + np.arange(-0.75, 1.0, _FINE_S)).tolist():
         errors.setdefault(late, error(late))
     best = min(errors, key=lambda late: float(errors[late].sum()))
-    clear = float(errors[best].sum()) < (1.0 - LAG_MUST_EXPLAIN) * float(errors[0.0].sum())
-    clear = clear and abs(best) >= SHORTEST_CHANNEL_LAG_S
-    return best if clear and (errors[best] <= errors[0.0]).all() else 0.0
+    if abs(best) < SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
+        return 0.0
+    return best if float(errors[best].sum()) < (1.0 - LAG_MUST_EXPLAIN) * _by_power(asked, robot) else 0.0
 
 
-def _early(run: Signals, lag_s: float) -> Signals:
+def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
+    """Squared error where power is what is late or drifts: against it, slopes seem early."""
+    right = without_drift(runs, robot)[0]
+    columns = [drive_columns(run, robot, run.grade_rad) for run in right]
+    return min(
+        sum(_regression(_early(run, lag_s), made) for run, made in zip(right, columns, strict=True))
+        for lag_s in _SHARED_S
+    )
+
+
+def _early(run: Signals, lag_s: float | Array) -> Signals:
     """The run with its power set back by a lag."""
-    return replace(run, observed=np.interp(run.time_s + lag_s, run.time_s, run.observed)) if lag_s else run
+    return replace(run, observed=np.interp(run.time_s + lag_s, run.time_s, run.observed))
 
 
 def _regression(run: Signals, columns: Array) -> float:
@@ -112,7 +114,7 @@ def without_drift(runs: Sequence[Signals], robot: Robot) -> tuple[list[Signals],
         drift_s = _drift(run, robot)
         if drift_s:
             drifts[run.name] = drift_s
-            run = replace(run, observed=np.interp(run.time_s + drift_s * _since(run), run.time_s, run.observed))
+            run = _early(run, drift_s * _since(run))
         right.append(run)
     return right, drifts
 
@@ -153,5 +155,9 @@ def _drift(run: Signals, robot: Robot) -> float:
         left = run.observed - design @ found
         lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
         error_s = float(standard_errors(design, left, stretch.astype(np.intp))[-1])
-    clear = error_s < abs(drift_s) / CLEAR_DRIFT and SMALLEST_DRIFT_S < abs(drift_s) < LONGEST_DRIFT_S
-    return drift_s if clear else 0.0
+    if error_s > abs(drift_s) / CLEAR_DRIFT or not SMALLEST_DRIFT_S < abs(drift_s) < LONGEST_DRIFT_S:
+        return 0.0
+    # The pace of a noisy channel is noise that many a lag seems to explain: the power itself must follow better.
+    without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)
+    with_it = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
+    return drift_s if with_it < (1.0 - LAG_MUST_EXPLAIN) * without else 0.0

@@ -87,7 +87,10 @@ def _stiffness(values: Array, weight: Array, stiffness: Array, order: int, log_r
     """Expected inverse variance of each difference, relative, if differences are from Student's t distribution."""
     factor = cholesky_banded(_with_weight(np.exp(log_ratio) * _penalty(stiffness, order, len(values)), weight))
     smooth = cho_solve_banded((factor, False), weight * values)
-    spread = np.mean(np.diff(_draws(factor, order, len(values), noise), order, axis=1) ** 2, axis=0)
+    drawn = min(len(values), SMOOTHED_AT_ONCE)
+    spread = np.mean(np.diff(_draws(factor[:, -drawn:], order, drawn, noise), order, axis=1) ** 2, axis=0)
+    if drawn < len(values):
+        spread = np.full(len(stiffness), spread.mean())
     squared = (np.diff(smooth, order) ** 2 + spread) * np.exp(log_ratio) / max(noise**2, 1e-300)
     return np.where(stiffness > 0.0, (_FREEDOM + 1.0) / (_FREEDOM + squared), 0.0)
 

@@ -82,7 +82,7 @@ def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) 
     if not runs:
         return runs, said
     first = runs[0].name
-    late_s = late_slope(runs, robot, lambda index, late: slope_if_late(sources[index], runs[index], robot, late))
+    late_s = late_slope(runs, robot, lambda index, part, late: slope_if_late(sources[index], part, robot, late))
     if late_s:
         runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
         when = "late" if late_s > 0.0 else "early"

@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 
 from homeward.diagnosis.noise import smoothed
 from homeward.diagnosis.recordings import Recording
-from homeward.diagnosis.rules import NEGLIGIBLE_NOISE
+from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, SMOOTHED_AT_ONCE
 from homeward.diagnosis.slope import slope_along
 from homeward.physics import Robot
 
@@ -237,13 +237,16 @@ def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, flo
     size = max(1, round(WINDOW_S / step_s))
     breaks = np.ones(len(values) - 1)
     breaks[gaps(time_s)] = 0.0
-    found = smoothed(values, 1, breaks=breaks, jumps=True)
+    head = slice(0, SMOOTHED_AT_ONCE)
+    found = smoothed(values[head], 1, breaks=breaks[: SMOOTHED_AT_ONCE - 1], jumps=True)
     means = uniform_filter1d(values, size)[::size]
     spread, change = float(np.var(means)), float(np.mean(np.diff(means) ** 2))
     variance = found.noise**2 / size
     # The rate of change of the speed is a channel of its own, and noisier.
     if variance <= NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
         return values
+    if len(values) > SMOOTHED_AT_ONCE:
+        found = smoothed(values, 1, breaks=breaks, jumps=True)
     error[name] = float(np.std(uniform_filter1d(found.draws, size, axis=1)))
     return found.values
 
