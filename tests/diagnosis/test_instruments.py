@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from homeward import Robot, load_robot
@@ -19,7 +20,8 @@ from homeward.diagnosis.signals import signals
 from homeward.diagnosis.slope import slope_along
 from homeward.physics import replay
 
-Channels = dict[str, np.ndarray]
+Array = NDArray[np.float64]
+Channels = dict[str, Array]
 Spoil = Callable[[Channels, np.random.Generator], Channels]
 
 STEP_S = 0.1
@@ -27,7 +29,7 @@ SAMPLES = 3000
 ROBOTS = ("husky", "jackal")
 
 
-def levels(rng: np.random.Generator, choices: tuple[float, ...], shortest_s: float, longest_s: float) -> np.ndarray:
+def levels(rng: np.random.Generator, choices: tuple[float, ...], shortest_s: float, longest_s: float) -> Array:
     values, start = np.empty(SAMPLES), 0
     while start < SAMPLES:
         length = int(rng.uniform(shortest_s, longest_s) / STEP_S)
@@ -39,7 +41,7 @@ def levels(rng: np.random.Generator, choices: tuple[float, ...], shortest_s: flo
 def drive(robot: Robot, seed: int) -> Channels:
     """Out and back over hills with stops and turns, measured well; power follows by the kernel."""
     rng = np.random.default_rng(seed)
-    time_s = STEP_S * np.arange(SAMPLES, dtype=np.float64)
+    time_s: Array = STEP_S * np.arange(SAMPLES, dtype=np.float64)
     top = robot.max_speed_mps
     speed = uniform_filter1d(levels(rng, (0.0, 0.3, 0.5, 0.7, 0.9), 4.0, 12.0), 15, mode="nearest") * top
     speed[speed < 0.02 * top] = 0.0
@@ -81,7 +83,7 @@ def held(channels: Channels, name: str, every: int) -> Channels:
     return {**channels, name: channels[name][np.arange(SAMPLES) // every * every]}
 
 
-def late(channels: Channels, name: str, lag_s: float | np.ndarray) -> Channels:
+def late(channels: Channels, name: str, lag_s: float | Array) -> Channels:
     return {**channels, name: np.interp(channels["time_s"] - lag_s, channels["time_s"], channels[name])}
 
 
@@ -147,8 +149,9 @@ def test_an_ordinary_instrument_makes_no_physics(trap: str) -> None:
         assert one.fitted == pytest.approx(one.assumed, rel=0.15)
 
 
-@pytest.mark.parametrize(("effect", "size"), [("turning", 0.3), ("inertia", 1.0)])
-@pytest.mark.parametrize("trap", ["elevation, noise 0.5 m", "spikes"])
+@pytest.mark.parametrize(
+    ("trap", "effect", "size"), [("elevation, noise 0.5 m", "turning", 0.3), ("spikes", "inertia", 1.0)]
+)
 def test_a_true_effect_is_found_through_the_instrument(trap: str, effect: str, size: float) -> None:
     analysis = analyse(recordings("husky", SPOILT[trap][1], effect, size), "husky")
     named = {one.effect: one for one in analysis.diagnosis.missing_physics}
