@@ -22,12 +22,12 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File
 
 from homeward.agents.registry import AGENTS
-from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS
+from homeward.diagnosis.hypotheses import CATALOGUE
 from homeward.envs import IDS, difficulty
 from homeward.envs.features import FEATURES
 from homeward.envs.options import Options, settle
 from homeward.physics import CAUSES, EFFECTS, Robot, d_max, load_robot, optimal_speed, preset_names
-from homeward.physics.effects import Effect, Parameter
+from homeward.physics.effects import Parameter
 from homeward.physics.kernel import BASE_CAUSES
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -37,8 +37,9 @@ ENTERS = {
     "drive": "power of the drive",
     "ancillary": "ancillary power",
     "battery": "loss in the battery",
+    "instrument": "instrument",
 }
-"""Where each kind of effect enters the model; faults of instruments enter the reading only."""
+"""Where each kind of effect enters the model; a fault of an instrument enters the reading only."""
 
 AGENT_WORDS = {
     "random": "draws from the action space: the least that any agent must beat",
@@ -138,19 +139,17 @@ def agents() -> str:
 
 def effects() -> str:
     """Every effect and every fault of an instrument: a table of all, then one section each."""
-    rows = (
-        [f"[`{name}`](#{name})", ENTERS[one.kind] if isinstance(one, Effect) else "instrument", one.sentence]
-        for name, one in CATALOGUE.items()
-    )
+    rows = ([f"[`{name}`](#{name})", ENTERS[one.entry.kind], one.entry.sentence] for name, one in CATALOGUE.items())
     return "\n\n".join([table(("id", "enters", "in words"), rows), *map(_effect, CATALOGUE)])
 
 
 def _effect(name: str) -> str:
-    one = CATALOGUE[name]
+    hypothesis = CATALOGUE[name]
+    one = hypothesis.entry
     head = ("parameter", "unit", "least", "most", "if left out", "what it is")
-    numbers = [_number(parameter, name in PHYSICS) for parameter in one.parameters]
+    numbers = [_number(parameter, hypothesis.physical) for parameter in one.parameters]
     alike = ", ".join(f"[`{other}`](#{other})" for other in one.confused_with) or "nothing"
-    switch = one.parameters[0].name
+    switch = one.switch.name
     parts = [
         f"## `{name}` {{ #{name} }}",
         one.sentence,
@@ -159,7 +158,7 @@ def _effect(name: str) -> str:
         f"Source: {one.source}.  \nChannels that show it: {', '.join(f'`{need}`' for need in one.needs)}.  \n"
         f"Easily confused with: {alike}.",
     ]
-    if name in PHYSICS:
+    if hypothesis.physical:
         parts.append(f"In a robot file it is the section `[effects.{name}]`; `{switch}` at zero switches it off.")
     return "\n\n".join(parts)
 

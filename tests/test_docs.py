@@ -26,15 +26,15 @@ from homeward.envs.options import Options, settle
 from homeward.physics.kernel import Conditions, demand, full_charge
 
 
-def power_w(robot, speed_mps):  # by the kernel's formula in plain Python, which needs no compilation
+def power_w(robot, yaw_rate_radps):  # by the kernel's formula in plain Python, which needs no compilation
     p, s = (records.view(np.recarray)[0] for records in (robot.record(), full_charge(robot, robot.usable_energy_j)))
-    return demand(p, s, Conditions(speed_mps, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 20.0, 0.0, 1.0))
+    return demand(p, s, Conditions(1.0, 0.0, 0.0, 0.0, 1.0, yaw_rate_radps, 0.0, 0.0, 20.0, 0.0, 1.0))
 
 
 rusti = homeward.load_robot("rusti")
 lit = dataclasses.replace(rusti, effects={"lamp": {"power_w": 2.0}})
-for speed_mps, lamp_w in ((0.0, 0.0), (1.0, 2.0)):
-    assert abs(power_w(lit, speed_mps) - power_w(rusti, speed_mps) - lamp_w) < 1e-9
+for yaw_rate_radps, lamp_w in ((0.0, 0.0), (-0.5, 2.0)):
+    assert abs(power_w(lit, yaw_rate_radps) - power_w(rusti, yaw_rate_radps) - lamp_w) < 1e-9
 
 assert gym.spec("homeward/Frontier-v0").kwargs == {"mission": "Frontier"}
 setting = settle(Options("Frontier")).shared.view(np.recarray)[0]
@@ -42,6 +42,27 @@ start = SimpleNamespace(furthest_m=0.0, position_m=0.0, returning=False)
 assert abs(missions.hope(start, setting, setting.usable_j) / setting.score_scale - 1.0) < 1e-9
 far = SimpleNamespace(furthest_m=30.0, position_m=10.0, returning=False)
 assert (missions.score(far, setting), missions.hope(far, setting, 0.0)) == (900.0, 0.0)
+"""
+
+THE_LAMP_IS_NAMED = """
+import dataclasses
+
+import homeward
+from homeward.diagnosis import Recording, diagnose
+from homeward.diagnosis.hypotheses import CATALOGUE
+from homeward.diagnosis.menu import MENU
+from homeward.diagnosis.synthetic import record
+
+husky = homeward.load_robot("husky")
+lit = dataclasses.replace(husky, effects={"lamp": {"power_w": 40.0}})
+drives = {str(seed): record(lit, seed) for seed in range(3)}
+runs = [Recording(name, name, {one: of[one].to_numpy(float) for one in of}) for name, of in drives.items()]
+(lamp,) = diagnose(runs, husky).missing_physics
+assert lamp.effect == "lamp" and lamp.sentence == "A warning lamp is lit while the robot turns.", lamp
+assert abs(lamp.parameters["power_w"].value - 40.0) < 4.0, lamp.parameters
+assert lamp.where[0].condition.startswith("turning faster than"), lamp.where
+assert any(one.sentence in lamp.to_tell_apart for one in MENU), lamp.to_tell_apart
+assert CATALOGUE["lamp"].measurement == "put a clamp meter on the lead of the lamp"
 """
 
 
@@ -75,7 +96,7 @@ def test_every_effect_and_feature_is_described(site: Path) -> None:
     effects = (site / "effects.html").read_text("utf-8")
     for name, one in CATALOGUE.items():
         assert f'<h2 id="{name}">' in effects
-        assert all(f"<code>{parameter.name}</code>" in effects for parameter in one.parameters)
+        assert all(f"<code>{parameter.name}</code>" in effects for parameter in one.entry.parameters)
     environments = (site / "environments.html").read_text("utf-8")
     assert [name for name in NAMES if f"<td><code>{name}</code></td>" not in environments] == []
 
@@ -86,20 +107,28 @@ def test_every_page_is_in_the_navigation(root: Path, site: Path) -> None:
     assert [page for page in pages if page.name != "index.html" and f'href="{page.as_posix()}"' not in home] == []
 
 
-def test_the_recipes_for_an_effect_and_a_mission_work(root: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def extended(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the project, extended by the recipes."""
+    folder = tmp_path_factory.mktemp("extended")
     for name in ("agents", "envs", "homeward"):
-        shutil.copytree(root / name, tmp_path / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(root / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     page = (root / "docs" / "extending.md").read_text("utf-8")
     for path, text in re.findall(r'^```python title="(.+?)"\n(.+?)^```$', page, re.MULTILINE | re.DOTALL):
-        assert not (tmp_path / path).exists()
-        (tmp_path / path).write_text(text)
+        assert not (folder / path).exists()
+        (folder / path).write_text(text)
     patch = "".join(re.findall(r"^```diff\n(.+?)^```$", page, re.MULTILINE | re.DOTALL))
-    subprocess.run(["git", "apply", "-"], cwd=tmp_path, input=patch, text=True, check=True)
+    subprocess.run(["git", "apply", "-"], cwd=folder, input=patch, text=True, check=True)
+    return folder
+
+
+@pytest.mark.parametrize("script", [AFTER_THE_RECIPES, THE_LAMP_IS_NAMED], ids=["they work", "the lamp is named"])
+def test_the_recipes_for_an_effect_and_a_mission(script: str, extended: Path) -> None:
     run = subprocess.run(
-        [sys.executable, "-W", "error", "-c", AFTER_THE_RECIPES],
-        cwd=tmp_path,
+        [sys.executable, "-W", "error", "-c", script],
+        cwd=extended,
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        env={**os.environ, "PYTHONPATH": str(extended)},
     )
     assert run.returncode == 0, run.stderr

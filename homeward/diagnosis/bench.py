@@ -23,10 +23,9 @@ from numpy.typing import NDArray
 from scipy.stats import gumbel_r
 
 from homeward.diagnosis.blocks import correlation_windows, cut_blocks, cut_stretches
-from homeward.diagnosis.hypotheses import Setting, Term
+from homeward.diagnosis.hypothesis import Setting, Term
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
-from homeward.diagnosis.scheduled import changes_repeatedly, schedules_of
 from homeward.diagnosis.schedules import Schedule
 from homeward.diagnosis.signals import Array
 
@@ -116,7 +115,7 @@ class Bench:
                 continue
             key = (term.effect, term.axis)
             if key not in found:
-                found[key] = schedules_of(term.effect, term.schedule.axis, term.load, self.target, self.runs, ~held)
+                found[key] = term.hypothesis.schedules(term.schedule.axis, term.load, self.target, self.runs, ~held)
             columns.append(_as_searched(term, found[key]))
         return self._split(held, columns)
 
@@ -278,7 +277,7 @@ class Bench:
         """Targets without a cause; signs change from block to block that outlast what the hypothesis leaves."""
         block = cut_blocks(self.runs.run, self._left((chosen,)))
         for _ in range(_SEARCHES):
-            if changes_repeatedly(self.candidates[chosen].effect):
+            if self.candidates[chosen].hypothesis.changes == "repeatedly":
                 yield _of_same_spectrum(self.target, rng)
             else:
                 yield self.target * rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]

@@ -18,7 +18,7 @@ from homeward.diagnosis.blocks import FEWEST_BLOCKS, correlation_windows, cut_fo
 from homeward.diagnosis.charge import USABLE_ENERGY, Charge, weigh_charge
 from homeward.diagnosis.columns import Columns
 from homeward.diagnosis.correct import of_capacity, range_change
-from homeward.diagnosis.describe import ageing, missing_physics
+from homeward.diagnosis.describe import fading, missing_physics
 from homeward.diagnosis.empirical import Empirical
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
 from homeward.diagnosis.explanation import Explanation, Left, explain
@@ -197,9 +197,10 @@ def analyse(
     )
     corrected = handover.robot
     if evidence.charge is not None and evidence.charge.fading is not None:
-        fading = evidence.charge.fading
-        found = (*found, ageing(fading, evidence.contributions[-1], evidence.runs))
-        corrected = with_effects_of(corrected, {"ageing": {"lost_share": fading.lost_share.value}})
+        faded = fading(evidence.charge.fading, evidence.contributions[-1], evidence.runs)
+        found = (*found, faded)
+        numbers = {name: value.value for name, value in faded.parameters.items()}
+        corrected = with_effects_of(corrected, {faded.effect: numbers})
     if evidence.charge is not None and evidence.charge.off and verdict != "unknown_physics":
         corrected = of_capacity(corrected, evidence.charge.fitted_j / evidence.charge.assumed_j)
     where = evidence.location.places if evidence.location is not None else ()

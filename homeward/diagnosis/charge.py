@@ -17,6 +17,7 @@ from scipy.stats import norm, spearmanr
 from homeward.diagnosis.arms import gain, held_out
 from homeward.diagnosis.bench import FOLDS
 from homeward.diagnosis.blocks import correlation_windows
+from homeward.diagnosis.hypotheses import ageing
 from homeward.diagnosis.naming import MUST_PAY, PLACEBOS, SMALLEST_GAIN
 from homeward.diagnosis.refit import standard_errors
 from homeward.diagnosis.replay import Runs
@@ -175,11 +176,11 @@ def _rivals(rate: Array, runs: Runs, numbers: NDArray[np.intp]) -> tuple[str, ..
     found = []
     load = [float(np.mean(runs.observed[runs.run == one])) for one in numbers]
     if float(spearmanr(rate, load).statistic) > _IN_STEP:
-        found.append("rate_capacity")
+        found.append(ageing.IN_STEP_WITH_LOAD)
     air = runs.context.get("temperature_c")
     means = None if air is None else [float(np.nanmean(air[runs.run == one])) for one in numbers]
     if means is None or (np.ptp(means) > 0.0 and float(spearmanr(rate, means).statistic) < -_IN_STEP):
-        found.append("cold_battery")
+        found.append(ageing.IN_STEP_WITH_COLD)
     return tuple(found)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis.hypotheses import CATALOGUE, PHYSICS, Term
+from homeward.diagnosis.hypothesis import Term
 from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.parameters import IDLE, ROLLING, WithEffects, with_ancillary, with_effects_of
 from homeward.diagnosis.refit import Estimate, Refit
@@ -30,11 +30,11 @@ class Said:
 
 def can_be_said(term: Term) -> bool:
     """Whether a robot file can say an effect: one size, and ground that is rough at some places only."""
-    return term.effect in PHYSICS and (term.axis == "steady" or _is_ground(term))
+    return term.hypothesis.physical and (term.axis == "steady" or _is_ground(term))
 
 
 def _is_ground(term: Term) -> bool:
-    return term.effect == "surface" and term.at_work is not None
+    return term.hypothesis.of_rolling and term.at_work is not None
 
 
 def said(model: Refit | Corrected, runs: Runs) -> Said:
@@ -49,11 +49,11 @@ def said(model: Refit | Corrected, runs: Runs) -> Said:
         if _is_ground(term):
             smoothest, gain, roughness = _ground(model, index, runs)
             theta = np.where(np.arange(len(theta)) == ROLLING, smoothest * theta, theta)
-            effects[term.effect] = {"gain": gain}
+            effects[term.effect] = {term.hypothesis.entry.switch.name: gain}
             met = replace(met, roughness=roughness)
         elif can_be_said(term):
             effects[term.effect] = _numbers(model, index)
-        elif term.effect not in PHYSICS and term.linear:
+        elif not term.hypothesis.physical and term.linear:
             reading += term.columns @ model.sizes(index)
     return Said(theta, effects, met, reading)
 
@@ -63,7 +63,8 @@ def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Arr
 
     Of a smooth profile the ends are quantiles: a hat that few windows reach says little.
     """
-    term, switch = model.model.terms[index], CATALOGUE["surface"].parameters[0]
+    term = model.model.terms[index]
+    switch = term.hypothesis.entry.switch
     assert term.at_work is not None
     share = next(model.share(one) for one in model.model.unknowns if one.term == index)
     rolls = 1.0 + np.clip(term.at_work @ model.sizes(index) * share, switch.low, switch.high)
@@ -81,14 +82,15 @@ _ENDS = (0.05, 0.95)
 
 def _numbers(model: Corrected, index: int) -> dict[str, float]:
     term = model.model.terms[index]
-    parameters = CATALOGUE[term.effect].parameters
-    known, switch = {parameter.name for parameter in parameters}, parameters[0]
-    if term.effect == "wind":
-        return {"exposure": 1.0}
+    one = term.hypothesis
+    if one.in_file is not None:
+        return dict(one.in_file)
+    known, switch = {parameter.name for parameter in one.entry.parameters}, one.entry.switch
     numbers = {name: value.value for name, value in model.parameters_of(index).items() if name in known}
     if term.of_rolling_kg is not None:
         numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
-    return {**{name: value for name, value in term.shape.items() if name in known | {"track_m"}}, **numbers}
+    known |= {other.name for other in one.searched}
+    return {**{name: value for name, value in term.shape.items() if name in known}, **numbers}
 
 
 def written(robot: Robot, told: Said, unit: Unit) -> Robot:

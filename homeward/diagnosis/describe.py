@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
 from homeward.diagnosis.charge import Fading
-from homeward.diagnosis.hypotheses import CATALOGUE, Term
+from homeward.diagnosis.hypotheses import ageing
+from homeward.diagnosis.hypothesis import Hypothesis, Term
 from homeward.diagnosis.location import Location, Place, at_work, condition_of, places_of, stretch_words
 from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.naming import Named
@@ -16,44 +18,6 @@ from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Evidence, MissingPhysics
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import CHANNELS
-
-SHOWN_BY: Mapping[str, tuple[str, ...]] = {
-    "turning": ("yaw_rate_radps", "wheel_difference_mps"),
-    "inertia": ("accel_mps2",),
-    "regeneration": ("accel_mps2", "grade_rad"),
-    "viscous": ("speed_mps",),
-    "no_load": ("speed_mps",),
-    "slip": ("grade_rad", "accel_mps2"),
-    "copper_loss": ("grade_rad", "accel_mps2"),
-    "wind": ("heading_rad",),
-    "heater": ("temperature_c",),
-    "cold_battery": ("temperature_c",),
-    "radio": ("base_distance_m",),
-    "surface": ("base_distance_m",),
-    "hidden_grade": ("base_distance_m",),
-    "compute": ("sensing_hz",),
-    "rate_capacity": ("soc",),
-}
-"""Channels whose values say when an effect is at work, the most telling first."""
-
-_OTHERWISE: Mapping[str, str] = {
-    "breakaway": "at every start from standstill",
-    "motor_heating": "as the motors warm up",
-    "internal_resistance": "at high power",
-    "rate_capacity": "at high power",
-    "copper_loss": "at high load",
-    "slip": "at high load",
-    "clock_lag": "wherever the power changes",
-    "inertia": "when speeding up",
-    "turning": "in turns",
-    "intermittent_load": "in stretches that repeat",
-}
-
-
-_FULL_DISCHARGE = (
-    "Discharge the battery from full to empty at its usual load and at room temperature, and count the energy: "
-    "what is gone then is gone by age."
-)
 
 
 def missing_physics(
@@ -68,12 +32,8 @@ def missing_physics(
         to_tell_apart: For each effect the drive that would separate it from its rivals.
     """
     return tuple(
-        MissingPhysics(
-            effect=one.term.effect,
-            name=one.term.effect.replace("_", " "),
-            sentence=CATALOGUE[one.term.effect].sentence,
-            equation=CATALOGUE[one.term.effect].equation,
-            source=CATALOGUE[one.term.effect].source,
+        _of(
+            one.term.hypothesis,
             parameters=corrected.parameters_of(index),
             where=places(one.term, corrected.contribution[index], runs),
             evidence=Evidence(one.delta_bic, one.held_out_gain, one.p_value),
@@ -90,26 +50,26 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
         on = None if term.schedule is None else term.schedule.level > 0
         return stretch_words(places_of(contribution, runs, "", on), runs)
     channels = {channel.name: channel for channel in CHANNELS}
-    told = (condition_of(channels[name], contribution, runs) for name in SHOWN_BY.get(term.effect, ()))
+    told = (condition_of(channels[name], contribution, runs) for name in term.hypothesis.channels)
     words = next((one for one in told if one is not None), None)
-    return places_of(contribution, runs, words or _OTHERWISE.get(term.effect, "while driving"))
+    return places_of(contribution, runs, words or term.hypothesis.otherwise)
 
 
-def ageing(fading: Fading, wasted: Array, runs: Runs) -> MissingPhysics:
-    """The fading of a battery, which its gauge shows and no power does."""
-    entry = CATALOGUE["ageing"]
-    return MissingPhysics(
-        effect="ageing",
-        name="ageing",
-        sentence=entry.sentence,
-        equation=entry.equation,
-        source=entry.source,
-        parameters={"lost_share": fading.lost_share},
+def fading(found: Fading, wasted: Array, runs: Runs) -> MissingPhysics:
+    """The ageing of a battery, which its gauge shows and no power does."""
+    return _of(
+        ageing.HYPOTHESIS,
+        parameters={ageing.HYPOTHESIS.entry.switch.name: found.lost_share},
         where=stretch_words(places_of(wasted, runs, "", wasted > 0.0), runs),
-        evidence=Evidence(fading.delta_bic, fading.held_out_gain, fading.p_value),
-        confused_with=fading.rivals,
-        to_tell_apart=_FULL_DISCHARGE if fading.rivals else "",
+        evidence=Evidence(found.delta_bic, found.held_out_gain, found.p_value),
+        confused_with=found.rivals,
+        to_tell_apart=ageing.FULL_DISCHARGE if found.rivals else "",
     )
+
+
+def _of(one: Hypothesis, **found: Any) -> MissingPhysics:
+    entry = one.entry
+    return MissingPhysics(one.id, one.name, entry.sentence, entry.equation, entry.source, **found)
 
 
 def where_at_work(term: Term, contribution: Array, runs: Runs) -> Location:

@@ -16,55 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.blocks import noise_of
-from homeward.diagnosis.hypotheses import CATALOGUE, Term
+from homeward.diagnosis.drive import Drive
+from homeward.diagnosis.hypothesis import Hypothesis, Term
 from homeward.diagnosis.location import Location
-from homeward.diagnosis.menu import KNOWN_MASS, MENU, Course, Manoeuvre
-from homeward.diagnosis.parameters import DRAG, MASS, ROLLING, WithEffects
+from homeward.diagnosis.menu import MENU, Manoeuvre
 from homeward.diagnosis.refit import Estimate, Refit
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
-from homeward.diagnosis.signals import Array, Unit
+from homeward.diagnosis.signals import Array
 
 _SEPARATES = np.log(2.0)  # of the determinant: the variance of what is least known is halved
 _MEASURES = 0.1
-_SMALL_STEP = 1e-4
-
-MEASUREMENTS: Mapping[str, str] = {
-    "sensor_offset": "read a clamp meter on the battery lead with the robot switched off: the log must show the same",
-    "sensor_gain": "read a clamp meter on the battery lead, standing and at top speed, beside the log",
-    "clock_lag": "start sharply a few times and compare when wheels and power move in the logs with one clock for both",
-    "odometry_scale": "drive along a tape measure and compare the distance with the log",
-    "payload": "weigh the robot as it drove",
-    "ageing": "discharge a full battery through a known load and compare its energy with the rated one",
-    "rate_capacity": "discharge a full battery once slowly and once fast through known loads",
-    "internal_resistance": "read the battery voltage at rest and under a known load",
-    "surface": "tow the robot over the ground with a spring balance, its drive disengaged",
-    "hidden_grade": "survey the slope of the route with a level",
-    "wind": "measure the wind with an anemometer, or repeat the drive on a calm day",
-    "slip": "compare wheel revolutions with the distance along a tape measure on a slope",
-    "turning": "tow the robot sideways with a spring balance",
-    "standby": "unplug one device after the other with a clamp meter on the battery lead",
-    "intermittent_load": "log a clamp meter on each device for the length of a drive",
-    "heater": "put a clamp meter on the lead of the heater",
-    "compute": "put a clamp meter on the lead of the computer",
-    "radio": "put a clamp meter on the lead of the radio",
-    "no_load": "lift the wheels off the ground and log the power at several speeds",
-    "viscous": "lift the wheels off the ground and log the power at several speeds",
-    "copper_loss": "measure the resistance of the motor windings",
-    "motor_heating": "put a thermometer on a motor for the length of a drive",
-    "cold_battery": "discharge the battery once cold and once warm through a known load",
-    "inertia": "let the robot coast to a stop on level ground and log its speed",
-    "breakaway": "pull the robot with a spring balance until it starts to roll",
-    "regeneration": "put a clamp meter on the battery lead while braking",
-}
-"""What a drive cannot show but a measurement does, by effect."""
 
 
 @dataclass(frozen=True)
 class Candidate:
     """An effect at the size that the recordings give it; `column` is what it adds there, shape (windows,)."""
 
-    effect: str
+    hypothesis: Hypothesis
     size: float
     shape: Mapping[str, float]
     column: Array
@@ -81,9 +50,9 @@ def candidate(fit: Refit, runs: Runs, term: Term) -> Candidate:
         np.concatenate([high, term.high]),
     )[fit.jacobian.shape[1] :]
     largest = int(np.argmax(np.abs(weights) * np.linalg.norm(term.columns, axis=0)))
-    blows = term.effect == "wind" and term.axis == "steady"  # its sizes are the components of one wind
-    size = float(np.hypot(*weights)) if blows else float(weights[largest])
-    return Candidate(term.effect, size, term.shape, term.columns @ weights)
+    of_one = term.axis == "steady" and len(weights) > 1  # its sizes are the components of one
+    size = float(np.linalg.norm(weights) if of_one else weights[largest])
+    return Candidate(term.hypothesis, size, term.shape, term.columns @ weights)
 
 
 def gains(
@@ -133,65 +102,9 @@ def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, candidates: Sequence
         candidates: Effects to tell apart.
     """
     usual_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
-    return _Drive(fit, manoeuvre.course(fit.parameters.nominal), runs.unit, usual_c).responses(candidates)
-
-
-class _Drive:
-    """One drive of the menu, simulated with the refitted robot."""
-
-    def __init__(self, fit: Refit, course: Course, unit: Unit, usual_c: float) -> None:
-        self.fit, self.course = fit, course
-        self.runs = course.runs(unit, usual_c)
-        self.plain = self.predict(fit.theta)
-
-    def responses(self, candidates: Sequence[Candidate]) -> Array:
-        problem, theta = self.fit.parameters, self.fit.theta
-        columns = []
-        for index in problem.active():
-            step = _SMALL_STEP * problem.scale[index]
-            step = -step if theta[index] + step > problem.high[index] else step
-            moved = theta.copy()
-            moved[index] += step
-            columns.append((self.predict(moved) - self.plain) / (step / problem.scale[index]))
-        return np.column_stack([*columns, *(self.added(one) for one in candidates)])
-
-    def predict(self, theta: Array, extra: WithEffects | None = None) -> Array:
-        """What would be recorded; nothing is drawn where everything is off."""
-        predict = self.fit.parameters.predict
-        power = predict(self.runs, theta, extra)
-        if self.course.known_mass.any():
-            loaded, on_top_kg = theta.copy(), KNOWN_MASS * self.fit.parameters.nominal.mass_kg
-            loaded[ROLLING] *= 1.0 + on_top_kg / theta[MASS]
-            loaded[MASS] += on_top_kg
-            power = np.where(self.course.known_mass > 0.0, predict(self.runs, loaded, extra), power)
-        return power * self.course.switched_on
-
-    def added(self, one: Candidate) -> Array:
-        """What a candidate adds to what would be recorded, shape (samples,)."""
-        theta, size = self.fit.theta, one.size
-        if one.effect == "sensor_offset":
-            return np.full(len(self.plain), size)  # also when everything is off
-        if one.effect in ("sensor_gain", "ageing"):
-            return size * np.maximum(self.plain, 0.0)
-        if one.effect == "clock_lag":
-            return self.predict(theta, WithEffects(lag_s=size)) - self.plain
-        if one.effect == "odometry_scale":
-            return self.predict(theta, WithEffects(speed_factors=[1.0 / (1.0 + size)])) - self.plain
-        there = self.course.exposure.get(one.effect, 1.0)
-        if one.effect == "surface":
-            rougher = theta.copy()
-            rougher[ROLLING] *= 1.0 + max(size, -0.9)
-            return there * (self.predict(rougher) - self.plain)
-        if one.effect == "wind":
-            exposed = theta.copy()
-            exposed[DRAG] = max(exposed[DRAG], self.fit.parameters.start[DRAG])  # a refit without wind may take it away
-            headwind = [size * np.cos(self.course.heading_rad)]
-            return self.predict(exposed, WithEffects({"wind": {"exposure": 1.0}}, headwind)) - self.predict(exposed)
-        # What brakes a robot on the level is its inertia: without it there is nothing to regenerate.
-        base = {"inertia": {"mass_factor": 1.0}} if one.effect == "regeneration" else {}
-        switch = CATALOGUE[one.effect].parameters[0].name
-        with_it = self.predict(theta, WithEffects({**base, one.effect: {**one.shape, switch: size}}))
-        return there * (with_it - (self.predict(theta, WithEffects(base)) if base else self.plain))
+    drive = Drive(fit, manoeuvre.course(fit.parameters.nominal), runs.unit, usual_c)
+    added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in candidates]
+    return np.column_stack([*drive.by_group(), *added])
 
 
 def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequence[Term]) -> str:
@@ -209,18 +122,17 @@ def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequ
     candidates = [candidate(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, left, [one for one in candidates if one.size != 0.0]))
     worthwhile = gain >= (_SEPARATES if rivals else _MEASURES)
-    advice = best.sentence if worthwhile else MEASUREMENTS[_measured(first, rivals)]
-    name = first.effect.replace("_", " ")
+    advice = best.sentence if worthwhile else _measured(first, rivals).measurement
+    name = first.hypothesis.name
     if not rivals:
         return f"To measure {name} better, {advice}."
-    others = " and ".join(rival.effect.replace("_", " ") for rival in rivals)
+    others = " and ".join(rival.hypothesis.name for rival in rivals)
     return f"To tell {name} from {others}, {advice}."
 
 
-def _measured(first: Term, rivals: Sequence[Term]) -> str:
+def _measured(first: Term, rivals: Sequence[Term]) -> Hypothesis:
     """Which of the effects to measure: a fault of the instrument before physics."""
-    effects = [first.effect, *(rival.effect for rival in rivals)]
-    return next((one for one in effects if one.startswith(("sensor_", "clock_", "odometry_"))), effects[0])
+    return min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
 
 
 def _best(found: Mapping[str, float]) -> tuple[Manoeuvre, float]:

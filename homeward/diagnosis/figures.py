@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from homeward.diagnosis.chain import Analysis, Evidence
-from homeward.diagnosis.describe import SHOWN_BY
+from homeward.diagnosis.hypotheses import CATALOGUE
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import Dependence
@@ -182,7 +182,7 @@ def _telling(effect: str, evidence: Evidence) -> int | None:
         for one in evidence.naming.named
     )
     tested = [one.channel.name for one in evidence.dependences]
-    wanted = ("time_s",) if scheduled else (*SHOWN_BY.get(effect, ()), tested[0] if tested else "")
+    wanted = ("time_s",) if scheduled else (*CATALOGUE[effect].channels, tested[0] if tested else "")
     return next((tested.index(name) for name in wanted if name in tested), None)
 
 

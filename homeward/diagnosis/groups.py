@@ -145,14 +145,14 @@ def _time(runs: Runs, robot: Robot) -> Iterator[tuple[str, Array]]:
 
 _FAMILIES: Mapping[str, Callable[[Runs, Robot], Iterator[tuple[str, Array]]]] = {
     "speed": _speed,
-    "turning": _turning,
+    "turning rate": _turning,
     "acceleration": _acceleration,
     "grade": _grade,
     "sensing": _sensing,
     "temperature": _temperature,
     "heading": _heading,
     "distance": _distance,
-    "payload": _payload,
+    "payload mass": _payload,
     "charge": _charge,
     "time": _time,
 }

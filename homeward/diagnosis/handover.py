@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.arms import held_out
 from homeward.diagnosis.correct import can_be_said, replayed, said, written
-from homeward.diagnosis.hypotheses import PHYSICS
 from homeward.diagnosis.modelling import Corrected, fit_model, immaterial
 from homeward.diagnosis.refit import Refit, estimates, holding
 from homeward.diagnosis.replay import Runs
@@ -73,7 +72,7 @@ def sayable(plain: Refit, corrected: Corrected | None, runs: Runs, block: NDArra
     if corrected is None:
         return None
     terms = corrected.model.terms
-    kept = [one for one in terms if can_be_said(one) or one.effect not in PHYSICS]
+    kept = [one for one in terms if can_be_said(one) or not one.hypothesis.physical]
     if len(kept) == len(terms):
         return corrected
     return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None

@@ -30,8 +30,8 @@ class Course:
     """What a drive does and meets, arrays of shape (SAMPLES,); headings count from where the wind comes from.
 
     Where a drive does not ask for warm or cold air the temperature is NaN: as in the recordings at hand.
-    `exposure` says by effect how much of its cause is there, 1 if not listed: a hidden slope is on the route where it
-    was met, and not on level ground that one chooses.
+    `there` says how much of the load, the ground and the route of the recordings is there, 1 if not listed: a hidden
+    slope is on the route where it was met, and not on level ground that one chooses.
     """
 
     time_s: Array
@@ -44,7 +44,7 @@ class Course:
     base_distance_m: Array
     switched_on: Array  # 0: everything is off, 1: as usual
     known_mass: Array  # carried on top, over the robot's own mass
-    exposure: Mapping[str, Array] = field(default_factory=dict)
+    there: Mapping[str, Array] = field(default_factory=dict)
 
     def runs(self, unit: Unit, usual_c: float) -> Runs:
         """The drive in the form of recordings, one window a sample.
@@ -72,17 +72,13 @@ class Manoeuvre:
     course: Callable[[Robot], Course]
 
 
-def _course(
-    step_s: float | Array = 1.0, exposure: Mapping[str, Array] | None = None, **channels: float | Array
-) -> Course:
+def _course(step_s: float | Array = 1.0, there: Mapping[str, Array] | None = None, **channels: float | Array) -> Course:
     steps = np.broadcast_to(step_s, (SAMPLES,))
     given = {"heading_rad": _ACROSS_RAD, "temperature_c": np.nan, "switched_on": 1.0} | channels
-    names = [name for name in Course.__dataclass_fields__ if name not in ("time_s", "exposure")]
+    names = [name for name in Course.__dataclass_fields__ if name not in ("time_s", "there")]
     arrays = {name: np.array(np.broadcast_to(given.get(name, 0.0), (SAMPLES,)), dtype=np.float64) for name in names}
-    off_the_route = {"hidden_grade": np.zeros(SAMPLES)}
-    return Course(
-        np.concatenate([[0.0], np.cumsum(steps[:-1])]), **arrays, exposure={**off_the_route, **(exposure or {})}
-    )
+    off_the_route = {"route": np.zeros(SAMPLES)}
+    return Course(np.concatenate([[0.0], np.cumsum(steps[:-1])]), **arrays, there={**off_the_route, **(there or {})})
 
 
 def _held(*levels: float, times: int = 1) -> Array:
@@ -136,7 +132,7 @@ def _sweep(robot: Robot) -> Course:
 
 def _known_mass(robot: Robot) -> Course:
     as_it_is, on_top = _held(1.0, 0.0, 0.0), KNOWN_MASS * _held(0.0, 0.0, 1.0)
-    return _course(speed_mps=0.7 * robot.max_speed_mps, known_mass=on_top, exposure={"payload": as_it_is})
+    return _course(speed_mps=0.7 * robot.max_speed_mps, known_mass=on_top, there={"load": as_it_is})
 
 
 def _full_load(robot: Robot) -> Course:
@@ -150,7 +146,7 @@ def _cold_and_warm(robot: Robot) -> Course:
 
 def _long_pause(robot: Robot) -> Course:
     driving = _held(1.0, 0.0, 1.0)
-    on_the_route = {"hidden_grade": np.ones(SAMPLES)}
+    on_the_route = {"route": np.ones(SAMPLES)}
     return _course(12.0 + 24.0 * (1.0 - driving), on_the_route, speed_mps=robot.max_speed_mps * driving)
 
 
@@ -158,7 +154,7 @@ def _far_and_back(robot: Robot) -> Course:
     step_s, speed = 6.0, 0.7 * robot.max_speed_mps
     way = np.minimum(np.arange(SAMPLES), SAMPLES - 1 - np.arange(SAMPLES))
     return _course(
-        step_s, {"hidden_grade": np.ones(SAMPLES)}, speed_mps=speed, base_distance_m=speed * step_s * way,
+        step_s, {"route": np.ones(SAMPLES)}, speed_mps=speed, base_distance_m=speed * step_s * way,
         heading_rad=np.pi * _held(0.0, 1.0),
     )  # fmt: skip
 
@@ -167,7 +163,7 @@ def _other_ground(robot: Robot) -> Course:
     here = _held(1.0, 0.0)
     heading: Array = np.linspace(0.0, 10.0 * np.pi, SAMPLES)
     return _course(
-        exposure={"surface": here, "hidden_grade": here}, speed_mps=0.5 * robot.max_speed_mps, heading_rad=heading,
+        there={"ground": here, "route": here}, speed_mps=0.5 * robot.max_speed_mps, heading_rad=heading,
         yaw_rate_radps=10.0 * np.pi / SAMPLES,
     )  # fmt: skip
 

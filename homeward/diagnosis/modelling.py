@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from homeward.diagnosis.fitted import excited
-from homeward.diagnosis.hypotheses import CATALOGUE, Term
+from homeward.diagnosis.hypothesis import Term
 from homeward.diagnosis.parameters import ROLLING, Parameters, WithEffects, derivatives
 from homeward.diagnosis.refit import Refit, standard_errors
 from homeward.diagnosis.regression import bounded
@@ -71,26 +71,13 @@ class Model:
 
     def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
         """The terms that the replay takes into account itself."""
-        effects: dict[str, dict[str, float]] = {}
-        wind, lag_s = None, 0.0
+        found = WithEffects()
         for index, term in enumerate(self.terms):
-            if term.linear or index == leave_out:
-                continue
-            mine = {
-                one.parameter: float(value)
-                for one, value in zip(self.unknowns, values, strict=True)
-                if one.term == index
-            }
-            if term.effect == "clock_lag":
-                lag_s = mine["lag_s"]
-            elif term.effect == "wind":
-                headings = [run.context["heading_rad"] for run in runs.signals]
-                ahead, left = mine.values()
-                wind = [ahead * np.cos(heading) + left * np.sin(heading) for heading in headings]
-                effects["wind"] = {"exposure": 1.0}
-            else:
-                effects[term.effect] = {**term.shape, **mine}
-        return WithEffects(effects, wind, lag_s)
+            if not term.linear and index != leave_out:
+                pairs = zip(self.unknowns, values, strict=True)
+                mine = {one.parameter: float(value) for one, value in pairs if one.term == index}
+                found = term.hypothesis.within(term.hypothesis, found, {**term.shape, **mine}, runs)
+        return found
 
 
 @dataclass(frozen=True)
@@ -174,9 +161,9 @@ class Corrected:
             if one.term == index:
                 share = self.share(one)
                 found[one.parameter] = Value(share * value, (share * interval[0], share * interval[1]), one.unit)
-        if term.effect == "intermittent_load":
-            for name, unit in (("period_s", "s"), ("duty", "1")):
-                found[name] = Value(term.shape[name], term.spread[name], unit)
+        for other in term.hypothesis.entry.parameters:
+            if other.name in term.spread:
+                found[other.name] = Value(term.shape[other.name], term.spread[other.name], other.unit)
         return found
 
     def sizes(self, index: int) -> Array:
@@ -239,37 +226,13 @@ def immaterial(fit: Refit, runs: Runs) -> NDArray[np.bool_]:
 def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
     found: list[Unknown] = []
     for index, term in enumerate(terms):
-        entry = CATALOGUE[term.effect]
-        switch = entry.parameters[0]
-        sizes = term.columns.shape[1]
-        for column in range(sizes):
+        for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
             low, high = float(term.low[column]), float(term.high[column])
-            if term.effect == "wind":
-                steady = ("from_ahead_mps", "from_left_mps")
-                unit = "m/s"
-                parameter = steady[column] if term.axis == "steady" else _level("headwind_mps", column, sizes)
-            else:
-                parameter, unit = _level(switch.name, column, sizes), switch.unit
-            found.append(Unknown(term.effect, parameter, unit, low, high, index, column))
-        if "track_m" in term.shape:
-            found.append(Unknown(term.effect, "track_m", "m", 0.02, 5.0, index, None))
-        if not term.linear and term.effect in _SEARCHED:
-            for other in entry.parameters[1:]:
-                if other.name in term.shape and other.name in _SEARCHED[term.effect]:
-                    found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None))
+            found.append(Unknown(term.effect, name, unit, low, high, index, column))
+        for other in () if term.linear else term.hypothesis.searched:
+            if other.name in term.shape:
+                found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None))
     return tuple(found)
-
-
-_SEARCHED: Mapping[str, tuple[str, ...]] = {
-    "heater": ("on_below_c",),
-    "cold_battery": ("warm_c",),
-    "motor_heating": ("time_constant_s",),
-}
-"""Parameters beside the size that recordings may determine."""
-
-
-def _level(name: str, column: int, sizes: int) -> str:
-    return name if sizes == 1 else f"{name}_level_{column + 1}"
 
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from homeward.diagnosis.arms import gain, held_out
 from homeward.diagnosis.bench import FOLDS, Base, Bench
 from homeward.diagnosis.doubt import doubted
-from homeward.diagnosis.hypotheses import PHYSICS, Setting, Term, look_alike
+from homeward.diagnosis.hypotheses import terms
+from homeward.diagnosis.hypothesis import Setting, Term
 from homeward.diagnosis.modelling import Corrected, fit_model, immaterial
 from homeward.diagnosis.motion import follows_motion
 from homeward.diagnosis.parameters import WithEffects
@@ -24,7 +25,6 @@ from homeward.diagnosis.refit import Refit, holding
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 from homeward.diagnosis.structure import FALSE_ALARM_RATE
-from homeward.diagnosis.terms import terms
 
 SMALLEST_GAIN = 0.05
 """Share of the refit's held-out squared error that an effect must explain to be named."""
@@ -222,7 +222,7 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
 
     def rarity(index: int) -> tuple[bool, bool, float]:
         term = bench.candidates[index]
-        return term.effect not in PHYSICS, not term.natural, -float(alone[index])
+        return not term.hypothesis.physical, not term.natural, -float(alone[index])
 
     equals = [
         index
@@ -256,7 +256,8 @@ def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Ter
         other = bench.candidates[index]
         if other.effect == bench.candidates[chosen].effect or alone[index] < MUST_PAY or index in bench.beside:
             continue
-        share = _ALIKE_BY_NATURE if look_alike(other.effect, bench.candidates[chosen].effect, bench.runs) else _ALIKE
+        alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
+        share = _ALIKE_BY_NATURE if alike else _ALIKE
         beside = bench.share(index) if bench.beside else shares[index]
         if beside >= share * explained or alone[chosen] - alone[index] < MUST_PAY:
             found.setdefault(other.effect, other)

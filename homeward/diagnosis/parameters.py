@@ -88,10 +88,12 @@ class Parameters:
 
 
 def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) -> Robot:
-    """The robot with these effects; where its file has no track, the one that turning was fitted with."""
-    turning = dict(effects.get("turning", {}))
-    track_m = turning.pop("track_m", robot.track_m)
-    added = {**effects, "turning": turning} if turning else effects
+    """The robot with these effects; where its file has no track, the one that an effect was fitted with."""
+    track_m = next((numbers["track_m"] for numbers in effects.values() if "track_m" in numbers), robot.track_m)
+    added = {
+        effect: {name: value for name, value in numbers.items() if name != "track_m"}
+        for effect, numbers in effects.items()
+    }
     return dataclasses.replace(robot, track_m=track_m, effects={**robot.effects, **added})
 
 

@@ -20,7 +20,7 @@ from homeward.diagnosis.correct import comments
 from homeward.diagnosis.describe import condition, total_share
 from homeward.diagnosis.figures import conditions, time_figure
 from homeward.diagnosis.formats import ARMS, PAPER_ACCURACY, decimal, labels, number, typeset
-from homeward.diagnosis.hypotheses import OF_CURRENT, missing_channels
+from homeward.diagnosis.hypotheses import CATALOGUE
 from homeward.diagnosis.location import Place
 from homeward.diagnosis.naming import Naming
 from homeward.diagnosis.signals import WINDOW_S
@@ -227,9 +227,9 @@ def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, f
     for effect, share in shares.items():
         if share is not None:
             continue
-        channels = missing_channels(effect, evidence.runs)
-        name = effect.replace("_", " ")
-        if evidence.runs.unit == "A" and effect not in OF_CURRENT:
+        one = CATALOGUE[effect]
+        channels, name = one.missing(evidence.runs), one.name
+        if evidence.runs.unit == "A" and not one.of_current:
             unseen.setdefault("Not in motor current, which follows torque", []).append(name)
         elif channels:
             unseen.setdefault("A channel is missing", []).append(f"{name} (needs {', '.join(channels)})")

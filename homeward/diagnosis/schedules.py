@@ -21,8 +21,13 @@ from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array
 
 Axis = Literal["time", "place"]
+Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
 Index = NDArray[np.intp]
 
+STANDS_MPS = 0.05
+"""A robot slower than this stands."""
+
+_AROUND_S = 4.0  # a change that was found is taken to lie within this of the true one
 _SHORTEST = 4  # windows in a block, on average
 _MOST_BLOCKS = 3000
 _FEWEST_BLOCKS = 8
@@ -85,6 +90,26 @@ def profiles(runs: Runs) -> list[Array]:
         at = (place_m - place_m.min()) / float(np.ptp(place_m)) * (knots - 1)
         columns.append(np.maximum(1.0 - np.abs(at[:, None] - np.arange(knots)), 0.0))
     return columns
+
+
+def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
+    """Whether a size that changes in a certain way may change as a schedule says it does."""
+    per_run = [schedule.level[runs.run == run] for run in np.unique(runs.run)]
+    within = [np.flatnonzero(np.diff(level)) for level in per_run]
+    if how == "between runs":
+        return all(len(changes) == 0 for changes in within)
+    if how == "once":
+        return all(len(changes) <= 1 for changes in within)
+    if how == "repeatedly":
+        return any(len(changes) >= 2 for changes in within)
+    speeds = np.abs(runs.context["speed_mps"])
+    stood = []
+    for run, changes in zip(np.unique(runs.run), within, strict=True):
+        here = np.flatnonzero(runs.run == run)
+        for change in changes:
+            near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND_S]
+            stood.append(bool((speeds[near] < STANDS_MPS).any()))
+    return all(stood) if how == "standing" else not stood or not all(stood)
 
 
 def _place(runs: Runs) -> Array | None:

@@ -62,7 +62,7 @@ CHANNELS = (
     Channel("heading_rad", "heading", "rad", "heading above", "heading below", scales=True),
     Channel("sensing_hz", "sensing rate", "Hz", "sensing faster than", "sensing slower than"),
     Channel("temperature_c", "ambient temperature", "degC", "ambient above", "ambient below", scales=True),
-    Channel("payload_kg", "payload", "kg", "payload above", "payload below", scales=True),
+    Channel("payload_kg", "payload mass", "kg", "payload above", "payload below", scales=True),
     Channel("soc", "state of charge", "", "state of charge above", "state of charge below", scales=True),
     Channel("base_distance_m", "distance from base", "m", "further from base than", "closer to base than"),
 )  # fmt: skip

@@ -11,12 +11,12 @@ from homeward import Robot
 from homeward.diagnosis import Recording
 from homeward.diagnosis.bench import Base, Bench
 from homeward.diagnosis.blocks import cut_blocks
-from homeward.diagnosis.hypotheses import Setting
+from homeward.diagnosis.hypotheses import terms
+from homeward.diagnosis.hypothesis import Setting
 from homeward.diagnosis.parameters import WithEffects
 from homeward.diagnosis.quality import usable_runs
 from homeward.diagnosis.refit import Refit, refit
 from homeward.diagnosis.replay import Runs, average
-from homeward.diagnosis.terms import terms
 
 Drive = Callable[..., list[Recording]]
 FALSE_ALARMS = 0.1
