@@ -85,11 +85,11 @@ def _numbers(model: Corrected, index: int) -> dict[str, float]:
     one = term.hypothesis
     if one.in_file is not None:
         return dict(one.in_file)
-    known, switch = {parameter.name for parameter in one.entry.parameters}, one.entry.switch
+    known = {parameter.name for parameter in (*one.entry.parameters, *one.searched)}
+    switch = one.entry.switch
     numbers = {name: value.value for name, value in model.parameters_of(index).items() if name in known}
     if term.of_rolling_kg is not None:
         numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
-    known |= {other.name for other in one.searched}
     return {**{name: value for name, value in term.shape.items() if name in known}, **numbers}
 
 
