@@ -23,7 +23,8 @@ from homeward.diagnosis.blocks import cut_folds
 from homeward.diagnosis.quality import usable_runs
 from homeward.diagnosis.refit import refit
 from homeward.diagnosis.replay import average
-from homeward.diagnosis.structure import FALSE_ALARM_RATE, dependences, independent_blocks
+from homeward.diagnosis.rules import FALSE_ALARM_RATE
+from homeward.diagnosis.structure import dependences, independent_blocks
 from homeward.physics import load_robot, replay
 
 LEVELS = (0.01, 0.1, 0.5)

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.rules import FEWEST_BLOCKS
 from homeward.diagnosis.signals import Array
-
-FEWEST_BLOCKS = 16
-"""With fewer independent stretches no test at the stated false alarm rate is possible."""
 
 _SHORTEST = 10  # windows
 _STRETCH = 4  # windows: two seconds, what a change of level is held to last at least

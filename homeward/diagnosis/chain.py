@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from homeward.diagnosis import wording
 from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_pct, score
 from homeward.diagnosis.bench import FOLDS
-from homeward.diagnosis.blocks import FEWEST_BLOCKS, correlation_windows, cut_folds
+from homeward.diagnosis.blocks import correlation_windows, cut_folds
 from homeward.diagnosis.charge import USABLE_ENERGY, Charge, weigh_charge
 from homeward.diagnosis.columns import Columns
 from homeward.diagnosis.correct import of_capacity, range_change
@@ -34,9 +34,9 @@ from homeward.diagnosis.recordings import Recording, RecordingError, read_record
 from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
 from homeward.diagnosis.replay import Runs, average, power_w
 from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, Product, RecordingInfo, Verdict
-from homeward.diagnosis.rules import SAMPLES_A_WINDOW
+from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, SAMPLES_A_WINDOW
 from homeward.diagnosis.signals import Array
-from homeward.diagnosis.structure import FALSE_ALARM_RATE, Dependence, dependences, independent_blocks
+from homeward.diagnosis.structure import Dependence, dependences, independent_blocks
 from homeward.diagnosis.uncertainty import Joint, Spread, joint, products, recorded_range, spread
 from homeward.physics import Robot, load_robot
 

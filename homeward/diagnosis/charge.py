@@ -18,21 +18,17 @@ from homeward.diagnosis.arms import gain, held_out
 from homeward.diagnosis.bench import FOLDS
 from homeward.diagnosis.blocks import correlation_windows
 from homeward.diagnosis.hypotheses import ageing
-from homeward.diagnosis.naming import MUST_PAY, PLACEBOS, SMALLEST_GAIN
 from homeward.diagnosis.refit import standard_errors
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Value
+from homeward.diagnosis.rules import CLEARLY_OFF, GAUGE_ERROR, IN_STEP, LEAST_FALL, MUST_PAY, PLACEBOS, SMALLEST_GAIN
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
 USABLE_ENERGY = "usable energy"
 """Name of the parameter that the state of charge determines."""
 
-_LEAST_FALL = 0.02  # of the charge, over all runs: less says nothing of the capacity
 _FEWEST_RUNS = 3
-_LARGEST_ERROR = 0.05  # of the capacity, that a gauge is trusted with
-_CLEARLY = 0.01  # chance that a right capacity is called wrong
-_IN_STEP = 0.8  # rank correlation from which another cause goes with the fading
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,7 @@ def weigh_charge(runs: Runs, robot: Robot, block: NDArray[np.intp], seed: int) -
     known = np.isfinite(soc)
     drawn = _drawn(runs) / robot.usable_energy_j
     numbers = [one for one in np.unique(runs.run) if known[runs.run == one].any()]
-    if not numbers or sum(float(np.ptp(soc[known & (runs.run == one)])) for one in numbers) < _LEAST_FALL:
+    if not numbers or sum(float(np.ptp(soc[known & (runs.run == one)])) for one in numbers) < LEAST_FALL:
         return None
     fallen, drawn, run, block = -soc[known], drawn[known], runs.run[known], block[known]
     starts = (run[:, None] == np.array(numbers)).astype(np.float64)
@@ -89,8 +85,8 @@ def weigh_charge(runs: Runs, robot: Robot, block: NDArray[np.intp], seed: int) -
     error = float(standard_errors(plain, fallen - plain @ _fit(plain, fallen), block)[-1])
     if rate <= 0.0:
         return None
-    wide = float(norm.ppf(1.0 - _CLEARLY / 2.0)) * error
-    off = abs(rate - 1.0) > max(_LARGEST_ERROR, wide)
+    wide = float(norm.ppf(1.0 - CLEARLY_OFF / 2.0)) * error
+    off = abs(rate - 1.0) > max(GAUGE_ERROR, wide)
     usual = 1.96 * error
     ends = robot.usable_energy_j / (rate + usual), robot.usable_energy_j / max(rate - usual, 1e-9)
     fading = _fading(_Gauge(plain, starts, drawn, fallen, run, block), runs, np.array(numbers), seed)
@@ -175,11 +171,11 @@ def _rivals(rate: Array, runs: Runs, numbers: NDArray[np.intp]) -> tuple[str, ..
     """What else may have made the gauge fall faster: the cold, or a higher load, where it came in step."""
     found = []
     load = [float(np.mean(runs.observed[runs.run == one])) for one in numbers]
-    if float(spearmanr(rate, load).statistic) > _IN_STEP:
+    if float(spearmanr(rate, load).statistic) > IN_STEP:
         found.append(ageing.IN_STEP_WITH_LOAD)
     air = runs.context.get("temperature_c")
     means = None if air is None else [float(np.nanmean(air[runs.run == one])) for one in numbers]
-    if means is None or (np.ptp(means) > 0.0 and float(spearmanr(rate, means).statistic) < -_IN_STEP):
+    if means is None or (np.ptp(means) > 0.0 and float(spearmanr(rate, means).statistic) < -IN_STEP):
         found.append(ageing.IN_STEP_WITH_COLD)
     return tuple(found)
 

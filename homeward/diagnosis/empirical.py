@@ -22,13 +22,13 @@ from homeward.diagnosis.blocks import correlation_windows, noise_of
 from homeward.diagnosis.fitted import Fitted, excited, with_columns
 from homeward.diagnosis.formulas import Candidate, Library, candidates
 from homeward.diagnosis.groups import constants
-from homeward.diagnosis.naming import PLACEBOS, SMALLEST_GAIN, shifted_in_time
+from homeward.diagnosis.naming import shifted_in_time
 from homeward.diagnosis.refit import standard_errors
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.rules import PLACEBOS, SMALLEST_GAIN, VERY_STRONG
 from homeward.diagnosis.signals import Array
 
 _MOST_TERMS = 2
-_MUST_PAY = 10.0  # difference of BIC: "very strong" (Kass & Raftery, 1995)
 _MOST_SEARCHED = 20_000  # windows; of more the search takes every second, third, ...
 _MOST_ALTERNATIVES = 3
 _RIDGE = 1e-8
@@ -105,7 +105,7 @@ def _propose(fit: Fitted, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
         pays = _pays(before, after, runs) - library.cost()[best[0]][best[1:]]
         gained = gain(runs.observed, before, after, block, seed)
-        if pays < _MUST_PAY or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if pays < VERY_STRONG or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value = _placebo_p_value(search, chosen, scores[best[0]][best[1:]], seed)
         if p_value > 1.0 / (PLACEBOS + 1):
@@ -264,7 +264,7 @@ def _best(scores: Sequence[Array]) -> Candidate:
 
 def _alternatives(library: Library, scores: Sequence[Array], best: Candidate) -> tuple[str, ...]:
     """Other candidates that the data do not separate from the best, best first."""
-    least = scores[best[0]][best[1:]] - _MUST_PAY
+    least = scores[best[0]][best[1:]] - VERY_STRONG
     close: list[tuple[float, str]] = [
         (-float(score[first, second]), library.text((base, int(first), int(second))))
         for base, score in enumerate(scores)

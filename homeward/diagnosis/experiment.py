@@ -23,10 +23,10 @@ from homeward.diagnosis.menu import MENU, Manoeuvre
 from homeward.diagnosis.refit import Estimate, Refit
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.rules import MEASURES
 from homeward.diagnosis.signals import Array
 
 _SEPARATES = np.log(2.0)  # of the determinant: the variance of what is least known is halved
-_MEASURES = 0.1
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequ
     """
     candidates = [candidate(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, left, [one for one in candidates if one.size != 0.0]))
-    worthwhile = gain >= (_SEPARATES if rivals else _MEASURES)
+    worthwhile = gain >= (_SEPARATES if rivals else MEASURES)
     advice = best.sentence if worthwhile else _measured(first, rivals).measurement
     name = first.hypothesis.name
     if not rivals:
@@ -167,7 +167,7 @@ def next_experiment(
         return repeat(unexplained)
     open_groups = [one.group for one in estimates if one.fitted is None]
     best, gain = _best(gains(fit, runs, left, [], [group.name for group in open_groups]))
-    if open_groups and gain >= _MEASURES:
+    if open_groups and gain >= MEASURES:
         longer = "" if enough else ", for five minutes or more"
         return f"To determine {', '.join(group.symbol for group in open_groups)}, {best.sentence}{longer}."
     return None if enough else "Record the same drive for longer, at least five minutes."

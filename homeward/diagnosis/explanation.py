@@ -21,9 +21,8 @@ from homeward.diagnosis.motion import explained, follows_motion
 from homeward.diagnosis.naming import Naming, name_missing
 from homeward.diagnosis.refit import Refit
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.rules import WITHOUT_A_SCHEDULE
 from homeward.diagnosis.structure import Dependence, dependences, independent_blocks
-
-_MOST_OF = 0.7  # what effects without a schedule must explain of what one with a schedule does
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,10 @@ def _without_what_motion_tells(
     if not follows_motion(fit, runs, fold, first.held_out_gain, seed):
         return naming, location
     again = name_missing(fit, runs, block, seed, progress, schedules=False)
-    if again.corrected is not None and explained(fit, again.corrected, runs, fold) >= _MOST_OF * first.held_out_gain:
+    if (
+        again.corrected is not None
+        and explained(fit, again.corrected, runs, fold) >= WITHOUT_A_SCHEDULE * first.held_out_gain
+    ):
         return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
     return naming.nothing_named(), location or where_at_work(first.term, naming.corrected.contribution[0], runs)
 

@@ -20,13 +20,11 @@ from homeward.diagnosis.modelling import Corrected, fit_model, immaterial
 from homeward.diagnosis.refit import Refit, estimates, holding
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Handed, Verdict
+from homeward.diagnosis.rules import ALIKE_COLUMNS
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
 _DRAWS = 2000
-_ALIKE = 0.5
-"""Share of its squares that a group's column has in common with another's, from which one may stand for the other."""
-
 Model = TypeVar("Model", Refit, Corrected)
 
 
@@ -101,7 +99,7 @@ def _determined(
 def _alike(model: Refit | Corrected, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Groups that look much like one of those chosen: they may have taken what that lacks."""
     columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
-    alike: NDArray[np.bool_] = ((columns.T @ columns)[:, chosen] ** 2 > _ALIKE).any(axis=1)
+    alike: NDArray[np.bool_] = ((columns.T @ columns)[:, chosen] ** 2 > ALIKE_COLUMNS).any(axis=1)
     return alike
 
 

@@ -17,13 +17,11 @@ from homeward.diagnosis.refit import Refit, standard_errors
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Value
+from homeward.diagnosis.rules import MATTERS
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
 _ITERATIONS = 6
-_MATTERS = 0.03
-"""Share of what was recorded that a group must move, by its fitted size or that of the robot file, to be fitted beside
-effects."""
 _SMALL_STEP = 1e-3  # of a parameter, for derivatives
 
 
@@ -220,7 +218,7 @@ def immaterial(fit: Refit, runs: Runs) -> NDArray[np.bool_]:
     """
     active = fit.parameters.active()
     size = np.maximum(np.abs(fit.theta[active]) / fit.parameters.scale[active], 1.0)
-    return ~excited(fit, runs, _MATTERS / size)
+    return ~excited(fit, runs, MATTERS / size)
 
 
 def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:

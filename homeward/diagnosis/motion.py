@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 from homeward.diagnosis.arms import black_box, held_out
 from homeward.diagnosis.fitted import Fitted
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.rules import AS_WELL
 
 MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
 """Channels of what the robot does; those of where and when could stand for anything that changes."""
-
-AS_WELL = 0.95
-"""Share of what a schedule explains."""
 
 
 def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: NDArray[np.intp]) -> float:

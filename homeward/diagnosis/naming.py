@@ -23,23 +23,18 @@ from homeward.diagnosis.motion import follows_motion
 from homeward.diagnosis.parameters import WithEffects
 from homeward.diagnosis.refit import Refit, holding
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.rules import (
+    ALIKE_BY_NATURE,
+    ALIKE_IN_SIZE,
+    EQUAL,
+    FALSE_ALARM_RATE,
+    MOST_EFFECTS,
+    MUST_PAY,
+    SMALLEST_GAIN,
+    TOLD_BY_A_CHANNEL,
+)
 from homeward.diagnosis.signals import Array
-from homeward.diagnosis.structure import FALSE_ALARM_RATE
 
-SMALLEST_GAIN = 0.05
-"""Share of the refit's held-out squared error that an effect must explain to be named."""
-
-MUST_PAY = 6.0
-"""Difference of BIC that an effect must bring: "strong" (Kass & Raftery, 1995)."""
-
-PLACEBOS = 19
-"""So that being better than all of them has p = 0.05."""
-
-_MOST_EFFECTS = 3
-_NEARLY = 0.7  # of what a schedule explains
-_EQUAL = 1.1  # times the held-out error: no worse
-_ALIKE = 0.97  # a rival that explains this share of what the best one does may be meant as well
-_ALIKE_BY_NATURE = 0.5  # the same of one that is known to look alike, where no channel shows the difference
 _TRIED = 6  # hypotheses that are put to the proof, the best first
 _PAIRED = 12  # single hypotheses that are tried in pairs
 
@@ -107,7 +102,7 @@ def name_missing(
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
     corrected: Corrected | None = None
-    while len(named) < _MOST_EFFECTS:
+    while len(named) < MOST_EFFECTS:
         progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named), schedules))
         bench = Bench(base, candidates, setting, block, doubted=in_doubt)
@@ -213,7 +208,7 @@ def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     if not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
-    return best if shares[best] >= _NEARLY * shares[chosen] else chosen
+    return best if shares[best] >= TOLD_BY_A_CHANNEL * shares[chosen] else chosen
 
 
 def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
@@ -227,7 +222,7 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
     equals = [
         index
         for index, term in enumerate(bench.candidates)
-        if term.axis == bench.candidates[chosen].axis and 1.0 - shares[index] <= _EQUAL * (1.0 - shares[chosen])
+        if term.axis == bench.candidates[chosen].axis and 1.0 - shares[index] <= EQUAL * (1.0 - shares[chosen])
     ]
     return min([chosen, *equals], key=rarity)
 
@@ -257,7 +252,7 @@ def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Ter
         if other.effect == bench.candidates[chosen].effect or alone[index] < MUST_PAY or index in bench.beside:
             continue
         alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
-        share = _ALIKE_BY_NATURE if alike else _ALIKE
+        share = ALIKE_BY_NATURE if alike else ALIKE_IN_SIZE
         beside = bench.share(index) if bench.beside else shares[index]
         if beside >= share * explained or alone[chosen] - alone[index] < MUST_PAY:
             found.setdefault(other.effect, other)

@@ -19,7 +19,7 @@ from homeward.diagnosis.doubt import reliability
 from homeward.diagnosis.fitted import Fitted, excited
 from homeward.diagnosis.parameters import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.replay import Runs
-from homeward.diagnosis.rules import RELIABLE
+from homeward.diagnosis.rules import COLLINEAR, NOISE_ONLY, RELIABLE
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot
 
@@ -27,9 +27,7 @@ Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bou
 
 _ITERATIONS = 12
 _WEAK_PRIOR = 1e-5  # of a column's norm: keeps a parameter that the data leave open at its assumed value
-_COLLINEAR = 1e-4  # a column of which less than this share is its own cannot be told apart from the others
 _RESTS_ON = {"rolling": "speed_mps", "drag": "speed_mps", "mass": "grade_rad"}
-_NOISE_ONLY = 0.2  # a column whose own part has less than this autocorrelation varies by measurement noise only
 
 
 @dataclass(frozen=True)
@@ -207,12 +205,12 @@ def _status(fit: Refit, runs: Runs, j: int, excited: NDArray[np.bool_]) -> tuple
         weights = np.linalg.lstsq(fit.jacobian[:, others], column, rcond=None)[0].astype(np.float64)
     own = column - fit.jacobian[:, others] @ weights
     mixed = _share_named(fit, j, others, weights)
-    if own @ own < _COLLINEAR * (column @ column):
+    if own @ own < COLLINEAR * (column @ column):
         return "confounded", mixed
     same_run = runs.run[1:] == runs.run[:-1]
     if fit.parameters.groups[j].measured and same_run.any():
         lagged = float((own[1:] * own[:-1])[same_run].mean() / (own * own).mean())
-        if lagged < _NOISE_ONLY and own @ own < 0.01 * (column @ column):
+        if lagged < NOISE_ONLY and own @ own < 0.01 * (column @ column):
             return "confounded", mixed
     return "fitted", ()
 

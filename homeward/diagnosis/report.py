@@ -23,8 +23,8 @@ from homeward.diagnosis.formats import ARMS, PAPER_ACCURACY, decimal, labels, nu
 from homeward.diagnosis.hypotheses import CATALOGUE
 from homeward.diagnosis.location import Place
 from homeward.diagnosis.naming import Naming
+from homeward.diagnosis.rules import FALSE_ALARM_RATE, SMALLEST_GAIN, VERY_STRONG
 from homeward.diagnosis.signals import WINDOW_S
-from homeward.diagnosis.structure import FALSE_ALARM_RATE, SMALLEST_GAIN
 from homeward.files import write_whole
 
 _VERDICT_WORDS = {
@@ -34,9 +34,6 @@ _VERDICT_WORDS = {
     "unknown_physics": "Unknown physics",
     "not_testable": "Not testable",
 }
-VERY_STRONG = 10.0
-"""Difference of BIC from which evidence counts as very strong (Kass & Raftery, 1995)."""
-
 _MOST_PLACES = 6  # of each effect
 _MOST_RANKED = 10
 _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}

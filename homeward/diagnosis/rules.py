@@ -2,7 +2,105 @@
 
 from __future__ import annotations
 
-# --- Instruments: what a recording's own channels say of their noise, lags and faults -------------------------------
+# --- Chance: how often a robot without a fault may be called faulty ----------------------------------------------------
+
+FALSE_ALARM_RATE = 0.01
+"""Of each of the three families of tests, each corrected for all that it tries: dependence on channels and time,
+causes that channels tell, and schedules. Chosen so that the three together stay at the 3 % that the project allows
+itself on controls (benchmarks/concealed)."""
+
+PLACEBOS = 19
+"""Of a formula or a fading battery: so that being better than all of them has p = 0.05."""
+
+FEWEST_BLOCKS = 16
+"""With fewer independent stretches no test at the stated rate is possible: most of the few patterns of signs are then
+alike."""
+
+CLEARLY_OFF = 0.01
+"""Chance that a right capacity is called wrong: as FALSE_ALARM_RATE."""
+
+# --- Size: what is worth a name ----------------------------------------------------------------------------------------
+
+SMALLEST_GAIN = 0.05
+"""Share of the refit's held-out squared error that an effect, or a dependence on a channel, must explain. Chosen:
+what is smaller takes less than 3 % off the held-out error (1 - sqrt(0.95))."""
+
+SMALLEST_GAIN_IN_TIME = 0.15
+"""The same for changes in time alone, for which a level per stretch also follows noise with a long memory. Chosen on
+synthetic drives with a drift of the load."""
+
+MUST_PAY = 6.0
+"""Difference of BIC that an effect must bring: "strong" (Kass & Raftery, 1995)."""
+
+VERY_STRONG = 10.0
+"""Difference of BIC from which evidence counts as very strong (Kass & Raftery, 1995): what a formula, which names no
+cause, must bring."""
+
+MOST_EFFECTS = 3
+"""Effects that are named at once. Chosen: each further one is looked for in what is left of fewer windows than it
+needs."""
+
+MATTERS = 0.03
+"""Share of what was recorded that a group must move, by its fitted size or that of the robot file, to be fitted
+beside effects. Chosen."""
+
+# --- Rivals: what stands for what --------------------------------------------------------------------------------------
+
+TOLD_BY_A_CHANNEL = 0.7
+"""Of what a schedule explains: a cause that a channel tells and that explains this much is preferred, as a level per
+stretch follows whatever comes and goes (chosen on synthetic drives)."""
+
+WITHOUT_A_SCHEDULE = 0.7
+"""The same of all effects without a schedule together."""
+
+AS_WELL = 0.95
+"""Of what a schedule explains: if trees on the motion alone explain this much, no unrecorded cause has to. Chosen on
+synthetic drives."""
+
+TIME_MUST_BEAT = 2.0
+"""Times what any channel explains: only then is a mismatch a matter of time. Chosen on synthetic drives."""
+
+EQUAL = 1.1
+"""Times the held-out error: no worse. Chosen on synthetic drives."""
+
+ALIKE_IN_SIZE = 0.97
+"""A rival that explains this share of what the best hypothesis does may be meant as well. Chosen on synthetic
+drives."""
+
+ALIKE_BY_NATURE = 0.5
+"""The same of one that is known to look alike, where no channel shows the difference. Chosen on synthetic drives."""
+
+ALIKE_COLUMNS = 0.5
+"""Share of its squares that a group's column has in common with another's, from which one may stand for the other:
+more in common than not."""
+
+ENTWINED = 0.9
+"""Correlation of two estimates from which only what they make together counts as determined: the error of each is
+then more than twice (1 / sqrt(1 - 0.9^2)) what it would be were the other known."""
+
+IN_STEP = 0.8
+"""Rank correlation from which another cause goes with the fading of a battery. Chosen."""
+
+# --- Parameters: what recordings determine -----------------------------------------------------------------------------
+
+COLLINEAR = 1e-4
+"""A column of which less than this share of its squares is its own cannot be told apart from the others: its standard
+error is a hundred times that of a column by itself."""
+
+NOISE_ONLY = 0.2
+"""A column whose own part has less than this autocorrelation varies by measurement noise only. Chosen on the
+recordings of the Husky."""
+
+LEAST_FALL = 0.02
+"""Of the charge, over all runs: less says nothing of the capacity, as gauges show whole per cents."""
+
+GAUGE_ERROR = 0.05
+"""Of the capacity, that a gauge of charge is trusted with. Chosen."""
+
+MEASURES = 0.1
+"""Rise of the log-determinant of the information from which a drive is advised: a tenth is 5 % off one interval."""
+
+# --- Instruments: what a recording's own channels say of their noise, lags and faults ----------------------------------
 
 NEGLIGIBLE_NOISE = 0.01
 """Share of a channel's variance over windows that may be noise before the channel is smoothed. Errors in variables

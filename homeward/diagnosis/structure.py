@@ -19,23 +19,14 @@ from homeward.diagnosis.blocks import cut_blocks
 from homeward.diagnosis.doubt import doubted
 from homeward.diagnosis.fitted import Fitted
 from homeward.diagnosis.replay import Runs
+from homeward.diagnosis.rules import FALSE_ALARM_RATE, SMALLEST_GAIN, SMALLEST_GAIN_IN_TIME, TIME_MUST_BEAT
 from homeward.diagnosis.signals import Array
 from homeward.physics import ancillary_power
-
-FALSE_ALARM_RATE = 0.01
-"""Rate at which a model without a fault is called faulty."""
-
-SMALLEST_GAIN = 0.05
-"""Share of the refit's held-out squared error that a dependence on a channel must explain to matter."""
-
-SMALLEST_GAIN_IN_TIME = 0.15
-"""The same for changes in time alone, for which a level per stretch also follows noise with a long memory."""
 
 _DRAWS = 8000
 _BINS = 10
 _FEWEST_BLOCKS_A_BIN = 5
 _FEWEST_A_BIN = 8  # windows
-_TIME_MUST_BEAT = 2.0
 _CUT_AT = 4.0  # a run is cut where its CUSUM is two standard errors off
 
 
@@ -212,7 +203,7 @@ def _ranked(found: list[Dependence]) -> list[Dependence]:
     best = max((d.held_out_gain for d in found if d.found and d.channel is not _TIME), default=0.0)
 
     def rank(one: Dependence) -> tuple[bool, float]:
-        behind = one.channel is _TIME and one.held_out_gain < _TIME_MUST_BEAT * best
+        behind = one.channel is _TIME and one.held_out_gain < TIME_MUST_BEAT * best
         return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
 
     return sorted(found, key=rank)

@@ -13,12 +13,9 @@ from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.refit import Refit, covariance
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.result import Product, Range, Value
+from homeward.diagnosis.rules import ENTWINED
 from homeward.diagnosis.signals import Array
 from homeward.physics import Robot, d_max
-
-_ENTWINED = 0.9
-"""Correlation of two estimates from which only what they make together counts as determined: the error of each is then
-more than twice (1 / sqrt(1 - 0.9^2)) what it would be were the other known."""
 
 _DRAWS = 2000
 _STEP = 1e-3  # of a group, for differences
@@ -87,7 +84,7 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
             scales = float(more @ added) / max(_STEP * float(added @ added), 1e-300)
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
-            if cosine > _ENTWINED and scales > _ENTWINED and one.column is not None:
+            if cosine > ENTWINED and scales > ENTWINED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
                 half = 1.96 * assumed * float(np.sqrt(known.covariance[at_joint, at_joint]))
@@ -104,7 +101,7 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     found = []
     for index, term in enumerate(model.model.terms):
         mine = [first + at for at, one in enumerate(model.model.unknowns) if one.term == index]
-        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > _ENTWINED]
+        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > ENTWINED]
         if not pairs or term.hypothesis.in_file is not None:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))

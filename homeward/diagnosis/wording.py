@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from homeward.diagnosis.blocks import FEWEST_BLOCKS
 from homeward.diagnosis.charge import USABLE_ENERGY
 from homeward.diagnosis.describe import condition, total_share
 from homeward.diagnosis.location import WHOLE_RUN, Location
 from homeward.diagnosis.quality import Finding
 from homeward.diagnosis.refit import Estimate
 from homeward.diagnosis.result import Fit, Handed, MissingPhysics, ParameterOff, Verdict
-from homeward.diagnosis.rules import EXPLAINS, LASTS
-from homeward.diagnosis.structure import FALSE_ALARM_RATE
+from homeward.diagnosis.rules import EXPLAINS, FALSE_ALARM_RATE, FEWEST_BLOCKS, LASTS
 
 if TYPE_CHECKING:
     from homeward.diagnosis.chain import Evidence
