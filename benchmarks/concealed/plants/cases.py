@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar, get_args
 
 import numpy as np
 import pandas as pd
 from numpy.random import Generator
-from scipy.optimize import lsq_linear
+from scipy.optimize import nnls
 
 from benchmarks.concealed.plants.catalogue import TRUTHS, replayed
 from benchmarks.concealed.plants.chain import Mechanism, Work, rollout
 from benchmarks.concealed.plants.drives import Array, Route, Run, make_drives, make_route
-from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS
+from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS, Draw
 from benchmarks.concealed.plants.instruments import FAULTS, NEEDS_ROOM, NOISES, Logging, read_power, record
 from benchmarks.concealed.plants.outside import OUTSIDE, make_outside
 from benchmarks.concealed.plants.vehicles import BURGER, GRAVITY_MPS2, RACER, VEHICLES, Vehicle
 from homeward.physics import Robot
 
-Part = Literal["singles", "pairs", "controls", "outside", "coverage"]
+Part = Literal["singles", "pairs", "controls", "outside", "coverage", "rover", "cell"]
 PARTS: tuple[Part, ...] = get_args(Part)
+NEEDS = {"rover": "mujoco", "cell": "pybamm"}  # parts on simulators of others, by the library that each needs
 ReadBy = Literal["gauge", "terminals"]
 Kind = TypeVar("Kind")
+Fit = Callable[[Vehicle, list[Run], Generator], tuple[Vehicle, list[Run]]]
+"""Gives a vehicle the battery for its drives, and the drives their weather."""
 
 COLD_C = {"heater": (-8.0, 3.0), "cold_battery": (-14.0, 2.0)}  # mean temperatures of the day, where it must be cold
 BATTERY_LAWS = ("internal_resistance", "rate_capacity", "cold_battery")  # at the terminals: in voltage and charge
@@ -82,58 +85,81 @@ def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
 
     if part == "singles":
         effect, level = in_turn([(effect, level) for effect in EFFECTS for level in NOISES])
-        return _hidden(part, number, (effect,), level, rng, short)
+        return hidden_case(part, number, (effect,), level, rng, short)
     if part == "pairs":
         first = in_turn(list(EFFECTS))
         second = str(rng.choice([name for name in EFFECTS if _go_together(first, name)]))
-        return _hidden(part, number, (first, second), str(rng.choice(list(NOISES))), rng, short)
+        return hidden_case(part, number, (first, second), str(rng.choice(list(NOISES))), rng, short)
     if part == "controls":
         exact, fault = in_turn([(exact, fault) for exact in (True, False) for fault in ("none", *FAULTS)])
-        return _control(number, exact, fault, rng, short)
+        return control_case(number, exact, fault, rng, short)
     if part == "outside":
         return _outside(number, in_turn(list(OUTSIDE)), rng, short)
+    if part == "rover":
+        from benchmarks.concealed.plants import rover  # here, for MuJoCo is optional
+
+        return rover.make(number, *in_turn(rover.KINDS), rng, short)
+    if part == "cell":
+        from benchmarks.concealed.plants import cell  # here, for PyBaMM is optional
+
+        return cell.make(number, *in_turn(cell.KINDS), rng, short)
     return _coverage(number, in_turn([*TRUTHS, "none", "none", "none"]), rng, short)
 
 
 # ---- parts ----------------------------------------------------------------------------------------------------------
 
 
-def _hidden(part: Part, number: int, effects: tuple[str, ...], level: str, rng: Generator, short: bool) -> Case:
+def _as_they_are(vehicle: Vehicle, runs: list[Run], rng: Generator) -> tuple[Vehicle, list[Run]]:
+    return vehicle, runs
+
+
+def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, rng: Generator, short: bool,
+                fit: Fit = _as_they_are, draws: Mapping[str, Draw] = EFFECTS) -> Case:  # fmt: skip
+    """A vehicle that hides effects, by what draws them."""
     vehicle = _vehicle_for(effects, rng)
     situation = _situation(vehicle, effects, rng, short)
-    mechanisms = [EFFECTS[name](vehicle, rng, len(situation.runs)) for name in effects]
+    vehicle, runs = fit(vehicle, situation.runs, rng)
+    situation = dataclasses.replace(situation, runs=runs)
+    mechanisms = [draws[name](vehicle, rng, len(situation.runs)) for name in effects]
     read_by = _read_by(effects, rng)
     robot = vehicle.robot
-    nominal = robot if rng.random() < 0.5 else _misset(robot, rng, 0.03, 0.1)
+    nominal = robot if rng.random() < 0.5 else misset(robot, rng, 0.03, 0.1)
     noise_seed = int(rng.integers(2**32))
     logging = _logging(vehicle, effects, rng)
     works = _rollouts(vehicle, situation.runs, mechanisms, read_by, noise_seed)
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
     misses = {
-        mechanism.effect: _refit(_rollouts(vehicle, situation.runs, [mechanism], read_by, noise_seed))[1]
-        for mechanism in mechanisms
+        one.effect: missed_share(
+            works if mechanisms == [one] else _rollouts(vehicle, situation.runs, [one], read_by, noise_seed)
+        )
+        for one in mechanisms
     }
     elsewhere = {"ageing", "odometry_scale", *(BATTERY_LAWS if read_by == "terminals" else ())}
     misses |= {name: 1.0 for name in elsewhere & set(effects)}  # they show in voltage, charge or distance
     return Case(
         part, number, robot.name, level, effects, frozenset(), "none", robot, nominal, recordings, misses,
-        _refit(works)[0], _later(vehicle, situation, mechanisms, read_by, rng, short),
+        _refit(works), [] if part == "cell" else _later(vehicle, situation, mechanisms, read_by, rng, short),
     )  # fmt: skip
 
 
-def _control(number: int, exact: bool, fault: str, rng: Generator, short: bool) -> Case:
+def control_case(number: int, exact: bool, fault: str, rng: Generator, short: bool, part: Part = "controls",
+                 fit: Fit = _as_they_are, draws: Sequence[Draw] = ()) -> Case:  # fmt: skip
+    """A vehicle that hides nothing that matters; `draws` are of what it has without being missed."""
     vehicle = _pick([v for v in VEHICLES if fault not in NEEDS_ROOM or v not in (BURGER, RACER)], rng)
     situation = _situation(vehicle, (), rng, short)
-    nominal = vehicle.robot if exact else _misset(vehicle.robot, rng, 0.1, 0.4)
+    vehicle, runs = fit(vehicle, situation.runs, rng)
+    situation = dataclasses.replace(situation, runs=runs)
+    nominal = vehicle.robot if exact else misset(vehicle.robot, rng, 0.1, 0.4)
+    mechanisms = [draw(vehicle, rng, len(situation.runs)) for draw in draws]
     level = ("low", "middle")[int(rng.integers(2))]
     logging = _logging(vehicle, (), rng)
-    works = _rollouts(vehicle, situation.runs, [], _read_by((), rng), 0)
+    works = _rollouts(vehicle, situation.runs, mechanisms, _read_by((), rng), 0)
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
     if fault != "none":
         bad = rng.random()
         recordings = [FAULTS[fault](frame, work, bad, rng) for frame, work in zip(recordings, works, strict=True)]
     return Case(
-        "controls", number, vehicle.robot.name, "exact" if exact else "misset", (), frozenset(), fault, vehicle.robot,
+        part, number, vehicle.robot.name, "exact" if exact else "misset", (), frozenset(), fault, vehicle.robot,
         nominal, recordings, {},
     )  # fmt: skip
 
@@ -149,7 +175,7 @@ def _outside(number: int, name: str, rng: Generator, short: bool) -> Case:
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
     return Case(
         "outside", number, vehicle.robot.name, name, (name,), fair, "none", vehicle.robot, vehicle.robot, recordings,
-        {name: _refit(works)[1]},
+        {name: missed_share(works)},
     )  # fmt: skip
 
 
@@ -160,14 +186,14 @@ def _coverage(number: int, effect: str, rng: Generator, short: bool) -> Case:
     truth = vehicle.robot
     if effect != "none":
         truth = dataclasses.replace(truth, effects={effect: TRUTHS[effect](vehicle, rng)})
-    nominal = vehicle.robot if effect != "none" and rng.random() < 0.5 else _misset(vehicle.robot, rng, 0.1, 0.3)
+    nominal = vehicle.robot if effect != "none" and rng.random() < 0.5 else misset(vehicle.robot, rng, 0.1, 0.3)
     level = ("low", "middle")[int(rng.integers(2))]
     works = [replayed(vehicle, truth, run) for run in situation.runs]
     recordings = [record(work, NOISES[level], Logging(charge=False), rng) for work in works]
     hidden = () if effect == "none" else (effect,)
     return Case(
         "coverage", number, truth.name, level, hidden, frozenset(), "none", truth, nominal, recordings,
-        {name: _refit(works)[1] for name in hidden},
+        {name: missed_share(works) for name in hidden},
     )  # fmt: skip
 
 
@@ -229,7 +255,7 @@ def _read_by(effects: tuple[str, ...], rng: Generator) -> ReadBy:
 
 
 def _logging(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator) -> Logging:
-    roomy = vehicle not in (BURGER, RACER)
+    roomy = vehicle.robot.name not in (BURGER.robot.name, RACER.robot.name)
     return Logging(
         wheels=vehicle.steering != "ackermann" and bool(rng.random() < 0.25),
         elevation=roomy and bool(rng.random() < 0.25),
@@ -238,7 +264,7 @@ def _logging(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator) -> Logg
     )
 
 
-def _misset(robot: Robot, rng: Generator, least: float, most: float) -> Robot:
+def misset(robot: Robot, rng: Generator, least: float, most: float) -> Robot:
     """The robot with rolling resistance and up to two other parameters wrong by some share, up or down."""
     others = ["controller_w", "sensing_j_per_sample", "mass_kg"]
     names = ["rolling_resistance", *rng.choice(others, size=int(rng.integers(0, 3)), replace=False).tolist()]
@@ -267,14 +293,28 @@ def _later(vehicle: Vehicle, situation: _Situation, mechanisms: Sequence[Mechani
     return later
 
 
-def _refit(works: Sequence[Work]) -> tuple[Robot, float]:
-    """Fit the model's own groups to noise-free recordings: the refitted robot, and what it misses.
+def missed_share(works: Sequence[Work]) -> float:
+    """What the best refit misses of noise-free recordings: rms over 5 s as a share of the mean power."""
+    return _fit(works)[1]
+
+
+def _refit(works: Sequence[Work]) -> Robot:
+    """The robot with the groups that fit noise-free recordings best."""
+    robot = works[0].vehicle.robot
+    idle_w, sample_j, rolling, drag, grade = _fit(works)[0] * np.array([1.0, 1.0, *[robot.traction_efficiency] * 3])
+    mass_kg = max(grade / GRAVITY_MPS2, 0.01 * robot.mass_kg)
+    return dataclasses.replace(
+        robot, mass_kg=mass_kg, rolling_resistance=float(np.clip(rolling / GRAVITY_MPS2 / mass_kg, 1e-4, 1.0)),
+        drag_ns2_per_m2=drag, sensing_j_per_sample=max(sample_j - robot.computer_j_per_sample, 0.0),
+        controller_w=max(idle_w - robot.sensing_idle_w - robot.communication_w, 0.0),
+    )  # fmt: skip
+
+
+def _fit(works: Sequence[Work]) -> tuple[Array, float]:
+    """Fit the model's own groups to noise-free recordings: the groups, and the share of the mean power they miss.
 
     The groups are those of physics.md, trap 7: idle power, energy a sample, and C_rr m, c and m over Gamma, none of
     them negative. Descents that draw nothing are left out of the groups, for there the model has a kink.
-
-    Returns:
-        The robot, and the rms of what it misses over 5 s as a share of the mean power.
     """
     robot = works[0].vehicle.robot
     columns, powers = [], []
@@ -292,13 +332,6 @@ def _refit(works: Sequence[Work]) -> tuple[Robot, float]:
         powers.append(read_power(work)[:n].reshape(-1, block).mean(axis=1))
     matrix, power_w = np.concatenate(columns), np.concatenate(powers)
     scale = np.maximum(np.abs(matrix).max(axis=0), 1e-12)
-    groups = lsq_linear(matrix / scale, power_w, bounds=(0.0, np.inf)).x / scale
+    groups = nnls(matrix / scale, power_w)[0] / scale
     missed_w = power_w - matrix @ groups
-    idle_w, sample_j, rolling, drag, grade = groups * np.array([1.0, 1.0, *[robot.traction_efficiency] * 3])
-    mass_kg = max(grade / GRAVITY_MPS2, 0.01 * robot.mass_kg)
-    refitted = dataclasses.replace(
-        robot, mass_kg=mass_kg, rolling_resistance=float(np.clip(rolling / GRAVITY_MPS2 / mass_kg, 1e-4, 1.0)),
-        drag_ns2_per_m2=drag, sensing_j_per_sample=max(sample_j - robot.computer_j_per_sample, 0.0),
-        controller_w=max(idle_w - robot.sensing_idle_w - robot.communication_w, 0.0),
-    )  # fmt: skip
-    return refitted, float(np.sqrt(np.mean(missed_w**2)) / np.mean(np.abs(power_w)))
+    return groups, float(np.sqrt(np.mean(missed_w**2)) / np.mean(np.abs(power_w)))

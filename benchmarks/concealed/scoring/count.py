@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.concealed.plants.cases import NEEDS
 from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS
 from benchmarks.concealed.plants.instruments import NOISES
 from benchmarks.concealed.scoring.outcome import Outcome
@@ -100,10 +102,12 @@ def tables(outcomes: Sequence[Outcome]) -> list[Table]:
     makers: dict[str, Callable[[list[Outcome]], list[Table]]] = {
         "singles": _singles, "pairs": _pairs, "controls": _controls, "outside": _outside, "coverage": _coverage,
     }  # fmt: skip
-    for part, maker in makers.items():
-        chosen = [outcome for outcome in outcomes if outcome.part == part]
-        if chosen:
-            made += maker(chosen)
+    for part in (None, *NEEDS):  # those of others' simulators apart from the own one
+        for kind, maker in makers.items():
+            chosen = [o for o in outcomes if o.kind == kind and part == (o.part if o.part in NEEDS else None)]
+            if chosen:
+                named = f", {part}" if part else ""
+                made += [dataclasses.replace(table, title=table.title + named) for table in maker(chosen)]
     hidden = [outcome for outcome in outcomes if outcome.part in ("singles", "pairs")]
     return [*made, *(_later(hidden) if hidden else []), _cost(outcomes)]
 

@@ -14,7 +14,8 @@ from typing import TypedDict
 
 import numpy as np
 
-from benchmarks.concealed.plants.cases import Case, Later, Part, make_case
+from benchmarks.concealed.plants.cases import NEEDS, Case, Later, Part, make_case
+from benchmarks.concealed.plants.effects import EFFECTS
 from homeward.commands import diagnose
 from homeward.diagnosis import RecordingError
 from homeward.physics import Robot, load_robot, replay
@@ -59,6 +60,15 @@ class Outcome:
     intervals: list[Interval] = field(default_factory=list)
     make_s: float = 0.0
     diagnose_s: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """The part, or in a part on somebody else's simulator, the part that counts such cases."""
+        if self.part not in NEEDS:
+            return self.part
+        if not self.hidden:
+            return "controls"
+        return "pairs" if len(self.hidden) == 2 else "singles" if self.hidden[0] in EFFECTS else "outside"
 
 
 def run_case(part: Part, seed: int, number: int, out: Path) -> Outcome:

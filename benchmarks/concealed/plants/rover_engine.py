@@ -1,0 +1,195 @@
+"""A rover in MuJoCo: motors turn wheels, wheels push on ground; no formula for what a robot's power depends on.
+
+Scrub in turns, slip, inertia, and what payload, slope and soft ground cost come out of contact and of the motors'
+torques. Left wheels come before right ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from benchmarks.concealed.plants.drives import Array
+
+TRACK_M = 0.55
+WHEEL_RADIUS_M = 0.165
+WHEELS_KG = 10.0
+THRUST_N_PER_A = 21.2  # as the preset husky has it
+STEP_S = 0.1
+_TICK_S = 0.02
+_SETTLING_S = 6.0
+_SPREAD = 1.8  # a skid-steered robot turns more slowly than its wheels would have it, by about this factor
+_HEADING_GAIN_HZ = 2.0
+
+Brake = Callable[[Array, float], Array]
+"""Torque of friction in the four wheels, N m, for their speeds, m/s, and the yaw rate that is asked for, rad/s."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What the wheels stand on."""
+
+    sliding: float  # coefficient of friction
+    rolling: float  # rolling friction over the wheel's radius
+
+
+@dataclass(frozen=True)
+class World:
+    """Ground along x: other ground on patches, and the slope, upwards in the direction of x, between knots."""
+
+    ground: Ground
+    patches: tuple[tuple[float, float, Ground], ...] = ()  # from and to, m
+    slope: tuple[tuple[float, float], ...] = ((0.0, 0.0),)  # place, m; slope, rad
+
+    def below(self, place_m: float) -> Ground:
+        """Ground at a place."""
+        return next((ground for start, end, ground in self.patches if start <= place_m < end), self.ground)
+
+
+@dataclass(frozen=True)
+class Rover:
+    """What differs between rovers of this kind."""
+
+    mass_kg: float  # without payload
+    efficiency: float  # of the motors and gears
+    idle_w: float
+    recovery: float = 0.0  # share of the braking energy that the battery gets back
+
+
+@dataclass(frozen=True)
+class Trip:
+    """What a rover is to do in one run; arrays of shape (n,) at 50 Hz, where the first values hold before the start."""
+
+    speed_mps: Array
+    yaw_radps: Array
+    payload_kg: Array
+    world: World
+    start_m: float = 0.0
+    heading_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class Log:
+    """What happened in one run, without noise; arrays of shape (n,), means over a tenth of a second."""
+
+    speed_mps: Array
+    wheel_left_mps: Array
+    wheel_right_mps: Array
+    yaw_radps: Array
+    heading_rad: Array
+    place_m: Array
+    grade_rad: Array
+    changed: Array  # share of the wheels that stand on a patch
+    power_w: Array
+    left_a: Array
+    right_a: Array
+
+    @property
+    def time_s(self) -> Array:
+        """Time since the start, s."""
+        return np.asarray(np.arange(self.speed_mps.size) * STEP_S)
+
+
+def drive(rover: Rover, trip: Trip, brake: Brake | None = None) -> Log:
+    """Drive one run; the recording starts when the rover goes steadily at the speed asked for first."""
+    cart = _Cart(rover, trip, brake)
+    gentle = np.linspace(0.0, 1.0, round(_SETTLING_S / _TICK_S / 2))
+    for share in (*gentle, *np.ones(gentle.size)):
+        cart.tick(share * trip.speed_mps[0], share * trip.yaw_radps[0], trip.payload_kg[0])
+    cart.place(trip.start_m, trip.heading_rad)
+    asked = zip(trip.speed_mps, trip.yaw_radps, trip.payload_kg, strict=True)
+    rows = np.array([cart.tick(speed, yaw, payload) for speed, yaw, payload in asked])
+    ticks = round(STEP_S / _TICK_S)
+    means = rows[: len(rows) // ticks * ticks].reshape(-1, ticks, rows.shape[1]).mean(axis=1)
+    return Log(*np.ascontiguousarray(means.T))
+
+
+class _Cart:
+    """The simulated rover, with its wheel speed controllers and a compass."""
+
+    def __init__(self, rover: Rover, trip: Trip, brake: Brake | None) -> None:
+        self.rover, self.world, self.brake = rover, trip.world, brake
+        self.knots = np.array(trip.world.slope).T
+        self.model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("rover.xml")))
+        self.data = mujoco.MjData(self.model)
+        self.payload_kg = 0.0
+        self._load("chassis", rover.mass_kg - WHEELS_KG)
+        self._load("payload", 0.0)
+        self.heading_rad = self.wanted_rad = 0.0
+        self.place(trip.start_m, trip.heading_rad)
+
+    def place(self, start_m: float, heading_rad: float) -> None:
+        """Put the rover somewhere, in the motion and with the tilt that it has."""
+        turn = heading_rad - self.heading_rad
+        q, v = self.data.qpos, self.data.qvel
+        q[:3] = start_m, 0.0, q[2]
+        half = np.array([np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)])
+        mujoco.mju_mulQuat(q[3:7], half, q[3:7].copy())
+        v[:2] = v[0] * np.cos(turn) - v[1] * np.sin(turn), v[0] * np.sin(turn) + v[1] * np.cos(turn)
+        self.heading_rad, self.wanted_rad = heading_rad, self.wanted_rad + turn
+        self.data.qacc_warmstart[:] = 0.0
+
+    def tick(self, speed_mps: float, yaw_radps: float, payload_kg: float) -> tuple[float, ...]:
+        """Ask for a speed and a yaw rate, go on by a fiftieth of a second and tell what `Log` has, in its order."""
+        if payload_kg != self.payload_kg:
+            self._load("payload", payload_kg)
+            self.payload_kg = payload_kg
+        asked = self._steer(speed_mps, yaw_radps)
+        grade_rad, changed = self._stand()
+        steps = round(_TICK_S / self.model.opt.timestep)
+        change = (asked - self.data.ctrl) / steps
+        for _ in range(steps):
+            self.data.ctrl += change  # in steps so small that the torque at the end stands for the whole of it
+            mujoco.mj_step(self.model, self.data)
+        return self._read(grade_rad, changed)
+
+    def _steer(self, speed_mps: float, yaw_radps: float) -> Array:
+        """Speeds that the wheels are to turn at, rad/s; array of shape (4,)."""
+        standing = abs(speed_mps) < 1e-3 and abs(yaw_radps) < 1e-3
+        self.wanted_rad += yaw_radps * _TICK_S
+        astray = 0.0 if standing else self.wanted_rad - self.heading_rad
+        half_mps = 0.5 * TRACK_M * (_SPREAD * yaw_radps + _HEADING_GAIN_HZ * astray)
+        if self.brake is not None:
+            self.model.dof_frictionloss[6:] = self.brake(WHEEL_RADIUS_M * self.data.qvel[6:], yaw_radps)
+        return np.array([speed_mps - half_mps] * 2 + [speed_mps + half_mps] * 2) / WHEEL_RADIUS_M
+
+    def _stand(self) -> tuple[float, float]:
+        """Put under each wheel the ground that lies there, and under the robot the slope: gravity is what tilts."""
+        grounds = [self.world.below(float(self.data.geom_xpos[2 + wheel, 0])) for wheel in range(4)]
+        for friction, ground in zip(self.model.pair_friction, grounds, strict=True):
+            friction[:2] = ground.sliding
+            friction[3:] = ground.rolling * WHEEL_RADIUS_M
+        slope = float(np.interp(self.data.qpos[0], *self.knots))
+        self.model.opt.gravity[:] = -9.80665 * np.sin(slope), 0.0, -9.80665 * np.cos(slope)
+        changed = sum(ground is not self.world.ground for ground in grounds) / 4.0
+        return float(np.arcsin(np.sin(slope) * np.cos(self.heading_rad))), changed
+
+    def _read(self, grade_rad: float, changed: float) -> tuple[float, ...]:
+        w, x, y, z = self.data.qpos[3:7]
+        turned = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) - self.heading_rad
+        self.heading_rad += (turned + np.pi) % (2 * np.pi) - np.pi  # goes on beyond half a turn
+        east, north = self.data.qvel[:2]
+        forward = east * np.cos(self.heading_rad) + north * np.sin(self.heading_rad)
+        torque, wheels = self.data.actuator_force, self.data.qvel[6:]
+        work = torque * wheels
+        electric = np.where(
+            work > 0.0, work / self.rover.efficiency, self.rover.recovery * self.rover.efficiency * work
+        )
+        amps = np.abs(torque) / (self.rover.efficiency * THRUST_N_PER_A * WHEEL_RADIUS_M)
+        rims = WHEEL_RADIUS_M * wheels
+        return (
+            forward, rims[:2].mean(), rims[2:].mean(), self.data.qvel[5], self.heading_rad,
+            self.data.qpos[0], grade_rad, changed, self.rover.idle_w + electric.sum(), amps[:2].sum(), amps[2:].sum(),
+        )  # fmt: skip
+
+    def _load(self, body: str, mass_kg: float) -> None:
+        """Give a body another mass; its inertia goes with it."""
+        number = self.model.body(body).id
+        mass_kg = max(mass_kg, 1e-3)
+        self.model.body_inertia[number] *= mass_kg / self.model.body_mass[number]
+        self.model.body_mass[number] = mass_kg
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
