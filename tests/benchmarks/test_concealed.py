@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.concealed.plants.cases import PARTS, Part, make_case
+from benchmarks.concealed.plants.cases import NEEDS, PARTS, Part, make_case
 from benchmarks.concealed.plants.chain import rollout
 from benchmarks.concealed.plants.drives import make_drives, make_route
 from benchmarks.concealed.plants.effects import EFFECTS
@@ -22,7 +22,9 @@ ALLOWED = {
     "distance_m", "heading_rad", "power_w", "voltage_v", "current_a", "sensing_hz", "soc", "temperature_c",
     "base_distance_m",
 }  # fmt: skip
-WITHOUT_REPLAY: tuple[Part, ...] = tuple(part for part in PARTS if part != "coverage")  # which compiles kernels
+WITHOUT_REPLAY: tuple[Part, ...] = tuple(
+    part for part in PARTS if part != "coverage" and part not in NEEDS
+)  # which compiles kernels or needs simulators
 
 
 @pytest.mark.parametrize("part", WITHOUT_REPLAY)
@@ -122,6 +124,14 @@ def test_counts_of_a_diagnosis_written_by_hand(tmp_path: Path) -> None:
     assert singles.rows[0][-1] == "2.00"
     pair = outcome(part="pairs", hidden=["payload", "radio"], classes=right.classes, verdict="missing_physics")
     assert [cell.split(" ")[0] for cell in tables([pair])[0].rows[0][1:]] == ["1/1", "0/1", "1/1", "1/1"]
+
+
+def test_cases_of_other_simulators_are_counted_by_kind() -> None:
+    hidden: list[list[str]] = [["turning"], ["turning", "payload"], ["chatter"], []]
+    made = tables([outcome(part="rover", hidden=one, visible=dict.fromkeys(one, True)) for one in hidden])
+    titles = ["One hidden effect", "Two hidden effects", "Controls: no physics is missing",
+              "Mechanisms outside the catalogue"]  # fmt: skip
+    assert [table.title for table in made] == [*(f"{title}, rover" for title in titles), "Seconds a case"]
 
 
 def test_what_counts_as_a_false_alarm() -> None:
