@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# --- Chance: how often a robot without a fault may be called faulty ----------------------------------------------------
+# --- Chance: how often a robot without a fault may be called faulty -----------------------------------------------
 
 FALSE_ALARM_RATE = 0.01
 """Of each of the three families of tests, each corrected for all that it tries: dependence on channels and time,
@@ -19,7 +19,7 @@ alike."""
 CLEARLY_OFF = 0.01
 """Chance that a right capacity is called wrong: as FALSE_ALARM_RATE."""
 
-# --- Size: what is worth a name ----------------------------------------------------------------------------------------
+# --- Size: what is worth a name -----------------------------------------------------------------------------------
 
 SMALLEST_GAIN = 0.05
 """Share of the refit's held-out squared error that an effect, or a dependence on a channel, must explain. Chosen:
@@ -44,7 +44,7 @@ MATTERS = 0.03
 """Share of what was recorded that a group must move, by its fitted size or that of the robot file, to be fitted
 beside effects. Chosen."""
 
-# --- Rivals: what stands for what --------------------------------------------------------------------------------------
+# --- Rivals: what stands for what ---------------------------------------------------------------------------------
 
 TOLD_BY_A_CHANNEL = 0.7
 """Of what a schedule explains: a cause that a channel tells and that explains this much is preferred, as a level per
@@ -81,7 +81,7 @@ then more than twice (1 / sqrt(1 - 0.9^2)) what it would be were the other known
 IN_STEP = 0.8
 """Rank correlation from which another cause goes with the fading of a battery. Chosen."""
 
-# --- Parameters: what recordings determine -----------------------------------------------------------------------------
+# --- Parameters: what recordings determine ------------------------------------------------------------------------
 
 COLLINEAR = 1e-4
 """A column of which less than this share of its squares is its own cannot be told apart from the others: its standard
@@ -100,7 +100,7 @@ GAUGE_ERROR = 0.05
 MEASURES = 0.1
 """Rise of the log-determinant of the information from which a drive is advised: a tenth is 5 % off one interval."""
 
-# --- Instruments: what a recording's own channels say of their noise, lags and faults ----------------------------------
+# --- Instruments: what a recording's own channels say of their noise, lags and faults -----------------------------
 
 NEGLIGIBLE_NOISE = 0.01
 """Share of a channel's variance over windows that may be noise before the channel is smoothed. Errors in variables
