@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.mixture import GaussianMixture
 
-from homeward.diagnosis.chain import Analysis
+from homeward.diagnosis.evidence import Analysis
 from homeward.diagnosis.regression import bounded
 from homeward.diagnosis.signals import Array
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,29 +13,29 @@ from homeward.diagnosis import wording
 from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_pct, score
 from homeward.diagnosis.bench import FOLDS
 from homeward.diagnosis.blocks import correlation_windows, cut_folds
-from homeward.diagnosis.charge import USABLE_ENERGY, Charge, weigh_charge
+from homeward.diagnosis.charge import USABLE_ENERGY, weigh_charge
 from homeward.diagnosis.columns import Columns
 from homeward.diagnosis.correct import of_capacity, range_change
 from homeward.diagnosis.describe import fading, missing_physics
 from homeward.diagnosis.empirical import Empirical
+from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.experiment import next_experiment, to_tell_apart
-from homeward.diagnosis.explanation import Explanation, Left, explain
+from homeward.diagnosis.explanation import Explanation, explain
 from homeward.diagnosis.fitted import Fitted, with_columns
 from homeward.diagnosis.handover import determined, hand_over, sayable
 from homeward.diagnosis.hypotheses import what_can_be_shown
-from homeward.diagnosis.location import Location
 from homeward.diagnosis.modelling import Corrected
 from homeward.diagnosis.naming import Naming, shifted_in_time
 from homeward.diagnosis.parameters import with_effects_of
-from homeward.diagnosis.quality import Finding, usable_runs
+from homeward.diagnosis.quality import usable_runs
 from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
-from homeward.diagnosis.replay import Runs, average, power_w
-from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, Product, RecordingInfo, Verdict
+from homeward.diagnosis.replay import Runs, average
+from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, RecordingInfo, Verdict
 from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, SAMPLES_A_WINDOW
 from homeward.diagnosis.signals import Array
-from homeward.diagnosis.structure import Dependence, dependences, independent_blocks
-from homeward.diagnosis.uncertainty import Joint, Spread, joint, products, recorded_range, spread
+from homeward.diagnosis.structure import dependences, independent_blocks
+from homeward.diagnosis.uncertainty import joint, products, recorded_range, spread
 from homeward.physics import Robot, load_robot
 
 Progress = Callable[[str], None]
@@ -46,96 +44,6 @@ STAGES = (
     "reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving",
 )  # fmt: skip
 """Names that `progress` is called with, in order."""
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What the verdict rests on, for the report; arrays of shape (windows,).
-
-    There is no arm `nominal` where the robot file cannot predict what was recorded (motor current without a known
-    thrust per ampere), and none `corrected` where nothing was named and no formula was found.
-    """
-
-    runs: Runs
-    fitted: Refit
-    plain: Refit  # with every group that the recordings leave open as the robot file has it
-    block: NDArray[np.intp]
-    fold: NDArray[np.intp]  # what is held out together
-    held_out_by: Literal["run", "block"]
-    predictions: Mapping[str, Array]  # by arm, held out
-    estimates: tuple[Estimate, ...]
-    dependences: tuple[Dependence, ...]
-    location: Location | None
-    naming: Naming
-    corrected: Corrected | None  # the fitted model, where effects were named
-    empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
-    range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
-    charge: Charge | None  # of the battery beside the drive, where its state was recorded
-    remains: Left | None  # what the named effects leave, where it still depends on a channel
-    products: tuple[Product, ...]  # of which the recordings determine no factor alone
-    joint: Joint  # covariance of everything that was fitted together
-    spread: Spread  # of what the last model leaves, between runs and within them
-
-    @property
-    def held(self) -> tuple[str, ...]:
-        """Symbols of the groups that stay as the robot file has them."""
-        groups = (self.plain if self.corrected is None else self.corrected).groups
-        return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
-
-    @property
-    def trip(self) -> NDArray[np.intp]:
-        """What counts as one trip, shape (windows,)."""
-        return self.runs.run if self.held_out_by == "run" else self.fold
-
-    @property
-    def fades(self) -> bool:
-        """Whether the recorded state of charge shows a battery that ages."""
-        return self.charge is not None and self.charge.fading is not None
-
-    @property
-    def contributions(self) -> tuple[Array, ...]:
-        """What each named effect adds, in the order of the diagnosis, shape (windows,) each."""
-        found = () if self.corrected is None else self.corrected.contribution
-        return (*found, self.charge.wasted(self.runs)) if self.charge is not None and self.fades else found
-
-    @property
-    def left(self) -> Array:
-        """What the named effects leave or, where there are none, the refit; shape (windows,)."""
-        model = self.fitted if self.corrected is None else self.corrected
-        return self.runs.observed - model.predicted
-
-    @property
-    def nominal(self) -> Array | None:
-        """What the robot file predicts."""
-        return self.predictions.get("nominal")
-
-    @property
-    def refit(self) -> Array:
-        """What the refit predicts of what it has not seen."""
-        return self.predictions["refit"]
-
-
-@dataclass(frozen=True)
-class Analysis:
-    """A diagnosis with its evidence and the corrected robot."""
-
-    diagnosis: Diagnosis
-    robot: Robot
-    corrected: Robot
-    findings: tuple[Finding, ...]
-    evidence: Evidence | None  # None where no run can be used
-
-    def per_sample(self, name: str) -> Array:
-        """Battery power that the corrected file says of one run, W, shape (samples,), at the run's `time_s`.
-
-        Args:
-            name: Path of the recording.
-
-        Raises:
-            KeyError: No usable run has this name.
-        """
-        runs = {} if self.evidence is None else {run.name: run for run in self.evidence.runs.signals}
-        return power_w(runs[name], self.corrected)
 
 
 def diagnose(

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from homeward.diagnosis.chain import Analysis, Evidence
+from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.hypotheses import CATALOGUE
 from homeward.diagnosis.replay import Runs
 from homeward.diagnosis.signals import Array

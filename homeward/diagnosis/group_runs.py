@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis.chain import Analysis, Evidence
+from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.formats import number
 from homeward.diagnosis.group_comparison import (
     Comparison,

@@ -15,9 +15,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from homeward.diagnosis import wording
-from homeward.diagnosis.chain import Analysis, Evidence
 from homeward.diagnosis.correct import comments
 from homeward.diagnosis.describe import condition, total_share
+from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.figures import conditions, time_figure
 from homeward.diagnosis.formats import ARMS, PAPER_ACCURACY, decimal, labels, number, typeset
 from homeward.diagnosis.hypotheses import CATALOGUE

@@ -9,7 +9,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from homeward.diagnosis.chain import Analysis
+from homeward.diagnosis.evidence import Analysis
 from homeward.diagnosis.formats import ARMS, PAPER_ACCURACY, decimal, number
 from homeward.diagnosis.result import Fit, MissingPhysics, Range
 

@@ -15,7 +15,7 @@ from homeward.diagnosis.result import Fit, Handed, MissingPhysics, ParameterOff,
 from homeward.diagnosis.rules import EXPLAINS, FALSE_ALARM_RATE, FEWEST_BLOCKS, LASTS
 
 if TYPE_CHECKING:
-    from homeward.diagnosis.chain import Evidence
+    from homeward.diagnosis.evidence import Evidence
 
 _HOLDS = {
     "corrected": "holds it",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import diagnose
 from homeward import Robot
 from homeward.diagnosis import Recording, RecordingError, synthetic
-from homeward.diagnosis.chain import Evidence
+from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.group_comparison import Quantity, compare
 from homeward.diagnosis.group_runs import compare_standing, values_of_runs
 from homeward.diagnosis.quality import usable_runs

@@ -1,0 +1,115 @@
+"""What a verdict rests on, and the diagnosis with it: what the report, the terminal and other tools read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.charge import Charge
+from homeward.diagnosis.empirical import Empirical
+from homeward.diagnosis.explanation import Left
+from homeward.diagnosis.location import Location
+from homeward.diagnosis.modelling import Corrected
+from homeward.diagnosis.naming import Naming
+from homeward.diagnosis.quality import Finding
+from homeward.diagnosis.refit import Estimate, Refit
+from homeward.diagnosis.replay import Runs, power_w
+from homeward.diagnosis.result import Diagnosis, Product
+from homeward.diagnosis.signals import Array
+from homeward.diagnosis.structure import Dependence
+from homeward.diagnosis.uncertainty import Joint, Spread
+from homeward.physics import Robot
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the verdict rests on, for the report; arrays of shape (windows,).
+
+    There is no arm `nominal` where the robot file cannot predict what was recorded (motor current without a known
+    thrust per ampere), and none `corrected` where nothing was named and no formula was found.
+    """
+
+    runs: Runs
+    fitted: Refit
+    plain: Refit  # with every group that the recordings leave open as the robot file has it
+    block: NDArray[np.intp]
+    fold: NDArray[np.intp]  # what is held out together
+    held_out_by: Literal["run", "block"]
+    predictions: Mapping[str, Array]  # by arm, held out
+    estimates: tuple[Estimate, ...]
+    dependences: tuple[Dependence, ...]
+    location: Location | None
+    naming: Naming
+    corrected: Corrected | None  # the fitted model, where effects were named
+    empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
+    range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
+    charge: Charge | None  # of the battery beside the drive, where its state was recorded
+    remains: Left | None  # what the named effects leave, where it still depends on a channel
+    products: tuple[Product, ...]  # of which the recordings determine no factor alone
+    joint: Joint  # covariance of everything that was fitted together
+    spread: Spread  # of what the last model leaves, between runs and within them
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Symbols of the groups that stay as the robot file has them."""
+        groups = (self.plain if self.corrected is None else self.corrected).groups
+        return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
+
+    @property
+    def trip(self) -> NDArray[np.intp]:
+        """What counts as one trip, shape (windows,)."""
+        return self.runs.run if self.held_out_by == "run" else self.fold
+
+    @property
+    def fades(self) -> bool:
+        """Whether the recorded state of charge shows a battery that ages."""
+        return self.charge is not None and self.charge.fading is not None
+
+    @property
+    def contributions(self) -> tuple[Array, ...]:
+        """What each named effect adds, in the order of the diagnosis, shape (windows,) each."""
+        found = () if self.corrected is None else self.corrected.contribution
+        return (*found, self.charge.wasted(self.runs)) if self.charge is not None and self.fades else found
+
+    @property
+    def left(self) -> Array:
+        """What the named effects leave or, where there are none, the refit; shape (windows,)."""
+        model = self.fitted if self.corrected is None else self.corrected
+        return self.runs.observed - model.predicted
+
+    @property
+    def nominal(self) -> Array | None:
+        """What the robot file predicts."""
+        return self.predictions.get("nominal")
+
+    @property
+    def refit(self) -> Array:
+        """What the refit predicts of what it has not seen."""
+        return self.predictions["refit"]
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """A diagnosis with its evidence and the corrected robot."""
+
+    diagnosis: Diagnosis
+    robot: Robot
+    corrected: Robot
+    findings: tuple[Finding, ...]
+    evidence: Evidence | None  # None where no run can be used
+
+    def per_sample(self, name: str) -> Array:
+        """Battery power that the corrected file says of one run, W, shape (samples,), at the run's `time_s`.
+
+        Args:
+            name: Path of the recording.
+
+        Raises:
+            KeyError: No usable run has this name.
+        """
+        runs = {} if self.evidence is None else {run.name: run for run in self.evidence.runs.signals}
+        return power_w(runs[name], self.corrected)
