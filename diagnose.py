@@ -21,14 +21,15 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from homeward import cli
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
-from homeward.diagnosis import Analysis, Recording, RecordingError, analyse, read_recording, terminal
-from homeward.diagnosis.bags.files import is_bag
+from homeward.diagnosis import Analysis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.chain import STAGES
-from homeward.diagnosis.group_comparison import Comparison
-from homeward.diagnosis.group_report import show_groups, write_groups
-from homeward.diagnosis.group_runs import compare_driving, compare_standing
-from homeward.diagnosis.report import check_writable, write_outputs
-from homeward.diagnosis.standing import stands
+from homeward.diagnosis.compare.group_comparison import Comparison
+from homeward.diagnosis.compare.group_report import show_groups, write_groups
+from homeward.diagnosis.compare.group_runs import compare_driving, compare_standing
+from homeward.diagnosis.compare.standing import stands
+from homeward.diagnosis.read.bags.files import is_bag
+from homeward.diagnosis.tell import terminal
+from homeward.diagnosis.tell.report import check_writable, write_outputs
 from homeward.group_inputs import Grouped, grouped_runs
 from homeward.physics import RobotError
 

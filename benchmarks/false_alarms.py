@@ -19,12 +19,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 from homeward import cli
 from homeward.agents.statistics import wilson
 from homeward.diagnosis import Recording, RecordingError, diagnose
-from homeward.diagnosis.blocks import cut_folds
-from homeward.diagnosis.quality import usable_runs
-from homeward.diagnosis.refit import refit
-from homeward.diagnosis.replay import average
+from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
+from homeward.diagnosis.fit.folds import cut_folds
+from homeward.diagnosis.fit.refit import refit
+from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.rules import FALSE_ALARM_RATE
-from homeward.diagnosis.structure import dependences, independent_blocks
 from homeward.physics import load_robot, replay
 
 LEVELS = (0.01, 0.1, 0.5)

@@ -22,7 +22,7 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File
 
 from homeward.agents.registry import AGENTS
-from homeward.diagnosis.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.envs import IDS, difficulty
 from homeward.envs.features import FEATURES
 from homeward.envs.options import Options, settle

@@ -38,7 +38,7 @@ from homeward.agents.evaluation_summary import Evaluation
 from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.commands import train
 from homeward.diagnosis import Analysis, RecordingError, analyse
-from homeward.diagnosis.report import write_outputs
+from homeward.diagnosis.tell.report import write_outputs
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
 from homeward.envs.vector import HomewardVectorEnv

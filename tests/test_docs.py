@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from homeward.diagnosis.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.envs.features import NAMES
 
 pytest.importorskip("mkdocs", reason="the site needs the extra docs")
@@ -49,8 +49,8 @@ import dataclasses
 
 import homeward
 from homeward.diagnosis import Recording, diagnose
-from homeward.diagnosis.hypotheses import CATALOGUE
-from homeward.diagnosis.menu import MENU
+from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.menu import MENU
 from homeward.diagnosis.synthetic import record
 
 husky = homeward.load_robot("husky")

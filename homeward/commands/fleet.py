@@ -23,7 +23,7 @@ from rich.table import Table
 
 from homeward import Robot, RobotError, cli, load_robot
 from homeward.diagnosis import Diagnosis, Recording, RecordingError, analyse, read_recording
-from homeward.diagnosis.report import check_writable, write_outputs
+from homeward.diagnosis.tell.report import check_writable, write_outputs
 from homeward.files import write_whole
 from homeward.parallel import ClusterError, TaskError, check_workers, code_hash, run_tasks
 

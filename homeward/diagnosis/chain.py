@@ -9,33 +9,33 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis import wording
-from homeward.diagnosis.arms import better, black_box, held_out, range_accuracy_pct, score
-from homeward.diagnosis.bench import FOLDS
-from homeward.diagnosis.blocks import correlation_windows, cut_folds
-from homeward.diagnosis.charge import USABLE_ENERGY, weigh_charge
-from homeward.diagnosis.columns import Columns
-from homeward.diagnosis.correct import of_capacity, range_change
-from homeward.diagnosis.describe import fading, missing_physics
-from homeward.diagnosis.empirical import Empirical
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.experiment import next_experiment, to_tell_apart
-from homeward.diagnosis.explanation import Explanation, explain
-from homeward.diagnosis.fitted import Fitted, with_columns
-from homeward.diagnosis.handover import determined, hand_over, sayable
-from homeward.diagnosis.hypotheses import what_can_be_shown
-from homeward.diagnosis.modelling import Corrected
-from homeward.diagnosis.naming import Naming, shifted_in_time
-from homeward.diagnosis.parameters import with_effects_of
-from homeward.diagnosis.quality import usable_runs
-from homeward.diagnosis.recordings import Recording, RecordingError, read_recording
-from homeward.diagnosis.refit import Estimate, Refit, estimates, refit
-from homeward.diagnosis.replay import Runs, average
+from homeward.diagnosis.explain.battery import USABLE_ENERGY, weigh_charge
+from homeward.diagnosis.explain.describe import fading, missing_physics
+from homeward.diagnosis.explain.explanation import Explanation, explain
+from homeward.diagnosis.explain.formula import Empirical
+from homeward.diagnosis.explain.hypotheses import what_can_be_shown
+from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.explain.naming import Naming, shifted_in_time
+from homeward.diagnosis.explain.proof import FOLDS
+from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
+from homeward.diagnosis.explain.uncertainty import joint, products, recorded_range, spread
+from homeward.diagnosis.fit.fitted import Fitted, with_columns
+from homeward.diagnosis.fit.folds import correlation_windows, cut_folds
+from homeward.diagnosis.fit.held_out import better, black_box, held_out, range_accuracy_pct, score
+from homeward.diagnosis.fit.parameter_groups import with_effects_of
+from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, refit
+from homeward.diagnosis.fit.replay import Runs, average
+from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.read.columns import Columns
+from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
+from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, RecordingInfo, Verdict
 from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, SAMPLES_A_WINDOW
-from homeward.diagnosis.signals import Array
-from homeward.diagnosis.structure import dependences, independent_blocks
-from homeward.diagnosis.uncertainty import joint, products, recorded_range, spread
+from homeward.diagnosis.tell import words as wording
+from homeward.diagnosis.tell.corrected import of_capacity, range_change
+from homeward.diagnosis.tell.handover import determined, hand_over, sayable
+from homeward.diagnosis.tell.next_drive import next_experiment, to_tell_apart
 from homeward.physics import Robot, load_robot
 
 Progress = Callable[[str], None]

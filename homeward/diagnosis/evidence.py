@@ -9,19 +9,19 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis.charge import Charge
-from homeward.diagnosis.empirical import Empirical
-from homeward.diagnosis.explanation import Left
-from homeward.diagnosis.location import Location
-from homeward.diagnosis.modelling import Corrected
-from homeward.diagnosis.naming import Naming
-from homeward.diagnosis.quality import Finding
-from homeward.diagnosis.refit import Estimate, Refit
-from homeward.diagnosis.replay import Runs, power_w
+from homeward.diagnosis.explain.battery import Charge
+from homeward.diagnosis.explain.explanation import Left
+from homeward.diagnosis.explain.formula import Empirical
+from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.explain.naming import Naming
+from homeward.diagnosis.explain.places import Location
+from homeward.diagnosis.explain.residual_test import Dependence
+from homeward.diagnosis.explain.uncertainty import Joint, Spread
+from homeward.diagnosis.fit.refit import Estimate, Refit
+from homeward.diagnosis.fit.replay import Runs, power_w
+from homeward.diagnosis.fit.usable import Finding
+from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.result import Diagnosis, Product
-from homeward.diagnosis.signals import Array
-from homeward.diagnosis.structure import Dependence
-from homeward.diagnosis.uncertainty import Joint, Spread
 from homeward.physics import Robot
 
 

@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from homeward.diagnosis.arms import Arm
-from homeward.diagnosis.location import Place
+from homeward.diagnosis.explain.places import Place
+from homeward.diagnosis.fit.held_out import Arm
 
 SCHEMA = 2
 

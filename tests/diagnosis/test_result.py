@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from homeward.diagnosis import Diagnosis
-from homeward.diagnosis.arms import Arm
-from homeward.diagnosis.location import Place
+from homeward.diagnosis.explain.places import Place
+from homeward.diagnosis.fit.held_out import Arm
 from homeward.diagnosis.result import (
     VERDICTS,
     Evidence,

@@ -1,0 +1,1 @@
+"""Groups of runs and robots that stand: what differs between them."""

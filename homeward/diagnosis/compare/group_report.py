@@ -1,0 +1,116 @@
+"""A comparison of groups as the terminal and the page show it, and as groups.json."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import plotly.graph_objects as go
+import plotly.offline
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+
+from homeward.diagnosis.compare.group_comparison import Comparison
+from homeward.diagnosis.tell.figures import embedded
+from homeward.diagnosis.tell.formats import number, typeset
+from homeward.diagnosis.tell.report import check_writable
+from homeward.diagnosis.tell.terminal import plain, say
+from homeward.files import write_whole
+
+_VERDICT_WORDS = {
+    "groups_differ": "Groups differ",
+    "no_difference": "No difference",
+    "not_testable": "Not testable",
+}
+
+
+def write_groups(comparison: Comparison, folder: Path) -> list[Path]:
+    """Write groups.json and groups.html, each whole or not at all.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
+    check_writable(folder)
+    texts = {"groups.json": comparison.to_json(), "groups.html": _page(comparison)}
+    for name, text in texts.items():
+        write_whole(folder / name, text)
+    return [folder / name for name in texts]
+
+
+def show_groups(comparison: Comparison, console: Console) -> None:
+    """Print the verdict, each group's level, each pair's difference and what to mind.
+
+    Args:
+        comparison: What was found.
+        console: Where to; lines wrap at its width.
+    """
+    if len(comparison.groups) > 1:
+        console.print(comparison.verdict, style="bold", highlight=False)
+    say(console, comparison.summary)
+    levels = _table("group", "quantity", "runs", "mean", "95 %", "between runs")
+    for one in comparison.levels:
+        unit, ends = f" {one.unit}" * (one.unit != "1"), _interval(one.ci95)
+        levels.add_row(*map(plain, (
+            one.group, one.quantity, str(one.runs), f"{number(one.value, 4)}{unit}", ends, number(one.run_spread)
+        )))  # fmt: skip
+    pairs = _table("pair", "quantity", "difference", "95 %", "p, Holm", "held-out error", "")
+    for pair in comparison.differences:
+        unit = f" {pair.unit}" * (pair.unit != "1")
+        errors = f"{number(pair.held_out_rmse, 2)} for {number(pair.held_out_rmse_without_groups, 2)}"
+        pairs.add_row(*map(plain, (
+            f"{pair.group} - {pair.minus}", pair.quantity, f"{number(pair.value)}{unit}", _interval(pair.ci95, 3),
+            f"{pair.p_holm:.2g}", errors, "differs" if pair.named else "",
+        )), style="bold" if pair.named else None)  # fmt: skip
+    for table in (levels, pairs):
+        if table.row_count:
+            console.print()
+            console.print(Padding(table, (0, 0, 0, 2)))
+    for remark in comparison.remarks:
+        say(console, f"- {remark}", indent=2)
+
+
+def _table(*headings: str) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for heading in headings:
+        left = heading in ("group", "quantity", "pair", "")
+        table.add_column(heading, justify="left" if left else "right", overflow="fold")
+    return table
+
+
+def _interval(ci95: tuple[float, float] | None, digits: int = 4) -> str:
+    return "-" if ci95 is None else f"{number(ci95[0], digits)} to {number(ci95[1], digits)}"
+
+
+def _page(comparison: Comparison) -> str:
+    environment = Environment(
+        loader=PackageLoader("homeward.diagnosis.tell"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {"number": number, "typeset": typeset}
+    quantities = dict.fromkeys((one.quantity, one.unit) for one in comparison.levels)
+    figures = [(*one, _figure(comparison, one[0], f"group-{i}")) for i, one in enumerate(quantities)]
+    page = environment.get_template("groups.html").render(
+        comparison=comparison, verdict=_VERDICT_WORDS[comparison.verdict], figures=figures,
+        plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
+    )  # fmt: skip
+    return page.encode("utf-8", "replace").decode("utf-8")
+
+
+def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
+    """Levels and runs by the number of the group: names given by others would be read as markup by the plot."""
+    place = {group: i + 1 for i, group in enumerate(comparison.groups)}
+    levels = [one for one in comparison.levels if one.quantity == quantity]
+    half = [0.0 if one.ci95 is None else one.ci95[1] - one.value for one in levels]
+    runs = [(place[one.group], one.values[quantity]) for one in comparison.runs if one.values.get(quantity) is not None]
+    figure = go.Figure()
+    figure.add_scatter(
+        x=[x + 0.15 for x, _ in runs], y=[y for _, y in runs], mode="markers", name="runs", marker={"color": "#9aa5b1"}
+    )
+    figure.add_scatter(
+        x=[place[one.group] for one in levels], y=[one.value for one in levels], mode="markers", name="mean, 95 %",
+        error_y={"type": "data", "array": half}, marker={"color": "#0b7285", "size": 9},
+    )  # fmt: skip
+    figure.update_xaxes(title_text="group, in the order of the table", dtick=1)
+    return embedded(figure, name)

@@ -1,0 +1,109 @@
+"""A robot that stands: its ancillary power, with an error that counts autocorrelation and the spread between runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from homeward.diagnosis.fit.folds import correlation_windows
+from homeward.diagnosis.read.channels import MOTION
+from homeward.diagnosis.read.columns import RecordingError
+from homeward.diagnosis.read.recordings import Recording
+from homeward.diagnosis.read.signals import WINDOW_S, Array, Unit, observed_of, usual_step_s, windows
+
+_STANDS_MPS = 0.01
+_STANDS_RADPS = 0.02
+_BATCH_TIMES = 8.0  # batches are this many autocorrelation times long
+_MOST_BATCHES = 10
+_FEWEST_WINDOWS = 6
+_STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's own load stays below
+
+
+@dataclass(frozen=True)
+class StandingRun:
+    """What one run of a standing robot draws."""
+
+    name: str
+    unit: Unit
+    mean: float  # W, or A where only motor current was recorded
+    ci95: tuple[float, float]  # of this run alone: how other runs differ is not in it
+    change: float  # mean of the last third minus that of the first
+    variation: float  # standard deviation of window means over their mean
+    voltage_v: float | None
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether the power varies more than that of a robot that stands."""
+        return self.variation > _STEADY
+
+
+def stands(recording: Recording) -> bool:
+    """Whether the recorded motion is zero throughout; a robot whose motion was not recorded is not said to stand.
+
+    Args:
+        recording: The recording.
+    """
+    motion = [name for names in MOTION for name in names if name in recording.channels]
+    speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
+    turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
+    known = np.isfinite(speeds)
+    still = bool(known.any() and (np.abs(speeds[known]) <= _STANDS_MPS).all())
+    return still and not (turning > _STANDS_RADPS).any()
+
+
+def standing_run(recording: Recording) -> StandingRun:
+    """Mean power of a run of a standing robot, with the interval of this run alone.
+
+    The interval is Student's over the means of batches of eight autocorrelation times, two to ten of them (batch
+    means; Schmeiser, Operations Research 30, 1982).
+
+    Args:
+        recording: A run in which the robot stands.
+
+    Raises:
+        RecordingError: Power or current is missing, constant or too short to average.
+    """
+    observed, unit = observed_of(recording.channels)
+    good = np.isfinite(observed)
+    time_s, observed = recording.channels["time_s"][good], observed[good]
+    if len(observed) < 20 or np.ptp(observed) == 0.0:
+        raise RecordingError(f"{recording.name}: holds fewer than 20 values of power or current, or one value only")
+    values = windows(time_s, max(WINDOW_S, usual_step_s(time_s))).means(observed)
+    if len(values) < _FEWEST_WINDOWS:
+        raise RecordingError(
+            f"{recording.name}: is too short ({time_s[-1] - time_s[0]:.3g} s) for a mean with an error"
+        )
+    mean, third = float(observed.mean()), len(observed) // 3
+    change = float(observed[-third:].mean() - observed[:third].mean())
+    voltage = recording.channels.get("voltage_v")
+    return StandingRun(
+        recording.name, unit, mean, _of_batches(values, mean), change,
+        float(values.std() / max(abs(mean), 1e-12)), None if voltage is None else float(np.nanmean(voltage)),
+    )  # fmt: skip
+
+
+def _of_batches(values: Array, mean: float) -> tuple[float, float]:
+    memory = correlation_windows(values, np.zeros(len(values), dtype=np.intp))
+    count = int(np.clip(len(values) // np.ceil(_BATCH_TIMES * memory), 2, _MOST_BATCHES))
+    return mean_interval([float(batch.mean()) for batch in np.array_split(values, count)], mean)
+
+
+def mean_interval(values: Sequence[float], mean: float | None = None) -> tuple[float, float]:
+    """Student's 95 % interval of a mean of independent values: of runs, so that their spread counts (random effects).
+
+    With one value per run the spread of the values holds both the error within runs and the differences between them.
+
+    Args:
+        values: At least two.
+        mean: Centre of the interval, the mean of the values if left out.
+
+    >>> low, high = mean_interval([9.78, 9.77, 9.81])
+    >>> round(low, 2), round(high, 2)
+    (9.73, 9.84)
+    """
+    centre = float(np.mean(values)) if mean is None else mean
+    half = float(student.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
+    return centre - half, centre + half

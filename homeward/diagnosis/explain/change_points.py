@@ -1,0 +1,254 @@
+"""When something was at work: levels that change at unknown moments or places, found from what the refit leaves.
+
+A load that follows a known shape (constant watts, rolling force, the whole load) but changes its size is cut into
+stretches of constant size by exact penalised segmentation (PELT: Killick, Fearnhead & Eckley, 2012), and stretches of
+about the same size become one level. The search works on blocks that hold equal amounts of evidence (of the squared
+shape), so that all of them count alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+import ruptures
+from numpy.typing import NDArray
+
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+
+Axis = Literal["time", "place"]
+Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
+Index = NDArray[np.intp]
+
+STANDS_MPS = 0.05
+"""A robot slower than this stands."""
+
+_AROUND_S = 4.0  # a change that was found is taken to lie within this of the true one
+_SHORTEST = 4  # windows in a block, on average
+_MOST_BLOCKS = 3000
+_FEWEST_BLOCKS = 8
+_SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
+_MOST_LEVELS = 4
+_LEVEL_WORTH = 0.1  # of what the levels so far explain that a further one must add
+_PLACES = 150
+_KNOTS = (6, 12, 24)
+_PASSES = 1.8  # places are told from times only where the robot comes by again
+_SAME = 0.02  # of the windows in which two schedules may differ and still be one
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Level of each window, shape (windows,): 0 is the level that the others are counted from."""
+
+    axis: Axis
+    level: Index
+    levels: int
+    changes: int  # moments or places at which it changes
+    apart: float  # distance of its levels, in standard deviations of what they leave
+    share: float  # of the squared residual that a change had to explain
+
+    def at_work(self) -> Array:
+        """Whether each level beyond 0 is at work, shape (windows, levels - 1)."""
+        at_work: Array = (self.level[:, None] == np.arange(1, self.levels)).astype(np.float64)
+        return at_work
+
+
+def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[Schedule]:
+    """Find when the size of a shape changes within or between runs: schedules of few changes to many.
+
+    How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
+
+    Args:
+        shape: What the size multiplies, shape (windows,).
+        residual: What the refit leaves, shape (windows,).
+        runs: The runs.
+        signed: Whether sizes below the usual one are possible; otherwise the lowest counts as none.
+    """
+    parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
+    return _schedules("time", shape, residual, parts, min(len(residual) // _SHORTEST, _MOST_BLOCKS), signed)
+
+
+def by_place(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[Schedule]:
+    """Find where along the way from base the size of a shape changes; nothing where no place is met twice."""
+    place_m = _place(runs)
+    if place_m is None:
+        return []
+    return _schedules("place", shape, residual, [np.argsort(place_m, kind="stable")], _PLACES, signed)
+
+
+def profiles(runs: Runs) -> list[Array]:
+    """Hats along the way from base, coarse ones to fine, shape (windows, hats) each: of an unknown smooth profile."""
+    place_m = _place(runs)
+    if place_m is None:
+        return []
+    columns = []
+    for knots in _KNOTS:
+        at = (place_m - place_m.min()) / float(np.ptp(place_m)) * (knots - 1)
+        columns.append(np.maximum(1.0 - np.abs(at[:, None] - np.arange(knots)), 0.0))
+    return columns
+
+
+def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
+    """Whether a size that changes in a certain way may change as a schedule says it does."""
+    per_run = [schedule.level[runs.run == run] for run in np.unique(runs.run)]
+    within = [np.flatnonzero(np.diff(level)) for level in per_run]
+    if how == "between runs":
+        return all(len(changes) == 0 for changes in within)
+    if how == "once":
+        return all(len(changes) <= 1 for changes in within)
+    if how == "repeatedly":
+        return any(len(changes) >= 2 for changes in within)
+    speeds = np.abs(runs.context["speed_mps"])
+    stood = []
+    for run, changes in zip(np.unique(runs.run), within, strict=True):
+        here = np.flatnonzero(runs.run == run)
+        for change in changes:
+            near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND_S]
+            stood.append(bool((speeds[near] < STANDS_MPS).any()))
+    return all(stood) if how == "standing" else not stood or not all(stood)
+
+
+def _place(runs: Runs) -> Array | None:
+    """Way from base to each window along the route, m; None where it is unknown or no place is met twice."""
+    place_m = runs.context.get("place_m")
+    if place_m is None or not np.isfinite(place_m).all():
+        return None
+    driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())
+    extent_m = float(np.ptp(place_m))
+    return place_m if extent_m > 0.0 and driven_m >= _PASSES * extent_m else None
+
+
+def _schedules(
+    axis: Axis, shape: Array, residual: Array, parts: Sequence[Index], blocks: int, signed: bool
+) -> list[Schedule]:
+    """Search the windows of each part, in its order, with ever smaller penalties."""
+    whole, weight = float(residual @ residual), float(shape @ shape)
+    if whole == 0.0 or weight == 0.0:
+        return []
+    cuts = [_blocks(shape[part], max(1, round(blocks * float(shape[part] @ shape[part]) / weight))) for part in parts]
+    if sum(len(cut) for cut in cuts) < _FEWEST_BLOCKS:
+        return []
+    moments = [np.add.reduceat((shape * residual)[part], cut) for part, cut in zip(parts, cuts, strict=True)]
+    weights = [
+        np.maximum(np.add.reduceat((shape * shape)[part], cut), 1e-300) for part, cut in zip(parts, cuts, strict=True)
+    ]
+    found: list[Schedule] = []
+    for share in _SHARES:
+        penalty = share * whole
+        sizes = [_sizes(m, w, penalty) for m, w in zip(moments, weights, strict=True)]
+        level_of_block, levels = _cluster(np.concatenate(sizes), np.concatenate(weights), penalty, signed)
+        if levels < 2:
+            continue
+        level = np.zeros(len(residual), dtype=np.intp)
+        changes, at = 0, 0
+        for part, cut in zip(parts, cuts, strict=True):
+            own = np.repeat(level_of_block[at : at + len(cut)], np.diff(np.append(cut, len(part))))
+            at += len(cut)
+            level[part] = own
+            changes += int(np.count_nonzero(np.diff(own))) + int(own[0] != 0)
+        exact = _refined(level, shape, residual, parts)
+        if not any(one.levels == levels and np.mean(one.level != exact) < _SAME for one in found):
+            found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual), share))
+    return found
+
+
+def _blocks(shape: Array, count: int) -> Index:
+    """First window of each of `count` blocks (or fewer) that hold equal parts of the squared shape."""
+    reached = np.cumsum(shape * shape)
+    if reached[-1] == 0.0:
+        return np.zeros(1, dtype=np.intp)
+    number = np.minimum((reached / reached[-1] * count).astype(np.intp), count - 1)
+    return np.flatnonzero(np.diff(number, prepend=-1))
+
+
+def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
+    """Size of each block, constant over the stretches that pay their penalty."""
+    if len(moment) < 2:
+        return np.asarray(moment / weight)
+    search = ruptures.KernelCPD(kernel="linear", min_size=1).fit((moment / np.sqrt(weight))[:, None])
+    size = np.empty(len(moment))
+    for start, end in pairwise([0, *search.predict(pen=max(penalty, 1e-300))]):
+        size[start:end] = moment[start:end].sum() / weight[start:end].sum()
+    return size
+
+
+def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[Index, int]:
+    """Level of each block and the number of levels: sizes in their order, cut where it pays."""
+    distinct, which, times = np.unique(size, return_inverse=True, return_counts=True)
+    mean = float(np.average(size, weights=weight))
+    left = float((weight * (size - mean) ** 2).sum())
+    level, levels = np.zeros(len(size), dtype=np.intp), 1
+    explained = 0.0
+    for count, groups in enumerate(_groups(distinct, times, min(_MOST_LEVELS, len(distinct))), start=2):
+        number = groups[which]
+        centre = np.bincount(number, weight * size) / np.bincount(number, weight)
+        remaining = float((weight * (size - centre[number]) ** 2).sum())
+        gain = left - remaining - explained
+        if gain <= penalty or gain < _LEVEL_WORTH * explained:
+            break
+        level, levels, explained = number, count, explained + gain
+    if signed and levels > 1:  # the level met most is the usual one
+        usual = int(np.argmax(np.bincount(level, weight, minlength=levels)))
+        level = np.where(level == usual, 0, np.where(level < usual, level + 1, level))
+    return level, levels
+
+
+def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
+    """Group of each ascending value, in 2 to `most` groups that leave the least squared distance to their means.
+
+    Exact, by dynamic programming over the ends of groups.
+
+    Args:
+        value: Shape (n,).
+        times: How often each is there, shape (n,).
+        most: Groups at most, up to n.
+    """
+    centred = value - np.average(value, weights=times)
+    number, first, second = (np.append(0.0, np.cumsum(times * centred**power)) for power in range(3))
+    # From which value (rows) to before which (columns).
+    many = np.maximum(number - number[:, None], 1.0)
+    distance = second - second[:, None] - (first - first[:, None]) ** 2 / many
+    distance[np.tril_indices(len(number))] = np.inf
+    least, starts = distance[0], []
+    for _ in range(2, most + 1):
+        total = least[:, None] + distance
+        starts.append(total.argmin(axis=0))
+        least = total.min(axis=0)
+        ends = [len(value)]
+        for start in reversed(starts):
+            ends.append(int(start[ends[-1]]))
+        yield np.searchsorted(ends[:0:-1], np.arange(len(value)), side="right")
+
+
+def _apart(level: Index, shape: Array, residual: Array) -> float:
+    """Smallest distance of two levels in standard deviations of what the levels leave."""
+    working = shape != 0.0
+    weight = np.maximum(np.bincount(level, shape * shape), 1e-300)
+    size = np.bincount(level, shape * residual) / weight
+    spread = float(np.std((residual - size[level] * shape)[working])) or 1e-300
+    typical = float(np.sqrt(np.mean(shape[working] ** 2)))
+    return float(np.min(np.diff(np.sort(size)))) * typical / spread
+
+
+def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]) -> Index:
+    """The levels with each change moved to the window where it fits best, half-way to the next change at most."""
+    levels = int(level.max()) + 1
+    weight = np.maximum(np.bincount(level, shape * shape, minlength=levels), 1e-300)
+    size = np.bincount(level, shape * residual, minlength=levels) / weight
+    exact = level.copy()
+    for part in parts:
+        changes = 1 + np.flatnonzero(np.diff(level[part]))
+        if len(changes) == 0:
+            continue
+        limits = np.concatenate(([0], (changes[1:] + changes[:-1]) // 2, [len(part)]))
+        for change, first, last in zip(changes, limits[:-1], limits[1:], strict=True):
+            here = part[max(first, change - 2 * _SHORTEST) : min(last, change + 2 * _SHORTEST)]
+            before, after = level[part[change - 1]], level[part[change]]
+            error = [(residual[here] - size[one] * shape[here]) ** 2 for one in (before, after)]
+            at = int(np.argmin(np.concatenate(([0.0], np.cumsum(error[0] - error[1])))))
+            exact[here[:at]], exact[here[at:]] = before, after
+    return exact

@@ -1,0 +1,117 @@
+"""What explains a mismatch: effects by name, or a formula of the channels, or nothing that is known; and what is left.
+
+An effect that needs a schedule has to stand against what was recorded: where the robot's motion alone, or a formula of
+a channel, predicts stretches not seen as well, its name would hide a cause that the recording holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.explain.describe import where_at_work
+from homeward.diagnosis.explain.formula import Empirical, propose
+from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.explain.motion import explained, follows_motion
+from homeward.diagnosis.explain.naming import Naming, name_missing
+from homeward.diagnosis.explain.places import Location, locate
+from homeward.diagnosis.explain.proof import FOLDS
+from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
+from homeward.diagnosis.fit.refit import Refit
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.rules import WITHOUT_A_SCHEDULE
+
+
+@dataclass(frozen=True)
+class Left:
+    """What the named effects leave, where it still depends on a channel."""
+
+    location: Location
+    formula: Empirical | None  # that it follows, beside the named effects
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What explains the mismatch, where it is, and what it leaves."""
+
+    naming: Naming
+    location: Location | None
+    empirical: Empirical | None  # the formula that the mismatch follows, where no effect is named
+    left: Left | None = None
+
+
+def explain(
+    fit: Refit,
+    runs: Runs,
+    found: list[Dependence],
+    block: NDArray[np.intp],
+    fold: NDArray[np.intp],
+    seed: int,
+    progress: Callable[[str], None],
+) -> Explanation:
+    """Explain what a refit leaves.
+
+    Args:
+        fit: The refit.
+        runs: The runs.
+        found: On what its residuals depend, found ones first.
+        block: Stretches that count as independent, shape (windows,).
+        fold: What is held out together, shape (windows,).
+        seed: Seed of placebos and intervals.
+        progress: Called with what is being done.
+    """
+    progress("locating")
+    location = locate(found[0], runs) if found[0].found else None
+    naming = name_missing(fit, runs, block, seed, progress)
+    naming, location = _without_what_motion_tells(naming, location, fit, runs, block, seed, progress)
+    empirical = None
+    scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and found[0].channel.name != "time_s"
+    if location is not None and (not naming.named or scheduled):
+        empirical = propose(fit, runs, block, fold, seed)
+    if naming.named and empirical is not None:
+        if empirical.held_out_gain > naming.named[0].held_out_gain:
+            # A recorded channel says better when it happens than a schedule, which is for causes that none records.
+            naming = naming.nothing_named()
+        else:
+            empirical = None
+    left = None if naming.corrected is None else _left(naming.corrected, runs, fold, seed)
+    return Explanation(naming, location, empirical, left)
+
+
+def _without_what_motion_tells(
+    naming: Naming,
+    location: Location | None,
+    fit: Refit,
+    runs: Runs,
+    block: NDArray[np.intp],
+    seed: int,
+    progress: Callable[[str], None],
+) -> tuple[Naming, Location | None]:
+    """Name nothing that needs a schedule where motion alone explains what the first effect needs one for.
+
+    Where no other effect explains it either, say where it is.
+    """
+    if naming.corrected is None or naming.named[0].term.axis == "steady":
+        return naming, location
+    first, fold = naming.named[0], block % FOLDS
+    if not follows_motion(fit, runs, fold, first.held_out_gain, seed):
+        return naming, location
+    again = name_missing(fit, runs, block, seed, progress, schedules=False)
+    if (
+        again.corrected is not None
+        and explained(fit, again.corrected, runs, fold) >= WITHOUT_A_SCHEDULE * first.held_out_gain
+    ):
+        return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
+    return naming.nothing_named(), location or where_at_work(first.term, naming.corrected.contribution[0], runs)
+
+
+def _left(corrected: Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -> Left | None:
+    """Put what the corrected model leaves to the same test as what the refit left."""
+    blocks = independent_blocks(corrected, runs)
+    most = dependences(corrected, runs, blocks, fold, seed)[0]
+    if not most.found or most.channel.name == "time_s":
+        return None
+    return Left(locate(most, runs), propose(corrected, runs, blocks.channels, fold, seed))

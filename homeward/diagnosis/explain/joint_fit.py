@@ -1,0 +1,284 @@
+"""The corrected model: refit groups and named effects fitted together through the kernel, with intervals."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from homeward.diagnosis.explain.hypothesis import Term
+from homeward.diagnosis.fit.fitted import excited
+from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects, derivatives
+from homeward.diagnosis.fit.refit import Refit, standard_errors
+from homeward.diagnosis.fit.regression import bounded
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.result import Value
+from homeward.diagnosis.rules import MATTERS
+from homeward.physics import Robot
+
+_ITERATIONS = 6
+_SMALL_STEP = 1e-3  # of a parameter, for derivatives
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One fitted number of an effect: a level of a schedule, a component of the wind, or a parameter of the kernel."""
+
+    effect: str
+    parameter: str  # name in the robot file or in the report
+    unit: str
+    low: float
+    high: float
+    term: int  # which of the terms it belongs to
+    column: int | None  # of the term, or None for a parameter of the kernel
+
+
+@dataclass(frozen=True)
+class Model:
+    """The physics that recordings ask for: the groups of the refit and the named effects."""
+
+    parameters: Parameters
+    terms: tuple[Term, ...]
+    unknowns: tuple[Unknown, ...]
+
+    def within_bounds(self, values: Array) -> Array:
+        """The nearest values that the unknowns may have."""
+        bounds = np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2)
+        return np.clip(values, bounds[:, 0], bounds[:, 1])
+
+    def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
+        """What the model predicts, shape (windows,), without one of its terms if told so.
+
+        Args:
+            runs: The runs.
+            theta: Parameters of the refit.
+            values: One value per unknown.
+            leave_out: Index of a term.
+        """
+        added = np.zeros(len(runs.observed))
+        for index, term in enumerate(self.terms):
+            if term.linear and index != leave_out:
+                sizes = [value for one, value in zip(self.unknowns, values, strict=True) if one.term == index]
+                added += term.columns @ np.array(sizes)
+        return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
+
+    def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
+        """The terms that the replay takes into account itself."""
+        found = WithEffects()
+        for index, term in enumerate(self.terms):
+            if not term.linear and index != leave_out:
+                pairs = zip(self.unknowns, values, strict=True)
+                mine = {one.parameter: float(value) for one, value in pairs if one.term == index}
+                found = term.hypothesis.within(term.hypothesis, found, {**term.shape, **mine}, runs)
+        return found
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """The fitted model with what it takes to refit it on a part of the windows."""
+
+    model: Model
+    values: Array  # (unknowns,)
+    ci95: tuple[tuple[float, float], ...]
+    groups: Refit  # of the groups of the refit, fitted together with the effects
+    beside: Array  # (windows, unknowns): derivative of the prediction, per unit of each unknown
+    contribution: tuple[Array, ...]  # what each term adds, shape (windows,)
+
+    @property
+    def parameters(self) -> Parameters:
+        """The groups and their bounds."""
+        return self.groups.parameters
+
+    @property
+    def theta(self) -> Array:
+        """Values of the parameters, shape (5,)."""
+        return self.groups.theta
+
+    @property
+    def robot(self) -> Robot:
+        """The robot with these parameters, without effects."""
+        return self.groups.robot
+
+    @property
+    def predicted(self) -> Array:
+        """What the model predicts for the windows it was fitted to, shape (windows,)."""
+        return self.groups.predicted
+
+    @property
+    def jacobian(self) -> Array:
+        """Derivative of the prediction by groups (in units of `scale`) and unknowns, shape (windows, columns)."""
+        return np.column_stack([self.groups.jacobian, self.beside])
+
+    def freedom(self) -> tuple[Array, Array]:
+        """Least and largest physical step of each column of `jacobian`."""
+        return _bounds(self.groups, self.model, self.values)
+
+    def fitted_to(self, chosen: NDArray[np.bool_], observed: Array) -> Corrected:
+        """The same fitted to the chosen windows only, linearised at this fit."""
+        columns = self.jacobian
+        low, high = self.freedom()
+        part = columns[chosen]
+        step = bounded(part.T @ part, part.T @ (observed - self.predicted)[chosen], low, high)
+        count = self.groups.jacobian.shape[1]
+        theta, predicted = self.groups.moved(step[:count]), self.predicted + columns @ step
+        return dataclasses.replace(
+            self,
+            values=self.model.within_bounds(self.values + step[count:]),
+            groups=dataclasses.replace(self.groups, theta=theta, predicted=predicted),
+        )
+
+    def replayed(self, runs: Runs) -> Array:
+        """Prediction by a replay with these parameters and effects, shape (windows,)."""
+        return self.model.predict(runs, self.theta, self.values)
+
+    def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
+        """Prediction for all windows by a fit to the chosen ones, linearised at the fit to all, shape (windows,)."""
+        return self.fitted_to(chosen, observed).predicted
+
+    def all_at_work(self) -> bool:
+        """Whether each effect has a size whose interval excludes zero.
+
+        An effect whose other parameters were fitted too is left to other proof: its size may trade against them.
+        """
+        for index in range(len(self.model.terms)):
+            mine = [(one, ci) for one, ci in zip(self.model.unknowns, self.ci95, strict=True) if one.term == index]
+            if all(one.column is not None and ci[0] <= 0.0 <= ci[1] for one, ci in mine):
+                return False
+        return True
+
+    def parameters_of(self, index: int) -> dict[str, Value]:
+        """Fitted parameters of one named effect."""
+        term = self.model.terms[index]
+        found: dict[str, Value] = {}
+        for one, value, interval in zip(self.model.unknowns, self.values.tolist(), self.ci95, strict=True):
+            if one.term == index:
+                share = self.share(one)
+                found[one.parameter] = Value(share * value, (share * interval[0], share * interval[1]), one.unit)
+        for other in term.hypothesis.entry.parameters:
+            if other.name in term.spread:
+                found[other.name] = Value(term.shape[other.name], term.spread[other.name], other.unit)
+        return found
+
+    def sizes(self, index: int) -> Array:
+        """Fitted sizes of one named effect, shape (sizes,)."""
+        found = [v for one, v in zip(self.model.unknowns, self.values, strict=True) if one.term == index]
+        return np.array(found)
+
+    def share(self, one: Unknown) -> float:
+        """Factor from a fitted size to one of the robot's, a share of the rolling resistance fitted with it."""
+        of_kg = self.model.terms[one.term].of_rolling_kg
+        return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
+
+
+def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.intp]) -> Corrected:
+    """Fit the groups and the effects together, by Gauss-Newton through the kernel.
+
+    Args:
+        fit: The refit without effects; groups that it holds stay as they are.
+        terms: The named effects.
+        runs: The runs.
+        block: Stretches that count as independent, shape (windows,).
+    """
+    model = Model(fit.parameters, tuple(terms), _unknowns(terms))
+    theta, values = _start(fit, model, runs)
+    best: tuple[float, Array, Array, Array, Array] | None = None
+    for _ in range(_ITERATIONS):
+        predicted, jacobian = _linearised(model, runs, theta, values, ~fit.held)
+        residual = runs.observed - predicted
+        error = float(residual @ residual)
+        if best is not None and error >= best[0] * (1.0 - 1e-7):
+            break
+        best = error, theta, values, predicted, jacobian
+        theta, values = _stepped(fit, model, theta, values, jacobian, residual)
+    assert best is not None
+    _, theta, values, predicted, jacobian = best
+    groups = fit.jacobian.shape[1]
+    at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
+    errors = standard_errors(jacobian, runs.observed - predicted, block)[groups:]
+    width = float(student.ppf(0.975, max(int(block.max()) + 1 - jacobian.shape[1], 1))) * errors
+    intervals = tuple(
+        (float(max(value - w, one.low)), float(min(value + w, one.high)))
+        for one, value, w in zip(model.unknowns, values, width, strict=True)
+    )
+    contribution = tuple(
+        predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
+    )
+    return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
+
+
+def immaterial(fit: Refit, runs: Runs) -> NDArray[np.bool_]:
+    """Groups without influence of their own, shape (groups,): beside effects they stay as assumed.
+
+    The mass on level ground is in the force of turning too, and would trade against it.
+    """
+    active = fit.parameters.active()
+    size = np.maximum(np.abs(fit.theta[active]) / fit.parameters.scale[active], 1.0)
+    return ~excited(fit, runs, MATTERS / size)
+
+
+def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
+    found: list[Unknown] = []
+    for index, term in enumerate(terms):
+        for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
+            low, high = float(term.low[column]), float(term.high[column])
+            found.append(Unknown(term.effect, name, unit, low, high, index, column))
+        for other in () if term.linear else term.hypothesis.searched:
+            if other.name in term.shape:
+                found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None))
+    return tuple(found)
+
+
+def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
+    columns = np.column_stack([fit.jacobian, *(term.columns for term in model.terms)])
+    low, high = fit.freedom()
+    low = np.concatenate([low, *(term.low for term in model.terms)])
+    high = np.concatenate([high, *(term.high for term in model.terms)])
+    weights = bounded(columns.T @ columns, columns.T @ (runs.observed - fit.predicted), low, high)
+    groups = fit.jacobian.shape[1]
+    sizes = iter(weights[groups:].tolist())
+    values = [
+        next(sizes) if one.column is not None else model.terms[one.term].shape[one.parameter] for one in model.unknowns
+    ]
+    return fit.moved(weights[:groups]), np.array(values)
+
+
+def _linearised(
+    model: Model, runs: Runs, theta: Array, values: Array, moving: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    predicted = model.predict(runs, theta, values)
+    groups = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values))
+    columns = [column * bool(open_) for column, open_ in zip(groups, moving, strict=True)]
+    for index, one in enumerate(model.unknowns):
+        term = model.terms[one.term]
+        if one.column is not None and term.linear:
+            columns.append(term.columns[:, one.column])
+            continue
+        step = _SMALL_STEP * (abs(values[index]) or 1e-3 * (one.high - one.low))
+        if values[index] + step > one.high:
+            step = -step
+        moved = values.copy()
+        moved[index] += step
+        columns.append((model.predict(runs, theta, moved) - predicted) / step)
+    return predicted, np.column_stack(columns)
+
+
+def _stepped(
+    fit: Refit, model: Model, theta: Array, values: Array, jacobian: Array, residual: Array
+) -> tuple[Array, Array]:
+    at = dataclasses.replace(fit, theta=theta)
+    low, high = _bounds(at, model, values)
+    step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, low, high)
+    groups = len(model.parameters.active())
+    return at.moved(step[:groups]), model.within_bounds(values + step[groups:])
+
+
+def _bounds(at: Refit, model: Model, values: Array) -> tuple[Array, Array]:
+    """Least and largest physical step of the groups (in units of `scale`) and of the unknowns."""
+    low, high = at.freedom()
+    least, most = np.array([(one.low, one.high) for one in model.unknowns]).reshape(-1, 2).T
+    return np.concatenate([low, least - values - 1e-12]), np.concatenate([high, most - values + 1e-12])

@@ -1,0 +1,265 @@
+"""Which physics is missing: every hypothesis fitted together with the refit, alone and in pairs, and held to proof.
+
+A hypothesis must predict held-out stretches better than the refit by a stated share with an interval that excludes
+zero, pay for its freedom by the Bayesian information criterion, and beat placebos that are searched as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.explain.hypotheses import terms
+from homeward.diagnosis.explain.hypothesis import Setting, Term
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
+from homeward.diagnosis.explain.motion import follows_motion
+from homeward.diagnosis.explain.proof import FOLDS, Base, Bench
+from homeward.diagnosis.fit.doubt import doubted
+from homeward.diagnosis.fit.held_out import gain, held_out
+from homeward.diagnosis.fit.parameter_groups import WithEffects
+from homeward.diagnosis.fit.refit import Refit, holding
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.rules import (
+    ALIKE_BY_NATURE,
+    ALIKE_IN_SIZE,
+    EQUAL,
+    FALSE_ALARM_RATE,
+    MOST_EFFECTS,
+    MUST_PAY,
+    SMALLEST_GAIN,
+    TOLD_BY_A_CHANNEL,
+)
+
+_TRIED = 6  # hypotheses that are put to the proof, the best first
+_PAIRED = 12  # single hypotheses that are tried in pairs
+
+
+@dataclass(frozen=True)
+class Named:
+    """One effect that the recordings ask for, and what speaks for it."""
+
+    term: Term
+    delta_bic: float  # against the model without it
+    held_out_gain: float  # share of the squared held-out error of the model without it
+    gain_ci95: tuple[float, float]
+    p_value: float  # share of placebos that do as well
+    rivals: tuple[Term, ...]  # what the data cannot separate from it, best first
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One hypothesis tried alone, for the report."""
+
+    effect: str
+    axis: str
+    delta_bic: float
+    held_out_gain: float
+
+
+@dataclass(frozen=True)
+class Naming:
+    """What was found, and how every single hypothesis did; `absorbed` is the share of it that the refit takes up."""
+
+    named: tuple[Named, ...] = ()
+    corrected: Corrected | None = None  # the model with them, where any is named
+    ranking: tuple[Ranked, ...] = ()
+    absorbed: Mapping[str, float] = field(default_factory=dict)
+
+    def nothing_named(self) -> Naming:
+        """How the hypotheses did, with none of them named."""
+        return Naming(ranking=self.ranking, absorbed=self.absorbed)
+
+
+def name_missing(
+    fit: Refit,
+    runs: Runs,
+    block: NDArray[np.intp],
+    seed: int,
+    progress: Callable[[str], None],
+    schedules: bool = True,
+) -> Naming:
+    """Name the effects that the recordings ask for beyond the refit.
+
+    Args:
+        fit: The refit.
+        runs: The runs.
+        block: Stretches that count as independent, shape (windows,).
+        seed: Seed of placebos and intervals.
+        progress: Called with what is being done.
+        schedules: Whether effects whose size changes for no recorded reason may be named.
+    """
+    fold = np.asarray(block % FOLDS)
+    base = Base(fit.jacobian, *fit.freedom())
+    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
+    material = holding(fit, runs, immaterial(fit, runs))
+    in_doubt = doubted(fit, runs)
+    named: list[Named] = []
+    ranking: tuple[Ranked, ...] = ()
+    absorbed: dict[str, float] = {}
+    corrected: Corrected | None = None
+    while len(named) < MOST_EFFECTS:
+        progress("naming")
+        candidates = tuple(terms(setting, tuple(one.term.effect for one in named), schedules))
+        bench = Bench(base, candidates, setting, block, doubted=in_doubt)
+        if corrected is None:
+            ranking, absorbed = _rank(bench), bench.absorbed()
+        for found in _best(bench, seed):
+            if corrected is not None and any(
+                one.term.axis != "steady" and follows_motion(corrected, runs, fold, one.held_out_gain, seed)
+                for one in found
+            ):
+                continue  # beside what is named, motion tells as much
+            fitted = fit_model(material, [one.term for one in (*named, *found)], runs, block)
+            if fitted.all_at_work() and _replays(fitted, corrected or fit, runs, fold, seed):
+                break
+        else:
+            break  # nothing passes that is, replayed beside the others, sure to be at work
+        named += found
+        corrected = fitted
+        base = Base(corrected.jacobian, *corrected.freedom())
+        within = corrected.model.within(runs, corrected.values)
+        theta = corrected.groups.theta
+        alone = fit.parameters.predict(runs, theta, within)
+        setting = Setting(runs, fit.parameters, theta, within, alone, runs.observed - corrected.predicted)
+    return Naming(tuple(named), corrected, ranking, absorbed)
+
+
+def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -> bool:
+    """Whether a replay with the effects predicts what was held out better than one without, not only its derivative."""
+    predicted = [
+        held_out(lambda chosen, one=one: one.fitted_to(chosen, runs.observed).replayed(runs), fold)  # type: ignore[misc]
+        for one in (before, after)
+    ]
+    replayed = gain(runs.observed, predicted[0], predicted[1], fold, seed)
+    return replayed.share >= SMALLEST_GAIN
+
+
+def _rank(bench: Bench) -> tuple[Ranked, ...]:
+    """The best form of each effect and of what its size depends on."""
+    shares = np.array([bench.share(index) for index in range(len(bench.candidates))])
+    ranked = []
+    for index in _best_forms(bench, np.argsort(-shares, kind="stable")):
+        term = bench.candidates[index]
+        ranked.append(Ranked(term.effect, term.axis, bench.delta_bic(index), float(shares[index])))
+    return tuple(sorted(ranked, key=lambda one: -one.delta_bic))
+
+
+def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
+    """What passes the proof, first the hypothesis that explains most for its freedom, alone or as the stronger half of
+    the best pair; then the pair, where neither half is anything without the other; then the next best alone."""
+    if not bench.candidates:
+        return
+    shares = np.array([bench.share(index) for index in range(len(bench.candidates))])
+    independent = bench.independent(int(np.argmax(shares)))  # the same for all, so that shares decide
+    alone = np.array([bench.score(share, independent, index) for index, share in enumerate(shares.tolist())])
+    order = _best_forms(bench, np.argsort(-alone, kind="stable"))
+    best = float(alone[order[0]])
+    pair: tuple[int, ...] = (order[0],)
+    for one, other in combinations(_worth_pairing(bench, order, shares), 2):
+        if bench.candidates[one].effect != bench.candidates[other].effect:
+            both = bench.score(bench.share(one, other), independent, one, other)
+            if both > best + MUST_PAY:
+                best, pair = both, (one, other)
+    told = _likeliest(bench, _told_by_a_channel(bench, pair[0], shares), shares, alone)
+    for index in dict.fromkeys([told, pair[0]]):
+        found = _proven(bench, index, shares, alone, independent, seed)
+        if found is not None:
+            yield (found,)
+    if len(pair) == 2:
+        halves = tuple(
+            _proven(bench.with_base(other), one, shares, alone, independent, seed) for one, other in (pair, pair[::-1])
+        )
+        if halves[0] is not None and halves[1] is not None:
+            yield halves[0], halves[1]
+    for index in order[:_TRIED]:
+        found = _proven(bench, index, shares, alone, independent, seed)
+        if found is not None:
+            yield (found,)
+
+
+def _best_forms(bench: Bench, order: NDArray[np.intp]) -> list[int]:
+    """The first of each effect and of what its size depends on."""
+    first: dict[tuple[str, str], int] = {}
+    for index in order.tolist():
+        term = bench.candidates[index]
+        first.setdefault((term.effect, term.axis), index)
+    return list(first.values())
+
+
+def _worth_pairing(bench: Bench, order: list[int], shares: Array) -> list[int]:
+    """The best for their freedom, then those that explain most: half of a pair may be worth little alone."""
+    most = _best_forms(bench, np.argsort(-shares, kind="stable"))
+    return list(dict.fromkeys([*order[:_PAIRED], *most[:_PAIRED]]))
+
+
+def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
+    """Prefer a cause that a recorded channel tells to a schedule that explains little more.
+
+    A level per stretch follows whatever comes and goes, so it fits at least as well as the cause itself.
+    """
+    if bench.candidates[chosen].axis == "steady":
+        return chosen
+    steady = [index for index, term in enumerate(bench.candidates) if term.axis == "steady"]
+    if not steady:
+        return chosen
+    best = max(steady, key=lambda index: float(shares[index]))
+    return best if shares[best] >= TOLD_BY_A_CHANNEL * shares[chosen] else chosen
+
+
+def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
+    """Of hypotheses that the data cannot separate the likeliest beforehand: physics before a fault of an instrument,
+    a change that is natural for the effect before another."""
+
+    def rarity(index: int) -> tuple[bool, bool, float]:
+        term = bench.candidates[index]
+        return not term.hypothesis.physical, not term.natural, -float(alone[index])
+
+    equals = [
+        index
+        for index, term in enumerate(bench.candidates)
+        if term.axis == bench.candidates[chosen].axis and 1.0 - shares[index] <= EQUAL * (1.0 - shares[chosen])
+    ]
+    return min([chosen, *equals], key=rarity)
+
+
+def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent: float, seed: int) -> Named | None:
+    share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
+    if delta_bic < MUST_PAY or share < SMALLEST_GAIN:
+        return None
+    if bench.candidates[chosen].axis != "steady" and share * bench.squared_error(chosen) <= bench.doubted:
+        return None  # errors of the channels would do as much
+    without, with_it = bench.predictions(chosen)
+    interval = gain(bench.target, without, with_it, bench.block, seed).ci95
+    if interval[0] <= 0.0:
+        return None
+    p_value = bench.p_value(chosen, independent, seed)
+    if p_value > FALSE_ALARM_RATE:
+        return None
+    return Named(bench.candidates[chosen], delta_bic, share, interval, p_value, _rivals(bench, chosen, shares, alone))
+
+
+def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Term, ...]:
+    """Other effects that explain nearly as much: each in its best form, best first."""
+    explained = bench.share(chosen)
+    found: dict[str, Term] = {}
+    for index in np.argsort(-alone, kind="stable").tolist():
+        other = bench.candidates[index]
+        if other.effect == bench.candidates[chosen].effect or alone[index] < MUST_PAY or index in bench.beside:
+            continue
+        alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
+        share = ALIKE_BY_NATURE if alike else ALIKE_IN_SIZE
+        beside = bench.share(index) if bench.beside else shares[index]
+        if beside >= share * explained or alone[chosen] - alone[index] < MUST_PAY:
+            found.setdefault(other.effect, other)
+    return tuple(found.values())
+
+
+def shifted_in_time(columns: Array, rng: np.random.Generator) -> Array:
+    """The columns turned round over all runs by a random time: the same values, no cause."""
+    margin = len(columns) // 10
+    return np.roll(columns, int(rng.integers(margin, len(columns) - margin)), axis=0)

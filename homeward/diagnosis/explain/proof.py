@@ -1,0 +1,346 @@
+"""Hypotheses side by side: each fitted beside the refit and put to what was held out, its searches included.
+
+Levels of a schedule are searched anew in every fold, on what is fitted to. Where an effect changes in time, stretches
+of a few windows are held out, as the windows around them tell its level; elsewhere whole blocks are.
+
+How well nothing does as well comes from placebos. Of what needs no search, all hypotheses are tried on residuals whose
+blocks have random signs, which keeps their memory and their uneven size (wild cluster bootstrap: Cameron, Gelbach &
+Miller, 2008), and the best of them counts (Westfall & Young, 1993). A search is repeated on every placebo, until some
+do as well (Besag & Clifford, 1991): on random signs of blocks, too, or, of what changes repeatedly, on Gaussian noise
+of the same spectrum (Theiler et al., 1992), which has no levels. The exponential tail of their scores says how rare a
+better one is (Winkler et al., 2016), times the kinds of searches: those of one kind look at the same with other loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.explain.change_points import Schedule
+from homeward.diagnosis.explain.hypothesis import Setting, Term
+from homeward.diagnosis.fit.folds import correlation_windows, cut_blocks, cut_stretches
+from homeward.diagnosis.fit.regression import bounded
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+FOLDS = 5
+"""Of blocks or stretches, over which hypotheses are compared."""
+
+_DRAWS = 1999
+_SEARCHES = 39  # so that ten are in the upper quarter, whose mean tells the tail within a third
+_AS_GOOD = 3  # placebos that decide against a search
+_WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
+_RIDGE = 1e-9  # of a column's norm
+
+
+@dataclass(frozen=True)
+class Base:
+    """What hypotheses are tried beside: columns, and bounds of their steps."""
+
+    columns: Array  # (windows, base columns)
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True)
+class _Split:
+    """One fold: its columns, their products and those with the target, over what is fitted to and what is held out."""
+
+    held: Mask  # (windows,)
+    columns: Array  # (windows, columns), the target last
+    own: tuple[Index, ...]  # columns of each hypothesis
+    fitted: Array  # (columns, columns)
+    tested: Array
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Hypotheses and what they are tried beside and on."""
+
+    base: Base
+    candidates: tuple[Term, ...]
+    setting: Setting  # its residual is what is to be explained
+    block: Index
+    beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
+    doubted: float = 0.0  # squared error that the errors of the channels account for
+
+    @property
+    def runs(self) -> Runs:
+        """The runs."""
+        return self.setting.runs
+
+    @property
+    def target(self) -> Array:
+        """What is to be explained, shape (windows,)."""
+        return self.setting.residual
+
+    def with_base(self, other: int) -> Bench:
+        """The same with a hypothesis in the base."""
+        extended = replace(self, beside=(*self.beside, other))
+        for name in ("_whole", "_by_block", "_by_stretch"):
+            if name in self.__dict__:  # what was computed once holds there too
+                extended.__dict__[name] = self.__dict__[name]
+        return extended
+
+    @cached_property
+    def _whole(self) -> _Split:
+        return self._split(np.zeros(len(self.target), np.bool_), [term.columns for term in self.candidates])
+
+    @cached_property
+    def _by_block(self) -> tuple[_Split, ...]:
+        fold = self.block % FOLDS
+        return tuple(self._fold(fold == one, "place") for one in range(FOLDS))
+
+    @cached_property
+    def _by_stretch(self) -> tuple[_Split, ...]:
+        fold = cut_stretches(self.runs.run) % FOLDS
+        return tuple(self._fold(fold == one, "time") for one in range(FOLDS))
+
+    def _fold(self, held: Mask, axis: str) -> _Split:
+        """Columns with the levels that a search without the held-out windows finds."""
+        found: dict[tuple[str, str], list[Schedule]] = {}
+        columns = []
+        for term in self.candidates:
+            if term.schedule is None or term.load is None or term.axis != axis:
+                columns.append(term.columns)
+                continue
+            key = (term.effect, term.axis)
+            if key not in found:
+                found[key] = term.hypothesis.schedules(term.schedule.axis, term.load, self.target, self.runs, ~held)
+            columns.append(_as_searched(term, found[key]))
+        return self._split(held, columns)
+
+    def _split(self, held: Mask, columns: Sequence[Array]) -> _Split:
+        ends = np.cumsum([self.base.columns.shape[1], *(one.shape[1] for one in columns)])
+        everything = np.column_stack([self.base.columns, *columns, self.target])
+        test = everything[held]
+        tested = test.T @ test
+        return _Split(
+            held,
+            everything,
+            tuple(np.arange(a, b) for a, b in pairwise(ends)),
+            everything.T @ everything - tested,
+            tested,
+        )
+
+    def _chosen(self, split: _Split, chosen: tuple[int, ...]) -> Index:
+        return np.concatenate([
+            np.arange(self.base.columns.shape[1]), *(split.own[one] for one in (*self.beside, *chosen))
+        ])  # fmt: skip
+
+    def _splits(self, chosen: tuple[int, ...]) -> tuple[_Split, ...]:
+        in_time = any(searched_in_time(self.candidates[one]) for one in (*self.beside, *chosen))
+        return self._by_stretch if in_time else self._by_block
+
+    def _weights(self, split: _Split, columns: Index, chosen: tuple[int, ...]) -> Array:
+        low, high = self._limits(chosen)
+        return bounded(split.fitted[np.ix_(columns, columns)], split.fitted[columns, -1], low, high)
+
+    def _limits(self, chosen: tuple[int, ...]) -> tuple[Array, Array]:
+        terms = [self.candidates[one] for one in (*self.beside, *chosen)]
+        return (
+            np.concatenate([self.base.low, *(term.low for term in terms)]),
+            np.concatenate([self.base.high, *(term.high for term in terms)]),
+        )
+
+    def _error(self, chosen: tuple[int, ...], splits: tuple[_Split, ...]) -> float:
+        total = 0.0
+        for split in splits:
+            columns = self._chosen(split, chosen)
+            total += _squared_error(split.tested, columns, self._weights(split, columns, chosen))
+        return total
+
+    def share(self, *chosen: int) -> float:
+        """Share of the base's held-out squared error that these hypotheses explain."""
+        before, after = self._error_of((), self._splits(chosen)), self._error_of(chosen, self._splits(chosen))
+        return 1.0 - after / before if before > 0.0 else 0.0
+
+    def squared_error(self, *chosen: int) -> float:
+        """Held-out squared error of the base, on the folds that these hypotheses are tried on."""
+        return self._error_of((), self._splits(chosen))
+
+    def _error_of(self, chosen: tuple[int, ...], splits: tuple[_Split, ...]) -> float:
+        known = self._errors.setdefault(id(splits), {})
+        if chosen not in known:
+            known[chosen] = self._error(chosen, splits)
+        return known[chosen]
+
+    @cached_property
+    def _errors(self) -> dict[int, dict[tuple[int, ...], float]]:
+        return {}
+
+    def score(self, share: float, independent: float, *chosen: int) -> float:
+        """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share."""
+        freedom = sum(self.candidates[one].columns.shape[1] + self.candidates[one].hidden for one in chosen)
+        return float(-independent * np.log(max(1.0 - share, 1e-300)) - freedom * np.log(independent))
+
+    def delta_bic(self, *chosen: int) -> float:
+        """The same, with the independent windows of what these hypotheses leave."""
+        share = self.share(*chosen)
+        independent = self.independent(*chosen) if -np.log(max(1.0 - share, 1e-300)) > _WORTH_A_LOOK else 2.0
+        return self.score(share, independent, *chosen)
+
+    def independent(self, *chosen: int) -> float:
+        """Number of independent windows, from the memory of what these hypotheses leave.
+
+        What a wrong model leaves has the memory of what it lacks, and counts for less.
+        """
+        left = self._left(chosen)
+        return max(len(left) / correlation_windows(left, self.runs.run), 2.0)
+
+    def _left(self, chosen: tuple[int, ...]) -> Array:
+        """What these hypotheses leave of the target, shape (windows,)."""
+        columns = self._chosen(self._whole, chosen)
+        weights = self._weights(self._whole, columns, chosen)
+        left: Array = self.target - self._whole.columns[:, columns] @ weights
+        return left
+
+    def absorbed(self) -> dict[str, float]:
+        """Share of each effect that the refit takes up: of several forms, the one that shows most counts."""
+        gram, base = self._whole.fitted, np.arange(self.base.columns.shape[1])
+        inverse = np.linalg.pinv(gram[np.ix_(base, base)], rcond=1e-10)
+        shares: dict[str, float] = {}
+        for own, term in zip(self._whole.own, self.candidates, strict=True):
+            for column in own:
+                size = float(gram[column, column])
+                taken = float(gram[column, base] @ inverse @ gram[base, column])
+                share = float(np.clip(taken / size, 0.0, 1.0)) if size > 0.0 else 1.0
+                shares[term.effect] = min(share, shares.get(term.effect, 1.0))
+        return shares
+
+    def predictions(self, *chosen: int) -> tuple[Array, Array]:
+        """What was held out as the base predicts it, and with these hypotheses, shape (windows,) each."""
+        without, with_it = np.empty(len(self.target)), np.empty(len(self.target))
+        for split in self._splits(chosen):
+            for result, terms in ((without, ()), (with_it, chosen)):
+                columns = self._chosen(split, terms)
+                weights = self._weights(split, columns, terms)
+                result[split.held] = split.columns[np.ix_(split.held, columns)] @ weights
+        return without, with_it
+
+    def p_value(self, chosen: int, independent: float, seed: int) -> float:
+        """How often nothing but noise would bring some hypothesis as far, a search repeated on every placebo."""
+        rng = np.random.default_rng(seed)
+        term = self.candidates[chosen]
+        if term.schedule is None:
+            reached = self.score(self.share(chosen), independent, chosen)
+            return float((1 + np.sum(self._best_of_noise(independent, rng) >= reached)) / (_DRAWS + 1))
+        reached = self._searched(term, self.target, independent)
+        scores: list[float] = []
+        for placebo in self._placebos(chosen, rng):
+            scores.append(self._searched(term, placebo, independent))
+            if sum(score >= reached for score in scores) == _AS_GOOD:
+                return _AS_GOOD / len(scores)
+        kinds = {(one.axis, one.hypothesis.changes) for one in self.candidates if one.schedule is not None}
+        return min(1.0, len(kinds) * _tail(np.array(scores), reached))
+
+    def _best_of_noise(self, independent: float, rng: np.random.Generator) -> Array:
+        """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
+        splits, everything = self._by_block, self._by_block[0].columns
+        blocks = int(self.block.max()) + 1
+        moments = np.zeros((blocks, everything.shape[1] - 1))
+        np.add.at(moments, self.block, everything[:, :-1] * self.target[:, None])
+        signs = rng.choice([-1.0, 1.0], (_DRAWS, blocks))
+        held = np.arange(blocks) % FOLDS == np.arange(FOLDS)[:, None]
+        tested = [signs[:, one] @ moments[one] for one in held]
+        fitted = [signs[:, ~one] @ moments[~one] for one in held]
+
+        def errors(chosen: tuple[int, ...]) -> Array:
+            total = np.zeros(_DRAWS)
+            for split, to, on in zip(splits, fitted, tested, strict=True):
+                columns = self._chosen(split, chosen)
+                weights = _ridge(split.fitted[np.ix_(columns, columns)], to[:, columns].T)
+                quadratic = (weights * (split.tested[np.ix_(columns, columns)] @ weights)).sum(axis=0)
+                total += split.tested[-1, -1] - 2.0 * (weights * on[:, columns].T).sum(axis=0) + quadratic
+            return np.maximum(total, 1e-300)
+
+        without = np.log(errors(()))
+        best = np.full(_DRAWS, -np.inf)
+        for index, term in enumerate(self.candidates):
+            if term.schedule is None and index not in self.beside:
+                ratio = without - np.log(errors((index,)))
+                best = np.maximum(best, independent * ratio + self.score(0.0, independent, index))
+        return best
+
+    def _placebos(self, chosen: int, rng: np.random.Generator) -> Iterator[Array]:
+        """Targets without a cause; signs change from block to block that outlast what the hypothesis leaves."""
+        block = cut_blocks(self.runs.run, self._left((chosen,)))
+        for _ in range(_SEARCHES):
+            if self.candidates[chosen].hypothesis.changes == "repeatedly":
+                yield _of_same_spectrum(self.target, rng)
+            else:
+                yield self.target * rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]
+
+    def _searched(self, term: Term, target: Array, independent: float) -> float:
+        """Score of the best schedule of an effect that a search in this target finds, each fold searched by itself."""
+        rivals = [one for one in self.candidates if _same_search(one, term)]
+        small = replace(self, candidates=tuple(rivals), setting=replace(self.setting, residual=target), beside=())
+        return max(small.score(small.share(index), independent, index) for index in range(len(rivals)))
+
+
+def _tail(scores: Array, reached: float) -> float:
+    """How rarely a score is as high, from the exponential tail of the upper quarter of some scores.
+
+    >>> round(_tail(np.arange(100.0), 87.0), 2)
+    0.13
+    """
+    start = float(np.quantile(scores, 0.75))
+    excess = float(np.mean(scores[scores > start] - start)) if (scores > start).any() else 1e-9
+    return float(max(np.mean(scores >= reached), 0.25 * np.exp(-max(reached - start, 0.0) / max(excess, 1e-9)), 1e-12))
+
+
+def searched_in_time(term: Term) -> bool:
+    """Whether its size changes at moments that were searched for."""
+    return term.axis == "time" and term.schedule is not None
+
+
+def _same_search(one: Term, other: Term) -> bool:
+    return one.schedule is not None and (one.effect, one.axis) == (other.effect, other.axis)
+
+
+def _as_searched(term: Term, found: Sequence[Schedule]) -> Array:
+    """Columns of the same search in one fold: that of its penalty, or what a larger one found where it adds nothing."""
+    assert term.schedule is not None and term.load is not None
+    columns: Array = np.zeros_like(term.columns)
+    for schedule in found:
+        if schedule.share >= term.schedule.share:
+            level = schedule.at_work()[:, : columns.shape[1]]
+            columns = np.zeros_like(term.columns)
+            columns[:, : level.shape[1]] = term.load[:, None] * level
+    return columns
+
+
+def _squared_error(tested: Array, columns: Index, weights: Array) -> float:
+    explained = 2.0 * weights @ tested[columns, -1] - weights @ tested[np.ix_(columns, columns)] @ weights
+    return max(float(tested[-1, -1] - explained), 0.0)
+
+
+def _ridge(gram: Array, moments: Array) -> Array:
+    """Minimise x' gram x / 2 - moment' x for each column of `moments`."""
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    size[size == 0.0] = 1.0
+    scaled = gram / np.outer(size, size) + _RIDGE * np.eye(len(size))
+    return np.asarray(np.linalg.solve(scaled, moments / size[:, None]) / size[:, None])
+
+
+def _of_same_spectrum(values: Array, rng: np.random.Generator) -> Array:
+    """Gaussian noise with the same spectrum: random phases.
+
+    >>> noise = _of_same_spectrum(np.array([3.0, 1.0, -2.0, 4.0]), np.random.default_rng(0))
+    >>> round(float(noise @ noise), 9)
+    30.0
+    """
+    spectrum = np.fft.rfft(values)
+    phases = np.exp(2j * np.pi * rng.random(len(spectrum)))
+    phases[0] = 1.0
+    if len(values) % 2 == 0:
+        phases[-1] = 1.0
+    return np.asarray(np.fft.irfft(spectrum * phases, len(values)))

@@ -1,0 +1,183 @@
+"""What a fit leaves open: covariance of what was fitted together, products that are known alone, spread of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.fit.refit import Refit, covariance
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.result import Product, Range, Value
+from homeward.diagnosis.rules import ENTWINED
+from homeward.physics import Robot, d_max
+
+_DRAWS = 2000
+_STEP = 1e-3  # of a group, for differences
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Everything that was fitted together: names, values in their units, and covariance, shape (numbers, numbers)."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    covariance: Array
+
+
+def joint(model: Refit | Corrected, runs: Runs, block: NDArray[np.intp]) -> Joint:
+    """Joint covariance of the fitted groups and sizes, clustered by block; groups that are held are left out.
+
+    Args:
+        model: The fit.
+        runs: The runs.
+        block: Stretches that count as independent, shape (windows,).
+    """
+    groups, problem = model.groups, model.parameters
+    free = np.flatnonzero(~groups.held)
+    active, to_group = problem.active()[free], problem.to_group[free]
+    columns = np.column_stack([groups.jacobian[:, free], model.beside])
+    unit = np.concatenate([problem.scale[active] * to_group, np.ones(model.beside.shape[1])])
+    found = covariance(columns, runs.observed - model.predicted, block) * np.outer(unit, unit)
+    names = [problem.groups[index].symbol for index in free]
+    units = [problem.groups[index].unit for index in free]
+    values = (model.theta[active] * to_group).tolist()
+    if isinstance(model, Corrected):
+        names += [f"{one.effect} {one.parameter}" for one in model.model.unknowns]
+        units += [one.unit for one in model.model.unknowns]
+        values += model.values.tolist()
+    return Joint(tuple(names), tuple(units), np.array(values), found)
+
+
+def products(model: Corrected, runs: Runs, block: NDArray[np.intp]) -> tuple[Product, ...]:
+    """Products of which the recordings determine no factor alone.
+
+    A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two numbers
+    of one effect that stand in for each other: what is known is the power that they make together.
+
+    Args:
+        model: The model with the effects, in which groups are held that the recordings leave open.
+        runs: The runs.
+        block: Stretches that count as independent, shape (windows,).
+    """
+    known = joint(model, runs, block)
+    return (*_with_groups(model, known, runs), *_powers(model, known, runs))
+
+
+def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
+    problem, theta = model.parameters, model.theta
+    found = []
+    for index in np.flatnonzero(model.groups.held):
+        group, at = problem.groups[index], problem.active()[index]
+        larger = theta.copy()
+        larger[at] *= 1.0 + _STEP
+        with_more = model.model.predict(runs, larger, model.values)
+        column = with_more - model.predicted
+        for number, one in enumerate(model.model.unknowns):
+            added = model.contribution[one.term]
+            more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
+            scales = float(more @ added) / max(_STEP * float(added @ added), 1e-300)
+            cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
+            if cosine > ENTWINED and scales > ENTWINED and one.column is not None:
+                name = f"{one.effect} {one.parameter}"
+                assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
+                half = 1.96 * assumed * float(np.sqrt(known.covariance[at_joint, at_joint]))
+                value = assumed * float(model.values[number])
+                unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
+                found.append(Product((group.symbol, name), Value(value, (value - half, value + half), unit)))
+    return found
+
+
+def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
+    """Mean power of each effect of which two numbers stand in for each other."""
+    correlation = kept.covariance / np.maximum(_outer_deviation(kept), 1e-300)
+    first = len(kept.names) - len(model.model.unknowns)
+    found = []
+    for index, term in enumerate(model.model.terms):
+        mine = [first + at for at, one in enumerate(model.model.unknowns) if one.term == index]
+        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > ENTWINED]
+        if not pairs or term.hypothesis.in_file is not None:
+            continue
+        mean = float(np.average(model.contribution[index], weights=runs.duration_s))
+        slopes = np.array([model.beside[:, at - first].mean() for at in mine])
+        half = 1.96 * float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
+        names = tuple(dict.fromkeys(kept.names[at] for pair in pairs for at in pair))
+        found.append(Product(names, Value(mean, (mean - half, mean + half), runs.unit)))
+    return found
+
+
+def _outer_deviation(one: Joint) -> Array:
+    deviation = np.sqrt(np.maximum(np.diag(one.covariance), 0.0))
+    return np.outer(deviation, deviation)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How the mean of what is left differs from run to run, and how long it lasts within a run."""
+
+    mean: Array  # (runs,), W or A
+    deviation: float | None  # between runs, less what the noise within runs makes; None of one run
+    rest: float  # standard deviation within runs
+    correlation_s: float
+
+
+def spread(left: Array, runs: Runs, memory_windows: float) -> Spread:
+    """Spread of what a model leaves, between runs and within them (one-way random effects, by moments).
+
+    Args:
+        left: What is left, shape (windows,).
+        runs: The runs.
+        memory_windows: Correlation time of what is left, in windows.
+    """
+    count = np.bincount(runs.run)
+    mean = np.bincount(runs.run, left) / count
+    within = float(np.sqrt(np.mean((left - mean[runs.run]) ** 2)))
+    between = None
+    if len(count) > 1:
+        noise = np.mean(within**2 * memory_windows / count)
+        between = max(float(np.var(mean, ddof=1)) - float(noise), 0.0) ** 0.5
+    return Spread(mean, between, within, memory_windows * float(np.median(runs.duration_s)))
+
+
+def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, seed: int) -> Range | None:
+    """Range of a robot that goes on driving as it was recorded, m; None of motor current or where nothing drove.
+
+    Usable energy over energy per metre: of what was recorded, and of what two robot files predict of the same trips.
+    The interval is by bootstrap over runs or, of fewer than three, over minutes of driving.
+
+    Args:
+        robots: The robot as its file has it and as it is handed over.
+        predictions: What each predicts, shape (windows,) each.
+        runs: The runs.
+        seed: Seed of the bootstrap.
+    """
+    path_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
+    drawn_j = float((runs.observed * runs.duration_s).sum())
+    if runs.unit == "A" or path_m.sum() <= 0.0 or drawn_j <= 0.0:
+        return None
+    before, after = robots
+    piece = runs.run if len(runs.signals) > 2 else np.cumsum(runs.duration_s) // 60.0
+    number = np.unique(piece, return_inverse=True)[1]
+    energy_j, way_m = (np.bincount(number, one) for one in (runs.observed * runs.duration_s, path_m))
+    drawn = np.random.default_rng(seed).integers(len(way_m), size=(_DRAWS, len(way_m)))
+    energies, ways = energy_j[drawn].sum(axis=1), way_m[drawn].sum(axis=1)
+    ranges = after.usable_energy_j * ways[energies > 0.0] / energies[energies > 0.0]
+    low, high = np.quantile(ranges, [0.025, 0.975]).tolist()
+    of_file = [
+        float(robot.usable_energy_j * path_m.sum() / max(float((one * runs.duration_s).sum()), 1e-9))
+        for robot, one in zip(robots, predictions, strict=True)
+    ]
+    return Range(
+        recorded_m=float(after.usable_energy_j * path_m.sum() / drawn_j),
+        ci95=(low, high),
+        nominal_m=of_file[0],
+        file_m=of_file[1],
+        d_max_nominal_m=float(d_max(before)),
+        d_max_file_m=float(d_max(after)),
+    )

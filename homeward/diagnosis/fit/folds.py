@@ -1,0 +1,117 @@
+"""Blocks and folds: stretches of a recording that count as independent, and those that are held out together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.rules import FEWEST_BLOCKS
+
+_SHORTEST = 10  # windows
+_STRETCH = 4  # windows: two seconds, what a change of level is held to last at least
+_MOST_BLOCKS = 2000
+_MEMORY_TIMES = 3.0  # blocks are this many correlation times long
+_MOST_FOLDS = 10
+_LONGEST_LAG = 400  # windows
+_MOST_CORRELATED = 0.9  # over any lag: beyond it is drift, not noise
+_BLOCK_FOLDS = 5
+_FEWEST_RUNS = 3
+
+
+def correlation_windows(residual: Array, run: NDArray[np.intp]) -> float:
+    """Integrated autocorrelation time of residuals, in windows, summed to the first lag without correlation.
+
+    >>> rng = np.random.default_rng(0)
+    >>> round(correlation_windows(rng.normal(size=20000), np.zeros(20000, int)))
+    1
+    """
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    total, lag = 1.0, 1
+    while lag < min(len(centred) // 4, _LONGEST_LAG) and power > 0.0:
+        together = run[lag:] == run[:-lag]
+        correlation = float(centred[lag:][together] @ centred[:-lag][together]) / power
+        if correlation < 0.05:
+            break
+        total += 2.0 * correlation
+        lag += 1
+    return total
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of a series of windows: correlation time in windows, and standard deviation of what lasts that long."""
+
+    memory: float
+    long_run: float  # sqrt of the variance of a sum of n windows over n
+
+
+def noise_of(residual: Array, run: NDArray[np.intp], lags: Sequence[int] = (1, 2, 4, 8, 16)) -> Noise:
+    """Noise of residuals from their increments, so that changes of level do not count as noise where they are few.
+
+    The increments over k and 2 k windows of an autoregressive process have a ratio of variances of 1 + phi^k. Medians
+    keep out the few increments across a change; the shorter the lags, the fewer they are.
+
+    >>> rng = np.random.default_rng(0)
+    >>> series = rng.normal(size=20000) + 50.0 * (np.arange(20000) // 1000 % 2)
+    >>> found = noise_of(series, np.zeros(20000, dtype=int), lags=(1, 2, 4))
+    >>> round(found.memory), round(found.long_run)
+    (1, 1)
+    """
+    best = Noise(1.0, _spread(residual, run, 1) / np.sqrt(2.0))
+    for lag in lags:
+        short, long = _spread(residual, run, lag) ** 2, _spread(residual, run, 2 * lag) ** 2
+        if short <= 0.0 or long <= 0.0:
+            continue
+        phi = float(np.clip(long / short - 1.0, 0.0, _MOST_CORRELATED)) ** (1.0 / lag)
+        variance = short / (2.0 * (1.0 - phi**lag))
+        memory = (1.0 + phi) / (1.0 - phi)
+        if variance * memory > best.long_run**2:
+            best = Noise(memory, float(np.sqrt(variance * memory)))
+    return best
+
+
+def _spread(values: Array, run: NDArray[np.intp], lag: int) -> float:
+    """Standard deviation of increments over a lag within runs, from their median size."""
+    same = run[lag:] == run[:-lag]
+    steps = np.abs(values[lag:] - values[:-lag])[same]
+    return 1.4826 * float(np.median(steps)) if len(steps) else 0.0
+
+
+def cut_blocks(run: NDArray[np.intp], residual: Array | None = None) -> NDArray[np.intp]:
+    """Block number of each window, shape (windows,): within one run, and long enough to outlast the residual's memory.
+
+    Blocks are shortened where fewer than `FEWEST_BLOCKS` would remain.
+    """
+    memory = 0.0 if residual is None else correlation_windows(residual, run)
+    length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_MEMORY_TIMES * memory)))
+    length = max(_SHORTEST, min(length, len(run) // (FEWEST_BLOCKS + len(np.unique(run)))))
+    block = np.empty(len(run), dtype=np.intp)
+    following = 0
+    for one in np.unique(run):
+        inside = np.flatnonzero(run == one)
+        count = max(1, round(len(inside) / length))
+        block[inside] = following + np.arange(len(inside)) * count // len(inside)
+        following += count
+    return block
+
+
+def cut_stretches(run: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Number within its run of the stretch of a few windows that each window lies in, shape (windows,)."""
+    first = np.searchsorted(run, run)
+    return (np.arange(len(run)) - first) // _STRETCH
+
+
+def cut_folds(runs: Runs, block: NDArray[np.intp]) -> tuple[NDArray[np.intp], Literal["run", "block"]]:
+    """Fold of each window, shape (windows,): whole runs held out, or long stretches of fewer than three."""
+    count = len(runs.signals)
+    if count >= _FEWEST_RUNS:
+        return runs.run % _MOST_FOLDS if count > _MOST_FOLDS else runs.run, "run"
+    blocks = int(block.max()) + 1
+    return block * min(_BLOCK_FOLDS, blocks) // blocks, "block"

@@ -1,0 +1,163 @@
+"""Channels that come late, and clocks that drift: seen from the power, which every channel of motion must explain.
+
+Power is regressed on what driving consists of. A channel of slope that is late explains most when it is set back; the
+clock of power against that of motion is late, part of a run by part, by what makes the regression follow it best. A lag
+of power that does not change stays: it is named as any other fault of an instrument.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.fit.refit import standard_errors
+from homeward.diagnosis.read.signals import WINDOW_S, Signals, usual_step_s, windows
+from homeward.diagnosis.rules import (
+    CLEAR_DRIFT,
+    LAG_MUST_EXPLAIN,
+    LONGEST_CHANNEL_LAG_S,
+    LONGEST_DRIFT_S,
+    SHORTEST_CHANNEL_LAG_S,
+    SMALLEST_DRIFT_S,
+)
+from homeward.physics import Robot
+
+Array = NDArray[np.float64]
+
+_COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel
+_SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
+_MOST_RUNS = 5  # that are asked: all have the same sensor
+_MOST_ASKED = 20_000  # samples of each: half an hour at 10 Hz
+_COARSE_DRIFT_S = 0.5
+_STRETCH_S = 10.0  # longer than a robot takes to change its speed: their errors count as independent
+_FEWEST_STRETCHES = 12
+_MOST_SAMPLES = 200_000  # a clock that drifts over hours of driving is nothing that a straight line follows
+_ITERATIONS = 4
+
+
+def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
+    """What power is regressed on, shape (n, columns): terms of the force balance times speed, turning and sensing."""
+    speed = np.abs(run.speed_mps)
+    top = robot.max_speed_mps
+    slope = np.sin(grade_rad) * np.where(run.speed_mps < 0.0, -1.0, 1.0)
+    climbs = speed * np.maximum(slope + robot.rolling_resistance, 0.0)
+    pull = speed * np.maximum(run.accel_mps2 * np.sign(run.speed_mps), 0.0)
+    moving = (speed > 0.0).astype(np.float64)
+    return np.column_stack([
+        np.ones(len(speed)), moving, speed, speed**3 / top**2, climbs, pull, np.abs(run.yaw_rate_radps), run.sensing_hz
+    ])  # fmt: skip
+
+
+def late_slope(runs: Sequence[Signals], robot: Robot, slope: Callable[[int, Signals, float], Array]) -> float:
+    """Time by which the channel of slope is late in all runs, s; 0 where that does not matter.
+
+    Args:
+        runs: The runs.
+        robot: Their robot.
+        slope: Slope of a run, by its number, the part of it that is asked, and the time it is taken to be late.
+    """
+    sloping = [index for index, run in enumerate(runs) if run.grade_rad.any()][:_MOST_RUNS]
+    asked = [runs[index].only(np.arange(len(runs[index].time_s)) < _MOST_ASKED) for index in sloping]
+    if not asked:
+        return 0.0
+
+    def error(late_s: float) -> Array:
+        return np.array([
+            _regression(run, drive_columns(run, robot, slope(index, run, late_s)))
+            for index, run in zip(sloping, asked, strict=True)
+        ])  # fmt: skip
+
+    steps = np.arange(-LONGEST_CHANNEL_LAG_S, LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S)
+    errors = {late: error(late) for late in steps.tolist()}
+    best = min(errors, key=lambda late: float(errors[late].sum()))
+    for late in (best + np.arange(-0.75, 1.0, _FINE_S)).tolist():
+        errors.setdefault(late, error(late))
+    best = min(errors, key=lambda late: float(errors[late].sum()))
+    if abs(best) < SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
+        return 0.0
+    return best if float(errors[best].sum()) < (1.0 - LAG_MUST_EXPLAIN) * _by_power(asked, robot) else 0.0
+
+
+def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
+    """Squared error where power is what is late or drifts: against it, slopes seem early."""
+    right = without_drift(runs, robot)[0]
+    columns = [drive_columns(run, robot, run.grade_rad) for run in right]
+    return min(
+        sum(_regression(_early(run, lag_s), made) for run, made in zip(right, columns, strict=True))
+        for lag_s in _SHARED_S
+    )
+
+
+def _early(run: Signals, lag_s: float | Array) -> Signals:
+    """The run with its power set back by a lag."""
+    return replace(run, observed=np.interp(run.time_s + lag_s, run.time_s, run.observed))
+
+
+def _regression(run: Signals, columns: Array) -> float:
+    """Squared error over windows that power regressed on columns leaves."""
+    cut = windows(run.time_s, max(WINDOW_S, usual_step_s(run.time_s)))
+    design = np.column_stack([cut.means(one) for one in columns.T])
+    target = cut.means(run.observed)
+    weights = np.linalg.lstsq(design, target, rcond=None)[0]
+    left = target - design @ weights
+    return float(left @ left)
+
+
+def without_drift(runs: Sequence[Signals], robot: Robot) -> tuple[list[Signals], dict[str, float]]:
+    """The runs with the clock of power set right where it drifts against that of motion; the drift of each, s."""
+    drifts: dict[str, float] = {}
+    right = []
+    for run in runs:
+        drift_s = _drift(run, robot)
+        if drift_s:
+            drifts[run.name] = drift_s
+            run = _early(run, drift_s * _since(run))
+        right.append(run)
+    return right, drifts
+
+
+def _since(run: Signals) -> Array:
+    """Share of the run's duration that has passed."""
+    since: Array = (run.time_s - run.time_s[0]) / max(float(np.ptp(run.time_s)), 1e-9)
+    return since
+
+
+def _drift(run: Signals, robot: Robot) -> float:
+    """Time by which the clock of power falls back over the run, s, 0 where it is not clear.
+
+    The likeliest of a few drifts, then Gauss-Newton on lag and drift together with the coefficients; the drift's
+    standard error is clustered by stretch.
+    """
+    stretch = (run.time_s - run.time_s[0]) // _STRETCH_S
+    if stretch[-1] < _FEWEST_STRETCHES or len(run.time_s) > _MOST_SAMPLES:
+        return 0.0
+    columns, since = drive_columns(run, robot, run.grade_rad), _since(run)
+
+    def fit(lag_s: float, drift_s: float) -> tuple[Array, Array, float]:
+        when = run.time_s - lag_s - drift_s * since
+        late = np.column_stack([np.interp(when, run.time_s, one) for one in columns.T])
+        weights = np.linalg.lstsq(late, run.observed, rcond=None)[0]
+        left = run.observed - late @ weights
+        return late, weights, float(left @ left)
+
+    drifts = np.arange(-LONGEST_DRIFT_S, LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
+    starts = [(lag, drift) for drift in drifts for lag in {0.0, -drift / 2.0}]
+    lag_s, drift_s = min(starts, key=lambda one: fit(*one)[2])
+    error_s = np.inf
+    for _ in range(_ITERATIONS):
+        late, weights, _ = fit(lag_s, drift_s)
+        pace = -np.gradient(late @ weights, run.time_s)
+        design = np.column_stack([late, pace, pace * since])
+        found = np.linalg.lstsq(design, run.observed, rcond=None)[0]
+        left = run.observed - design @ found
+        lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
+        error_s = float(standard_errors(design, left, stretch.astype(np.intp))[-1])
+    if error_s > abs(drift_s) / CLEAR_DRIFT or not SMALLEST_DRIFT_S < abs(drift_s) < LONGEST_DRIFT_S:
+        return 0.0
+    # The pace of a noisy channel is noise that many a lag seems to explain: the power itself must follow better.
+    without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)
+    with_it = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
+    return drift_s if with_it < (1.0 - LAG_MUST_EXPLAIN) * without else 0.0

@@ -1,0 +1,181 @@
+"""The parameters that recordings can tell apart: five groups, their bounds and predictions.
+
+From sampled speed, grade and power only five groups of the model are identifiable: the idle and the per-sample part of
+P_anc, C_rr m / Gamma, c / Gamma and m / Gamma; from motor current the last three over k, the thrust per ampere, and the
+current at rest. Losses are therefore kept as the robot file has them and the rest is fitted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.fit.replay import Runs, predict, thrust_n_per_a
+from homeward.diagnosis.read.signals import Array
+from homeward.physics import Robot
+from homeward.physics.model import rolling_force
+
+IDLE, SAMPLE, ROLLING, DRAG, MASS = range(5)
+"""Indices of theta."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """One identifiable group: its name, symbol and unit, and whether measured motion is behind its column."""
+
+    name: str
+    symbol: str
+    unit: str
+    measured: bool
+
+
+@dataclass(frozen=True)
+class WithEffects:
+    """What a prediction adds to the robot: effects by id, and what the drive met or its instruments did."""
+
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    headwind_mps: Sequence[Array] | None = None  # an array per run
+    lag_s: float = 0.0
+    speed_factors: Sequence[float] | None = None  # true over recorded speed, a number per run
+    roughness: Array | None = None  # of the ground, (windows,)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The fitted parameters of a problem: a vector theta, how it becomes a robot, and its physical bounds.
+
+    theta is (idle power W or rest current A, energy per sample J, C_rr m kg, c N s^2/m^2, m kg), with the losses (and
+    the thrust per ampere) as assumed. Per-sample energy has no influence on motor current.
+    """
+
+    nominal: Robot
+    groups: tuple[Group, ...]
+    start: Array
+    low: Array
+    high: Array
+    scale: Array  # a plausible change of each
+    to_group: Array  # group value = theta * to_group
+    current_known: bool  # False: motor current without a known thrust per ampere
+
+    def robot(self, theta: Array) -> Robot:
+        """The robot with these parameters."""
+        idle, sample, rolling, drag, mass = theta.tolist()
+        robot = dataclasses.replace(
+            self.nominal,
+            mass_kg=mass,
+            rolling_resistance=float(np.clip(rolling / mass, 1e-9, 1.0)),
+            drag_ns2_per_m2=drag,
+        )
+        return robot if len(self.groups) == 4 else with_ancillary(robot, idle, sample)
+
+    def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:
+        """What these parameters predict, shape (windows,), with effects if any are given."""
+        robot, extra = self.robot(theta), with_effects or WithEffects()
+        if extra.effects:
+            robot = with_effects_of(robot, extra.effects)
+        rest_current_a = float(theta[0]) if runs.unit == "A" else 0.0
+        return predict(runs, robot, rest_current_a, extra.headwind_mps, extra.lag_s, extra.speed_factors,
+                       extra.roughness)  # fmt: skip
+
+    def active(self) -> NDArray[np.intp]:
+        """Indices of theta that the groups stand for."""
+        return np.array([0, 2, 3, 4] if len(self.groups) == 4 else [0, 1, 2, 3, 4])
+
+
+def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) -> Robot:
+    """The robot with these effects; where its file has no track, the one that an effect was fitted with."""
+    track_m = next((numbers["track_m"] for numbers in effects.values() if "track_m" in numbers), robot.track_m)
+    added = {
+        effect: {name: value for name, value in numbers.items() if name != "track_m"}
+        for effect, numbers in effects.items()
+    }
+    return dataclasses.replace(robot, track_m=track_m, effects={**robot.effects, **added})
+
+
+def with_ancillary(robot: Robot, idle_w: float, sample_j: float) -> Robot:
+    """The robot with another idle ancillary power and energy per sample, shared out as before."""
+    idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w
+    sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
+    changes: dict[str, Any] = {}
+    if idle_w == idle and sample_j == sample:
+        return robot
+    if idle > 0.0:
+        for name in ("sensing_idle_w", "communication_w", "controller_w"):
+            changes[name] = getattr(robot, name) * idle_w / idle
+    else:
+        changes["controller_w"] = idle_w
+    if sample > 0.0:
+        for name in ("sensing_j_per_sample", "computer_j_per_sample"):
+            changes[name] = getattr(robot, name) * sample_j / sample
+    else:
+        changes["sensing_j_per_sample"] = sample_j
+    return dataclasses.replace(robot, **changes)
+
+
+def parameters(runs: Runs, robot: Robot) -> Parameters:
+    """Groups, bounds and starting values for these runs and this robot."""
+    most = float(np.max(runs.observed))
+    top_speed = max(float(np.max(np.abs(runs.context["speed_mps"]))), 1e-3)
+    gamma = robot.traction_efficiency
+    known = runs.unit == "W" or robot.traction_n_per_a > 0.0
+    if not known:  # any thrust per ampere will do: the groups do not depend on it
+        robot = dataclasses.replace(robot, traction_n_per_a=float(rolling_force(robot)) / max(most, 1e-9))
+    per = gamma if runs.unit == "W" else thrust_n_per_a(robot)
+    idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w if runs.unit == "W" else 0.0
+    sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
+    fastest_hz = max(float(np.max(runs.context.get("sensing_hz", np.zeros(1)), initial=0.0)), robot.max_sensing_hz)
+    # Drag that alone would take ten times all that was drawn is out of the question.
+    most_force = most * (gamma / top_speed if runs.unit == "W" else per)
+    most_drag = max(10.0 * most_force / top_speed**2, 2.0 * robot.drag_ns2_per_m2)
+    most = max(most, 2.0 * idle, 1e-6)
+    most_sample = max(most / fastest_hz, 2.0 * sample)
+    rolling = robot.rolling_resistance * robot.mass_kg
+    start = np.array([idle, sample, rolling, robot.drag_ns2_per_m2, robot.mass_kg])
+    scale = np.array([
+        idle or most / 10, sample or most_sample / 10, rolling, robot.drag_ns2_per_m2 or most_drag / 100, robot.mass_kg
+    ])  # fmt: skip
+    low = np.array([0.0, 0.0, 1e-3 * rolling, 0.0, robot.mass_kg / 5])
+    high = np.array([most, most_sample, robot.mass_kg, most_drag, robot.mass_kg * 5])
+    drive = 1.0 / per
+    groups: tuple[Group, ...]
+    if runs.unit == "W":
+        groups = (
+            Group("idle_power", "P_anc, idle part", "W", False),
+            Group("sample_energy", "P_anc, per sample", "J", False),
+            Group("rolling", "C_rr m / Gamma", "kg", True),
+            Group("drag", "c / Gamma", "N s^2/m^2", True),
+            Group("mass", "m / Gamma", "kg", True),
+        )
+        return Parameters(robot, groups, start, low, high, scale, np.array([1.0, 1.0, drive, drive, drive]), known)
+    groups = (
+        Group("rest_current", "current at rest", "A", False),
+        Group("rolling", "C_rr m / ((1 - eta3) k)", "kg A/N", True),
+        Group("drag", "c / ((1 - eta3) k)", "A s^2/m^2", True),
+        Group("mass", "m / ((1 - eta3) k)", "kg A/N", True),
+    )
+    return Parameters(robot, groups, start, low, high, scale, np.array([1.0, drive, drive, drive]), known)
+
+
+def derivatives(problem: Parameters, theta: Array, predicted: Array, predict: Callable[[Array], Array]) -> list[Array]:
+    """Derivative of a prediction by each group in units of `scale`, by a small step within the bounds.
+
+    Args:
+        problem: The fitted parameters.
+        theta: Where to differentiate.
+        predicted: What `predict` gives there, shape (windows,).
+        predict: Prediction as a function of theta.
+    """
+    columns = []
+    for index in problem.active():
+        step = 1e-4 * problem.scale[index]
+        if theta[index] + step > problem.high[index]:
+            step = -step
+        moved = theta.copy()
+        moved[index] += step
+        columns.append((predict(moved) - predicted) / (step / problem.scale[index]))
+    return columns

@@ -1,0 +1,240 @@
+"""The best the known physics can do: refit the groups of parameters that a recording can tell apart.
+
+Least squares on window means, not a robust loss: a median ignores the peaks, and the energy is in the peaks. Intervals
+come from a sandwich estimator clustered by block, which holds under autocorrelated and uneven residuals.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+from scipy.stats import t as student
+
+from homeward.diagnosis.fit.doubt import reliability
+from homeward.diagnosis.fit.fitted import Fitted, excited
+from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.rules import COLLINEAR, NOISE_ONLY, RELIABLE
+from homeward.physics import Robot
+
+Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]
+
+_ITERATIONS = 12
+_WEAK_PRIOR = 1e-5  # of a column's norm: keeps a parameter that the data leave open at its assumed value
+_RESTS_ON = {"rolling": "speed_mps", "drag": "speed_mps", "mass": "grade_rad"}
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the recordings say about a group; `fitted` and `ci95` are None where they say nothing."""
+
+    group: Group
+    assumed: float | None
+    fitted: float | None
+    ci95: tuple[float, float] | None
+    status: Status
+    mixed_with: tuple[str, ...] = ()
+    off: bool = False  # excludes what the robot file assumes, at 5 % over all groups together
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A fit with what it takes to redo it on a part of the windows: at theta, predicted and its Jacobian."""
+
+    parameters: Parameters
+    theta: Array  # (5,)
+    predicted: Array  # (windows,)
+    jacobian: Array  # (windows, groups), per unit of `scale`; 0 for groups that are held
+    held: NDArray[np.bool_]  # (groups,): those that stay as the robot file has them
+
+    @property
+    def robot(self) -> Robot:
+        """The robot with the fitted parameters."""
+        return self.parameters.robot(self.theta)
+
+    @property
+    def groups(self) -> Refit:
+        """The fit of the groups, as a model with effects has it too."""
+        return self
+
+    @property
+    def beside(self) -> Array:
+        """Derivative by anything but the groups: there is none here, shape (windows, 0)."""
+        return np.empty((len(self.predicted), 0))
+
+    @property
+    def at_bound(self) -> NDArray[np.bool_]:
+        """Groups at a bound of what is physical, shape (groups,); a power or drag of zero is a value like any other."""
+        problem, active = self.parameters, self.parameters.active()
+        theta, scale = self.theta[active], 1e-9 * self.parameters.scale[active]
+        low, high = problem.low[active], problem.high[active]
+        at_bound: NDArray[np.bool_] = (theta >= high - scale) | ((theta <= low + scale) & (low > 0.0))
+        return at_bound
+
+    def freedom(self) -> tuple[Array, Array]:
+        """Least and largest step from theta that is physical, in units of `scale`, each of shape (groups,)."""
+        problem = self.parameters
+        active = problem.active()
+        scale = problem.scale[active]
+        return (problem.low - self.theta)[active] / scale - 1e-12, (problem.high - self.theta)[active] / scale + 1e-12
+
+    def moved(self, step: Array) -> Array:
+        """Theta after a step in units of `scale`, within its bounds."""
+        problem = self.parameters
+        theta = self.theta.copy()
+        active = problem.active()
+        theta[active] += step * problem.scale[active]
+        return np.clip(theta, problem.low, problem.high)
+
+    def fitted_to(self, chosen: NDArray[np.bool_], observed: Array) -> Refit:
+        """The same fitted to the chosen windows only, linearised at this fit."""
+        step = _solve(self.parameters, self.theta, self.jacobian[chosen], (observed - self.predicted)[chosen])
+        return dataclasses.replace(self, theta=self.moved(step), predicted=self.predicted + self.jacobian @ step)
+
+    def replayed(self, runs: Runs) -> Array:
+        """Prediction by a replay with these parameters, shape (windows,)."""
+        return self.parameters.predict(runs, self.theta)
+
+    def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
+        """Prediction for all windows by parameters fitted on the chosen ones only, shape (windows,)."""
+        return self.fitted_to(chosen, observed).predicted
+
+
+def refit(runs: Runs, robot: Robot) -> Refit:
+    """Fit the groups to all windows within physical bounds, by Gauss-Newton through the replay."""
+    problem = parameters(runs, robot)
+    return _fit(problem, runs, np.zeros(len(problem.active()), np.bool_))
+
+
+def holding(fit: Refit, runs: Runs, held: NDArray[np.bool_]) -> Refit:
+    """The same fit with some groups, shape (groups,), as the robot file has them."""
+    return _fit(fit.parameters, runs, held)
+
+
+def _fit(problem: Parameters, runs: Runs, held: NDArray[np.bool_]) -> Refit:
+    theta = np.clip(problem.start, problem.low, problem.high)
+    best: tuple[float, Refit] | None = None
+    for _ in range(_ITERATIONS):
+        predicted, jacobian = _linearised(problem, runs, theta)
+        jacobian[:, held] = 0.0
+        residual = runs.observed - predicted
+        error = float(residual @ residual)
+        if best is not None and error >= best[0] * (1.0 - 1e-10):
+            break
+        best = error, Refit(problem, theta, predicted, jacobian, held)
+        theta = best[1].moved(_solve(problem, theta, jacobian, residual))
+    assert best is not None
+    return best[1]
+
+
+def _linearised(problem: Parameters, runs: Runs, theta: Array) -> tuple[Array, Array]:
+    predicted = problem.predict(runs, theta)
+    columns = derivatives(problem, theta, predicted, lambda moved: problem.predict(runs, moved))
+    return predicted, np.column_stack(columns)
+
+
+def _solve(problem: Parameters, theta: Array, jacobian: Array, residual: Array) -> Array:
+    """Step of theta in units of `scale`, within the bounds."""
+    active = problem.active()
+    scale = problem.scale[active]
+    # Normal equations through a triangle: a few rows whatever the length of the recording.
+    triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
+    weak = _WEAK_PRIOR * max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
+    start = (problem.start - theta)[active] / scale
+    matrix = np.vstack([triangle[:, :-1], weak * np.eye(len(active))])
+    target = np.concatenate([triangle[:, -1], weak * start])
+    low = (problem.low - theta)[active] / scale - 1e-12
+    high = (problem.high - theta)[active] / scale + 1e-12
+    step: Array = lsq_linear(matrix, target, (low, high), method="bvls").x
+    return step
+
+
+def estimates(model: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[Estimate]:
+    """Value and interval of each group, or why there is none.
+
+    Args:
+        model: The fit to all windows.
+        runs: The windows it was fitted to.
+        block: Block of each window, shape (windows,): residuals of different blocks count as independent.
+    """
+    fit, beside = model.groups, model.beside
+    problem, jacobian = fit.parameters, fit.jacobian
+    active = problem.active()
+    moving = excited(fit, runs)
+    errors = np.full(len(active), np.inf)
+    columns = np.column_stack([jacobian[:, moving], beside])
+    errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
+    errors *= problem.scale[active]
+    freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
+    widths = float(student.ppf(0.975, freedom)) * errors
+    wide = float(student.ppf(1.0 - 0.025 / len(active), freedom)) * errors
+    result = []
+    for j, (index, group) in enumerate(zip(active, problem.groups, strict=True)):
+        assumed = problem.start[index] * problem.to_group[j]
+        known = assumed if runs.unit == "W" or (problem.current_known and group.name != "rest_current") else None
+        status, mixed = _status(fit, runs, j, moving)
+        fitted, width = fit.theta[index] * problem.to_group[j], widths[j] * problem.to_group[j]
+        if status == "fitted" and (
+            width > max(abs(assumed), abs(fitted)) or reliability(_RESTS_ON.get(group.name, ""), runs) < RELIABLE
+        ):
+            status = "too uncertain"
+        elif status == "fitted" and fit.at_bound[j]:
+            status = "at bound"
+        if status != "fitted":
+            result.append(Estimate(group, known, None, None, status, mixed_with=mixed))
+            continue
+        interval = (max(float(fitted - width), 0.0), float(fitted + width))
+        off = known is not None and abs(fitted - known) > wide[j] * problem.to_group[j]
+        result.append(Estimate(group, known, float(fitted), interval, "fitted", off=bool(off)))
+    return result
+
+
+def _status(fit: Refit, runs: Runs, j: int, excited: NDArray[np.bool_]) -> tuple[Status, tuple[str, ...]]:
+    if not excited[j]:
+        return "not excited", ()
+    others = np.flatnonzero(excited & (np.arange(len(excited)) != j))
+    column = fit.jacobian[:, j]
+    weights: Array = np.zeros(len(others))
+    if len(others):
+        weights = np.linalg.lstsq(fit.jacobian[:, others], column, rcond=None)[0].astype(np.float64)
+    own = column - fit.jacobian[:, others] @ weights
+    mixed = _share_named(fit, j, others, weights)
+    if own @ own < COLLINEAR * (column @ column):
+        return "confounded", mixed
+    same_run = runs.run[1:] == runs.run[:-1]
+    if fit.parameters.groups[j].measured and same_run.any():
+        lagged = float((own[1:] * own[:-1])[same_run].mean() / (own * own).mean())
+        if lagged < NOISE_ONLY and own @ own < 0.01 * (column @ column):
+            return "confounded", mixed
+    return "fitted", ()
+
+
+def _share_named(fit: Refit, j: int, others: NDArray[np.intp], weights: Array) -> tuple[str, ...]:
+    size = np.abs(weights) * np.linalg.norm(fit.jacobian[:, others], axis=0)
+    largest = 0.2 * np.linalg.norm(fit.jacobian[:, j])
+    return tuple(fit.parameters.groups[o].symbol for o, s in zip(others, size, strict=True) if s > largest)
+
+
+def standard_errors(jacobian: Array, residual: Array, block: NDArray[np.intp]) -> Array:
+    """Standard errors of the parameters, from their `covariance`."""
+    errors: Array = np.sqrt(np.maximum(np.diag(covariance(jacobian, residual, block)), 0.0))
+    return errors
+
+
+def covariance(jacobian: Array, residual: Array, block: NDArray[np.intp]) -> Array:
+    """Covariance of the parameters by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
+    count, blocks = jacobian.shape[1], int(block.max()) + 1
+    if count == 0:
+        return np.zeros((0, 0))
+    bread = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    scores = np.zeros((blocks, count))
+    np.add.at(scores, block, jacobian * residual[:, None])
+    n = len(residual)
+    small_sample = blocks / max(blocks - 1, 1) * (n - 1) / max(n - count, 1)
+    return np.asarray(small_sample * bread @ (scores.T @ scores) @ bread)

@@ -1,0 +1,176 @@
+"""Checks before any fitting: which runs can be used, and what to know about the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from homeward.diagnosis.fit.lags import late_slope, without_drift
+from homeward.diagnosis.fit.replay import average as average_runs
+from homeward.diagnosis.fit.replay import predict
+from homeward.diagnosis.read.channels import MOTION, POWER
+from homeward.diagnosis.read.faults import without_faults
+from homeward.diagnosis.read.pitch import without_tilt
+from homeward.diagnosis.read.recordings import Recording
+from homeward.diagnosis.read.signals import Signals, gaps, known, signals, slope_if_late, usual_step_s
+from homeward.diagnosis.rules import RIGHT_ROBOT
+from homeward.physics import Robot
+
+_SHORTEST_RUN_S = 5.0
+_FEWEST_SAMPLES = 20
+_MOST_MISSING = 0.5
+_STANDS_MPS = 0.01
+_FAST = 1.5  # times the robot's top speed
+_UNIT_RATIO = 3.0  # a ratio within this factor of 1000 is taken for a wrong unit
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something to know about a recording; one that is `refused` is set aside and takes no part in the verdict."""
+
+    recording: str
+    text: str
+    refused: bool = False
+
+
+def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
+    """Check each recording and bring the usable ones into one form.
+
+    Power is preferred: where some runs hold power and others only motor current, the latter are set aside.
+
+    Args:
+        recordings: Runs of one robot.
+        robot: The robot file: its top speed and power tell a wrong unit from a fast drive.
+    """
+    findings: list[Finding] = []
+    kept: list[Signals] = []
+    sources: list[Recording] = []
+    seen: dict[str, str] = {}
+    for given in recordings:
+        if given.sha256 in seen:
+            findings.append(Finding(given.name, f"is the same as {seen[given.sha256]}", refused=True))
+            continue
+        seen[given.sha256] = given.name
+        lacks = _lacks(given)
+        if lacks is not None:
+            findings.append(Finding(given.name, lacks, refused=True))
+            continue
+        recording, error = without_faults(given, robot)
+        findings += [Finding(recording.name, note) for note in recording.notes]
+        run = signals(recording, robot, error=error)
+        fault = _fault(run, robot)
+        if fault is not None:
+            findings.append(Finding(recording.name, fault, refused=True))
+            continue
+        findings += [Finding(recording.name, text) for text in _remarks(given, run, robot)]
+        kept.append(run)
+        sources.append(recording)
+    if len({run.unit for run in kept}) > 1:
+        current = [run for run in kept if run.unit == "A"]
+        findings += [Finding(r.name, "has motor current only, while other runs have power", True) for r in current]
+        kept = [run for run in kept if run.unit == "W"]
+        sources = [one for one in sources if one.name in {run.name for run in kept}]
+    kept, said = _set_right(kept, sources, robot)
+    return kept, findings + said
+
+
+def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
+    """The runs without what only their drive shows: a late or tilted slope, a clock that drifts, another robot."""
+    said: list[Finding] = []
+    if not runs:
+        return runs, said
+    first = runs[0].name
+    late_s = late_slope(runs, robot, lambda index, part, late: slope_if_late(sources[index], part, robot, late))
+    if late_s:
+        runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
+        when = "late" if late_s > 0.0 else "early"
+        said.append(
+            Finding(first, f"slopes of all runs are {abs(late_s):.3g} s {when} against power: they are set right")
+        )
+    if any("grade_rad" in source.channels for source in sources):
+        runs, angle = without_tilt(runs)
+        if angle:
+            text = f"slopes of ways that close have a mean of {np.degrees(angle):+.2g} degrees"
+            said.append(Finding(first, f"{text}: the sensor is tilted, and the slopes of all runs are set right"))
+    runs, drifts = without_drift(runs, robot)
+    for name, drift_s in drifts.items():
+        way = "back" if drift_s > 0.0 else "ahead"
+        text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is set right"
+        said.append(Finding(name, text))
+    if runs[0].unit == "W" or robot.traction_n_per_a > 0.0:
+        expected = float(np.sum(predict(average_runs(runs), robot)))
+        ratio = float(np.sum(average_runs(runs).observed)) / expected if expected > 0.0 else 1.0
+        if not 1.0 / RIGHT_ROBOT < ratio < RIGHT_ROBOT:
+            text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
+            said.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
+    return runs, said
+
+
+def _lacks(recording: Recording) -> str | None:
+    """What a recording must have and has not, or None."""
+    for what, sets in (("motion", MOTION), ("power", POWER)):
+        if not any(all(name in recording.channels for name in names) for names in sets):
+            return f"has no {what} channel ({' or '.join(' + '.join(names) for names in sets)})"
+    missing = 1.0 - float(known(recording).mean())
+    if missing > _MOST_MISSING:
+        return f"motion or power is missing in {missing:.0%} of the samples"
+    if len(recording) < _FEWEST_SAMPLES or recording.duration_s < _SHORTEST_RUN_S:
+        return f"is too short ({len(recording)} samples over {recording.duration_s:.3g} s)"
+    return None
+
+
+def _fault(run: Signals, robot: Robot) -> str | None:
+    """Why a run cannot be used, or None."""
+    if len(run.time_s) == 0:
+        return "holds nothing but charging"
+    if len(run.time_s) < _FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < _SHORTEST_RUN_S:
+        return f"is too short ({len(run.time_s)} samples of driving over {np.ptp(run.time_s):.3g} s)"
+    if not run.observed.any():
+        return "the recorded power or current is zero throughout; was the sensor connected?"
+    if np.ptp(run.observed) == 0.0:
+        return f"the recorded power or current never changes ({run.observed[0]:.4g} {run.unit}); did the logger hang?"
+    driving = run.observed[run.speed_mps != 0.0]
+    if run.unit == "W" and len(driving) and float(driving.mean()) < 0.0:
+        return "power is negative while it drives: power drawn must be positive (factor -1 in a mapping file)"
+    quick = float(np.quantile(np.abs(run.speed_mps), 0.99))
+    if quick > _FAST * robot.max_speed_mps:
+        guess = "; km/h?" if quick / 3.6 <= 1.2 * robot.max_speed_mps else ""
+        return (
+            f"drives at {quick:.3g} m/s, while {robot.name} reaches {robot.max_speed_mps:g} m/s: "
+            f"another robot or another unit{guess}"
+        )
+    return _wrong_scale(run, robot)
+
+
+def _wrong_scale(run: Signals, robot: Robot) -> str | None:
+    if run.unit == "A" and robot.traction_n_per_a == 0.0:
+        return None
+    expected = float(np.mean(predict(average_runs([run]), robot)))
+    ratio = float(np.mean(run.observed)) / expected if expected > 0.0 else 1.0
+    for factor, unit in ((1e3, "milliwatts or milliamperes"), (1e-3, "kilowatts or kiloamperes")):
+        if ratio > 0.0 and abs(np.log(ratio / factor)) < np.log(_UNIT_RATIO):
+            return f"draws {ratio:.3g} times what {robot.name} should: this looks like {unit}"
+    return None
+
+
+def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
+    remarks = []
+    missing = len(recording) - int(known(recording).sum())
+    if missing:
+        remarks.append(f"{missing} samples without motion or power are left out")
+    remarks += [f"missing values of {name} are interpolated" for name in run.filled]
+    jumps = gaps(run.time_s)
+    if len(jumps):
+        longest = float(np.max(np.diff(run.time_s)[jumps]))
+        remarks.append(
+            f"{len(jumps)} gaps, the longest {longest:.3g} s where {usual_step_s(run.time_s):.3g} s is usual"
+        )
+    if np.mean(np.abs(run.speed_mps) > _STANDS_MPS) == 0.0 and not run.yaw_rate_radps.any():
+        remarks.append("the robot stands throughout: nothing to learn about its drive")
+    elif np.ptp(run.speed_mps) < 0.1 * np.max(np.abs(run.speed_mps)):
+        remarks.append("the speed hardly changes: idle power, rolling resistance and drag cannot be told apart from it")
+    if run.unit == "A" and (run.observed > 0.0).all():
+        remarks.append("motor current without voltage: torque only, so power, energy and range are not known")
+    return remarks

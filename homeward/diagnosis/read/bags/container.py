@@ -1,0 +1,113 @@
+"""Opening bags: ROS 1 files, ROS 2 folders and files (sqlite3, MCAP), whole or damaged."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag2 import Reader as Reader2
+
+from homeward.diagnosis.read.bags.files import storage_files
+from homeward.diagnosis.read.bags.salvage import Remains
+from homeward.diagnosis.read.columns import RecordingError
+
+
+class Bag:
+    """A bag that is open for reading.
+
+    Attributes:
+        path: The file or folder.
+        ros1: Whether messages are in the format of ROS 1.
+        connections: Its topics; one topic may have several.
+        notes: What reading left out.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a bag.
+
+        Raises:
+            RecordingError: Nothing in it can be read.
+        """
+        self.path = path
+        self.notes: list[str] = []
+        self.ros1 = path.suffix in (".bag", ".active")
+        self._readers: list[Any] = []
+        self._stack = contextlib.ExitStack()
+        try:
+            self._readers = self._opened()
+        except BaseException:
+            self.close()
+            raise
+        self.connections = [connection for reader in self._readers for connection in reader.connections]
+        if not sum(connection.msgcount for connection in self.connections):
+            self.close()
+            raise RecordingError(f"{path}: holds no message that can be read{'; ' if self.notes else ''}"
+                                 f"{'; '.join(self.notes)}")  # fmt: skip
+
+    def __enter__(self) -> Bag:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all files."""
+        self._stack.close()
+
+    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """Messages of some topics with the time of receipt, ns; a file that breaks off ends there, with a note."""
+        for reader in self._readers:
+            here = [connection for connection in connections if connection in reader.connections]
+            if not here:
+                continue
+            last_ns = None
+            try:
+                for connection, received_ns, data in reader.messages(here):
+                    last_ns = received_ns
+                    yield connection, received_ns, data
+            except Exception as error:  # a damaged record raises anything, from struct.error to zlib's
+                read_s = 0.0 if last_ns is None else (last_ns - reader.start_time) * 1e-9
+                self.notes.append(
+                    f"{reader.path.name} is damaged ({_first_line(error)}): its first {read_s:.1f} s could be read"
+                )
+
+    def _opened(self) -> list[Any]:
+        if self.path.is_dir() and (self.path / "metadata.yaml").is_file():
+            reader = Reader2(self.path)
+            try:
+                reader.open()
+            except Exception as error:  # as below
+                self.notes.append(f"cannot be read as a whole ({_first_line(error)}), so its files are read one by one")
+            else:
+                self._stack.callback(reader.close)
+                return [reader]
+        elif self.path.is_dir():
+            self.notes.append("has no metadata.yaml: the recorder was stopped before it ended the bag")
+        readers = [self._reader(file) for file in storage_files(self.path)]
+        if self.notes and any(isinstance(reader, Remains) for reader in readers):
+            self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]  # the files say it more clearly
+        return readers
+
+    def _reader(self, file: Path) -> Any:
+        try:
+            reader: Any = Reader1(file) if self.ros1 else Reader2(file)
+            reader.open()
+        except Exception as error:  # a cut file raises anything, from ReaderError to TypeError
+            remains = Remains(file)
+            count = sum(connection.msgcount for connection in remains.connections)
+            left = f"{count} messages could be read"
+            if file.suffix == ".db3":
+                left = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
+            self.notes.append(f"{file.name} is cut off or damaged ({_first_line(error)}): {left}")
+            return remains
+        self._stack.callback(reader.close)
+        return reader
+
+
+def _first_line(error: Exception) -> str:
+    text = (str(error).strip().splitlines() or [""])[0].rstrip(".")
+    return text[:120] or type(error).__name__

@@ -1,0 +1,138 @@
+"""Numbers out of messages: type definitions of the bag or of this package, and fields by path."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+_SEPARATOR = "=" * 80 + "\n"
+_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\w+)\]")
+
+
+class UnknownType(ValueError):
+    """A message type without a definition; the message says which."""
+
+
+class WrongField(ValueError):
+    """A field that the message does not have; the message says what it has."""
+
+
+Decode = Callable[[bytes], Any]
+
+
+def decoder(connection: Connection, ros1: bool) -> Decode:
+    """What turns the content of a topic's messages into objects.
+
+    The bag's own definition comes first. Bags of ROS 2 before Iron in sqlite3 have none: then those of the standard
+    packages, and the ones that ship here (folder definitions), newest first where a package changed its layout.
+
+    Raises:
+        UnknownType: There is no definition.
+    """
+    stores = _stores(connection)
+    kind = connection.msgtype
+
+    def decode(content: bytes) -> Any:
+        while True:
+            try:
+                return stores[0].deserialize_ros1(content, kind) if ros1 else stores[0].deserialize_cdr(content, kind)
+            except (SerdeError, AssertionError, IndexError):
+                if len(stores) == 1:
+                    raise SerdeError(f"a message of type {kind} does not fit its definition") from None
+                stores.pop(0)  # an older layout of the same type
+
+    return decode
+
+
+def _stores(connection: Connection) -> list[Typestore]:
+    kind, definition = connection.msgtype, connection.msgdef
+    try:
+        if definition.format == MessageDefinitionFormat.MSG:
+            return [_store(Stores.EMPTY, [get_types_from_msg(definition.data, kind)])]
+        if definition.format == MessageDefinitionFormat.IDL:
+            parts = [part.split("\n", 1)[1] for part in definition.data.split(_SEPARATOR) if part.startswith("IDL: ")]
+            return [_store(Stores.EMPTY, [get_types_from_idl(part) for part in parts or [definition.data]])]
+    except TypesysError as error:
+        raise UnknownType(f"{kind}: its definition in the bag cannot be read ({str(error).splitlines()[0]})") from None
+    standard = get_typestore(Stores.LATEST)
+    if kind in standard.types:
+        return [standard]
+    found = [
+        _store(Stores.LATEST, [get_types_from_msg(text, name) for name, text in definitions.items()])
+        for definitions in shipped_definitions()
+        if kind in definitions
+    ]
+    if not found:
+        raise UnknownType(f"{kind}: the bag holds no definition of this type, and none ships")
+    return found
+
+
+def _store(base: Stores, types: Sequence[Any]) -> Typestore:
+    store = get_typestore(base)
+    for one in types:
+        store.register({name: fields for name, fields in one.items() if name not in store.types})
+    return store
+
+
+def shipped_definitions() -> list[dict[str, str]]:
+    """Message definitions that ship, by type: one mapping for the newest layouts, then one for older ones."""
+    folder = files("homeward.diagnosis.read.bags") / "definitions"
+    newest: dict[str, str] = {}
+    older: dict[str, str] = {}
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        package, name, *age = entry.name.removesuffix(".msg").split(".")
+        (older if age else newest)[f"{package}/msg/{name}"] = entry.read_text(encoding="utf-8")
+    return [newest, newest | older]
+
+
+def getter(path: str) -> Callable[[Any], float]:
+    """What reads a number by its path, such as `twist.twist.linear.x`, `measured_currents[0]` or, in a message with
+    names as `sensor_msgs/JointState` has them, `velocity[front_left_wheel]`; NaN where an element is missing.
+
+    Raises:
+        WrongField: The path is not understood or, on reading, the message has no such field.
+
+    >>> from types import SimpleNamespace
+    >>> joints = SimpleNamespace(name=["left", "right"], velocity=[1.5, 2.5])
+    >>> getter("velocity[right]")(joints)
+    2.5
+    """
+    steps = [(match[1], match[2]) for match in _STEP.finditer(path)]
+    if not steps or "".join(f"[{key}]" if key else f".{name}" for name, key in steps).lstrip(".") != path:
+        raise WrongField(f"{path!r} is not a path such as twist.twist.linear.x or velocity[left_wheel]")
+
+    def get(message: Any) -> float:
+        value = message
+        for name, key in steps:
+            if name:
+                if not hasattr(value, name):
+                    raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(_fields(value))}")
+                value = getattr(value, name)
+                continue
+            place = int(key) if key.isdigit() else _place(message, key)
+            if not 0 <= place < len(value):
+                return float(np.nan)
+            value = value[place]
+        try:
+            return float(value)
+        except (TypeError, ValueError):
+            raise WrongField(f"{path!r} is not a number but {type(value).__name__}") from None
+
+    return get
+
+
+def _place(message: Any, key: str) -> int:
+    names = list(getattr(message, "name", ()))
+    return names.index(key) if key in names else -1
+
+
+def _fields(value: Any) -> list[str]:
+    return [name for name in getattr(value, "__dataclass_fields__", {}) if not name.startswith("_")]

@@ -1,0 +1,184 @@
+"""Topic mappings: which fields of which topics are which channels, for stock robots and for any other."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import Connection
+
+from homeward.diagnosis.read.bags.messages import WrongField, getter
+from homeward.diagnosis.read.channels import CHANNELS, MOTION, POWER
+from homeward.diagnosis.read.columns import RecordingError, Source
+
+ORIENTATION, ACCELERATION = "orientation", "acceleration"
+"""Entries that are no channels: a quaternion and a vector of specific force, from which the grade follows."""
+
+IMU, BATTERY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/BatteryState"
+
+_KEYS = ("name", "type", "except", "stamp")
+
+
+@dataclass(frozen=True)
+class Topic:
+    """What to take from the topics whose name and type fit.
+
+    Attributes:
+        pattern: Name as in a shell, such as `*/odometry/filtered`.
+        kind: Message type such as `nav_msgs/msg/Odometry`, or "" for any.
+        refused: Pattern of names that do not fit after all, or "".
+        on_receipt: Whether to take the time of receipt although there is a header.
+        sources: Fields of each channel, with factors to SI.
+        vectors: Paths of `ORIENTATION` and `ACCELERATION`.
+    """
+
+    pattern: str
+    kind: str
+    refused: str
+    on_receipt: bool
+    sources: dict[str, Source]
+    vectors: dict[str, str]
+
+    def fits(self, connection: Connection) -> bool:
+        """Whether a topic of a bag is meant."""
+        return (
+            fnmatchcase(connection.topic, self.pattern)
+            and (not self.kind or connection.msgtype == self.kind)
+            and not (self.refused and fnmatchcase(connection.topic, self.refused))
+        )
+
+    def paths(self) -> list[str]:
+        """Paths of all numbers that are read from a message."""
+        paths = [path for source in self.sources.values() for path, _ in source.terms]
+        for name, path in self.vectors.items():
+            paths += [f"{path}.{axis}" for axis in ("xyzw" if name == ORIENTATION else "x")]
+            if self.kind == IMU:
+                paths.append(f"{path}_covariance[0]")  # -1 where the driver does not measure it
+        return list(dict.fromkeys(paths))
+
+
+@dataclass(frozen=True)
+class Topics:
+    """A mapping, the topics in order of preference."""
+
+    name: str
+    topics: tuple[Topic, ...]
+
+    def candidates(self, channel: str, connections: Sequence[Connection]) -> list[tuple[Topic, Connection]]:
+        """Topics of a bag that give a channel or vector: the preferred first, of equals the one with most messages."""
+        return [
+            (topic, connection)
+            for topic in self.topics
+            if channel in topic.sources or channel in topic.vectors
+            for connection in sorted(connections, key=lambda one: -one.msgcount)
+            if topic.fits(connection) and connection.msgcount
+        ]
+
+    def value(self, connections: Sequence[Connection]) -> tuple[bool, bool, int]:
+        """How much of a bag the mapping covers: power, motion, number of channels."""
+        given = {name for name in (*CHANNELS, ORIENTATION, ACCELERATION) if self.candidates(name, connections)}
+        power, motion = (any(set(names) <= given for names in sets) for sets in (POWER, MOTION))
+        return power, motion, len(given)
+
+
+def shipped_topics() -> list[str]:
+    """Names of the topic mappings that ship with the package."""
+    return sorted(entry.name.removesuffix(".toml") for entry in _folder().iterdir() if entry.name.endswith(".toml"))
+
+
+def load_topics(mapping: str | Path | Topics) -> Topics:
+    """Load a topic mapping by shipped name or from a TOML file.
+
+    The file has tables `[[topics]]`, the preferred first. In each: `name`, a pattern as in a shell; optionally `type`,
+    `except` (a pattern of names that do not fit) and `stamp = "receive"`; and one line per channel with the path of a
+    field, or a table with `field` (or `fields`, which are added), `factor` (or `factors`) and `offset`. The entries
+    `orientation` (path of a quaternion) and `acceleration` (path of a vector) give the grade.
+
+    Raises:
+        RecordingError: Unknown name, unreadable file or a wrong entry.
+
+    >>> load_topics("turtlebot").topics[0].sources["current_a"]
+    Source(terms=(('current', -1.0),), offset=0.0)
+    """
+    if isinstance(mapping, Topics):
+        return mapping
+    path = _folder() / f"{mapping}.toml" if str(mapping) in shipped_topics() else Path(mapping)
+    if not path.is_file():
+        known = ", ".join(shipped_topics())
+        raise RecordingError(
+            f"topic mapping {str(mapping)!r} is neither a file nor one that ships with the package ({known})"
+        )
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise RecordingError(f"{mapping}: not a readable TOML file: {error}") from error
+    return _parse(str(mapping), data)
+
+
+def best_topics(connections: Sequence[Connection]) -> Topics:
+    """The mapping that ships and covers most of a bag; between equals the first by name."""
+    return max((load_topics(name) for name in shipped_topics()), key=lambda one: one.value(connections))
+
+
+def _folder() -> Any:
+    return files("homeward.diagnosis.read.bags") / "maps"
+
+
+def _parse(name: str, data: dict[str, Any]) -> Topics:
+    known = {"topics", "description", "source"}
+    for key in data.keys() - known:
+        hint = "; a bag takes a mapping of topics" if key == "columns" else ""
+        raise RecordingError(f"{name}: {key} is not a known entry; known: {', '.join(sorted(known))}{hint}")
+    entries = data.get("topics")
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+        raise RecordingError(f"{name}: needs at least one table [[topics]]")
+    return Topics(name, tuple(_topic(f"{name}: topics[{i}]", entry) for i, entry in enumerate(entries)))
+
+
+def _topic(where: str, entry: dict[str, Any]) -> Topic:
+    texts = {key: entry.get(key, "") for key in _KEYS}
+    if not texts["name"] or not all(isinstance(text, str) for text in texts.values()):
+        raise RecordingError(f"{where}: needs the name of a topic; {', '.join(_KEYS)} are text")
+    if texts["stamp"] not in ("", "header", "receive"):
+        raise RecordingError(f"{where}: stamp = {texts['stamp']!r} is not allowed; choose from header, receive")
+    sources, vectors = {}, {}
+    for key, value in entry.items():
+        if key in (ORIENTATION, ACCELERATION):
+            if not isinstance(value, str):
+                raise RecordingError(f"{where}.{key} = {value!r} is not the path of a field")
+            vectors[key] = value
+        elif key in CHANNELS and key != "time_s":
+            sources[key] = _source(f"{where}.{key}", value)
+        elif key not in _KEYS:
+            raise RecordingError(
+                f"{where}: {key} is not a channel; channels: {', '.join(list(CHANNELS)[1:])}, "
+                f"{ORIENTATION}, {ACCELERATION}"
+            )
+    topic = Topic(texts["name"], texts["type"], texts["except"], texts["stamp"] == "receive", sources, vectors)
+    for path in topic.paths():
+        try:
+            getter(path)
+        except WrongField as error:
+            raise RecordingError(f"{where}: {error}") from None
+    return topic
+
+
+def _source(where: str, entry: Any) -> Source:
+    if isinstance(entry, str):
+        return Source(((entry, 1.0),))
+    wanted = "write the path of a field, or { field = PATH, factor = NUMBER, offset = NUMBER }"
+    if not isinstance(entry, dict) or entry.keys() - {"field", "fields", "factor", "factors", "offset"}:
+        raise RecordingError(f"{where} = {entry!r} is not understood; {wanted}")
+    paths = entry.get("fields", [entry.get("field")])
+    factors = entry.get("factors", [entry.get("factor", 1.0)] * len(paths))
+    numbers = [*factors, entry.get("offset", 0.0)]
+    if not all(isinstance(path, str) for path in paths) or len(paths) != len(factors):
+        raise RecordingError(f"{where} needs one field and one factor each; {wanted}")
+    if any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
+        raise RecordingError(f"{where} has a factor or offset that is not a number; {wanted}")
+    return Source(tuple(zip(paths, map(float, factors), strict=True)), float(numbers[-1]))

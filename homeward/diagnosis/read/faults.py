@@ -1,0 +1,178 @@
+"""Faults of the logging itself, seen before anything is fitted: set aside, each said in one line.
+
+Spikes of one sample, power that flows back while the robot stands, and readings that are held until the next one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.read.recordings import Recording
+from homeward.diagnosis.read.signals import speed_of
+from homeward.diagnosis.rules import (
+    AT_THE_START_S,
+    CHARGES_S,
+    HELD,
+    HELD_SMOOTH,
+    MOST_SPIKES,
+    SPIKE,
+    SPIKE_BEYOND,
+    ZERO_ERROR,
+)
+from homeward.physics import Robot
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
+_MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad")
+_TELLS = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
+_JUMPY = (*_DRAWN, "voltage_v", *_MOVED, "elevation_m")
+_STANDS = 0.02  # of the top speed
+_FEWEST_UPDATES = 20
+_JITTER = 0.34  # of a period, one sample in three
+
+
+def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[str, float]]:
+    """The recording without what is no reading, with a note for each kind of fault; power set aside is NaN.
+
+    With it the standard deviation of the error of each channel that was interpolated between readings.
+
+    Args:
+        recording: The recording.
+        robot: Its robot, for what standing is.
+    """
+    channels, notes = dict(recording.channels), list(recording.notes)
+    error: dict[str, float] = {}
+    empty = [name for name, values in channels.items() if not np.isfinite(values).any()]
+    for name in empty:
+        del channels[name]
+        notes.append(f"{name} holds no values and is left out")
+    for name in _JUMPY:
+        if name in channels:
+            bad = _spikes(channels[name])
+            if name in _DRAWN:
+                bad &= ~_of_starts(bad, channels, robot)
+            if bad.any():
+                channels[name] = np.where(bad, np.nan, channels[name])
+                notes.append(f"{int(bad.sum())} spikes of {name}, each of one sample, are left out")
+    charging = _charging(channels, robot)
+    if charging.any():
+        seconds = float(charging.mean()) * recording.duration_s
+        for name in _drawn(channels):
+            channels[name] = np.where(charging, np.nan, channels[name])
+        notes.append(f"power flows back for {seconds:.3g} s while the robot stands: charging is left out")
+    for name in (*_MOVED, *_DRAWN):
+        if name not in channels:
+            continue
+        fresh = _updates(channels[name])
+        if fresh is None:
+            continue
+        period_s = recording.duration_s / len(fresh)
+        if name in _DRAWN:
+            kept = np.full(len(recording), np.nan)
+            kept[fresh] = channels[name][fresh]
+            channels[name] = kept
+            notes.append(f"{name} is held for {period_s:.2g} s at a time: only fresh readings count")
+        elif _smooth(channels[name][fresh]):
+            time_s = channels["time_s"]
+            # Of a random walk between two readings (a Brownian bridge), on average over the time between them.
+            error[_TELLS.get(name, name)] = float(np.sqrt(np.mean(np.diff(channels[name][fresh]) ** 2) / 6.0))
+            channels[name] = np.interp(time_s, time_s[fresh], channels[name][fresh])
+            notes.append(f"{name} is held for {period_s:.2g} s at a time: values between are interpolated")
+    for name in ("distance_m",):
+        back = int((np.diff(channels[name]) < -1.0).sum()) if name in channels else 0
+        if back:
+            notes.append(f"{name} falls back {back} times: the counter was reset")
+    return dataclasses.replace(recording, channels=channels, notes=tuple(notes)), error
+
+
+def _drawn(channels: dict[str, Array]) -> list[str]:
+    return [name for name in _DRAWN if name in channels]
+
+
+def _spikes(values: Array) -> Mask:
+    """Samples far off both their neighbours and beyond what all others reach."""
+    none = np.zeros(len(values), dtype=bool)
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) < _FEWEST_UPDATES:
+        return none
+    one = values[known]
+    before, after = one[1:-1] - one[:-2], one[1:-1] - one[2:]
+    off = np.where(np.sign(before) == np.sign(after), np.minimum(np.abs(before), np.abs(after)), 0.0)
+    usual = 1.4826 * float(np.median(np.abs(np.diff(one, 2)))) / np.sqrt(6.0)
+    suspect = np.append(np.append(False, off > SPIKE * usual), False)
+    if not 0 < suspect.sum() <= MOST_SPIKES * len(one):
+        return none
+    middle = float(np.median(one))
+    reach = float(np.max(np.abs(one[~suspect] - middle)))
+    none[known[suspect & (np.abs(one - middle) > SPIKE_BEYOND * reach)]] = True
+    return none
+
+
+def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mask:
+    """Spikes of power with which the robot sets off, where most of its starts have one: that is how it draws."""
+    time_s = channels["time_s"]
+    moves = np.abs(np.nan_to_num(speed_of(channels))) > _STANDS * robot.max_speed_mps
+    starts_s = time_s[1:][moves[1:] & ~moves[:-1]]
+    near = np.zeros(len(time_s), dtype=bool)
+    with_one = 0
+    for start_s in starts_s.tolist():
+        around = np.abs(time_s - start_s) <= AT_THE_START_S
+        with_one += bool((spikes & around).any())
+        near |= around
+    return near if 2 * with_one > len(starts_s) else np.zeros(len(time_s), dtype=bool)
+
+
+def _charging(channels: dict[str, Array], robot: Robot) -> Mask:
+    """Samples of a standing robot into whose battery power flows, for some seconds on end."""
+    time_s = channels["time_s"]
+    drawn = channels.get("power_w", channels.get("current_a"))
+    if drawn is None:
+        return np.zeros(len(time_s), dtype=bool)
+    speed = speed_of(channels)
+    stands = np.abs(speed) < _STANDS * robot.max_speed_mps
+    driving = drawn[~stands & np.isfinite(drawn)]
+    usual = float(driving.mean()) if len(driving) else 0.0
+    back = stands & (drawn < -ZERO_ERROR * max(usual, 0.0))
+    edges = np.flatnonzero(np.diff(back.astype(np.int8), prepend=0, append=0))
+    charging = np.zeros(len(time_s), dtype=bool)
+    for first, after in zip(edges[::2], edges[1::2], strict=True):
+        if time_s[after - 1] - time_s[first] >= CHARGES_S:
+            charging[first:after] = True
+    return charging
+
+
+def _updates(values: Array) -> NDArray[np.intp] | None:
+    """Samples at which a held channel is fresh, or None where it is not held.
+
+    A held channel changes at most every other sample and at even distances.
+    """
+    known = np.isfinite(values)
+    change = np.flatnonzero(np.diff(values[known]) != 0.0) + 1
+    if len(change) < _FEWEST_UPDATES:
+        return None
+    apart = np.diff(change)
+    usual = int(np.median(apart))
+    if usual < 2:
+        return None
+    whole = np.maximum(np.rint(apart / usual), 1.0)
+    off = np.abs(apart - whole * usual)
+    if float((off <= (_JITTER * usual if usual > 2 else 0.0)).mean()) < HELD:
+        return None
+    # Where the reading repeats itself by chance, as at rest, it was fresh all the same.
+    spans = zip(change[:-1], change[1:], whole.astype(int), strict=True)
+    between = [np.linspace(a, b, times, endpoint=False) for a, b, times in spans]
+    fresh = np.rint(np.concatenate([*between, change[-1:]])).astype(np.intp)
+    samples: NDArray[np.intp] = np.flatnonzero(known)[np.unique(fresh)]
+    return samples
+
+
+def _smooth(fresh: Array) -> bool:
+    """Whether held values follow each other closely enough to tell what lies between."""
+    centred = fresh - fresh.mean()
+    return float(centred[1:] @ centred[:-1]) > HELD_SMOOTH * float(centred @ centred)

@@ -1,0 +1,83 @@
+"""A slope sensor that is mounted at an angle: on a way that ends where it began, and on one driven both ways, slopes
+add up to nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.read.signals import Signals, gaps
+from homeward.diagnosis.rules import ALIKE, CLEAR_TILT, CLOSED
+
+Array = NDArray[np.float64]
+
+_PLACES = 40  # along the way, compared out and home
+_FEWEST_PLACES = 8
+
+
+def tilt(run: Signals) -> tuple[float, float] | None:
+    """Angle by which the slope sensor of a run reads too much, and its standard error, rad; None where no way tells.
+
+    Args:
+        run: A run with a distance from base and slopes from a sensor that turns with the robot.
+    """
+    if "place_m" not in run.context or "grade_rad" not in run.context or len(gaps(run.time_s)):
+        return None
+    steps_m = run.speed_mps[:-1] * np.diff(run.time_s)
+    length_m = float(np.abs(steps_m).sum())
+    if length_m == 0.0:
+        return None
+    slope = np.tan(run.grade_rad)
+    apart_m = float(abs(run.base_distance_m[-1] - run.base_distance_m[0]))
+    at_base = float(run.base_distance_m[[0, -1]].max()) <= CLOSED * length_m
+    onward_m = float(steps_m.sum())
+    if at_base and abs(onward_m) > 0.5 * length_m:
+        # What is missing to a closed way, and the odometer's error, lie on ground of unknown slope.
+        open_m = max(apart_m, CLOSED * length_m / 2.0)
+        mean = float(slope[:-1] @ steps_m) / onward_m
+        return mean, float(np.std(slope)) * open_m / length_m
+    return _both_ways(run, slope)
+
+
+def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
+    """Mean of the slopes read out and home at the same distance from base, where they mirror each other."""
+    moving = run.speed_mps > 0.0
+    if not moving.any() or not np.ptp(run.base_distance_m):
+        return None
+    edges = np.linspace(run.base_distance_m.min(), run.base_distance_m.max(), _PLACES + 1)
+    place = np.clip(np.searchsorted(edges, run.base_distance_m, side="right") - 1, 0, _PLACES - 1)
+    sides = []
+    for direction in (1.0, -1.0):
+        chosen = moving & (run.direction == direction)
+        count = np.bincount(place[chosen], minlength=_PLACES)
+        with np.errstate(invalid="ignore"):
+            sides.append(np.bincount(place[chosen], slope[chosen], _PLACES) / np.where(count > 0, count, np.nan))
+    both = np.isfinite(sides[0]) & np.isfinite(sides[1])
+    out, home = sides[0][both], sides[1][both]
+    if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -ALIKE:
+        return None
+    middle = (out + home) / 2.0
+    return float(middle.mean()), float(middle.std(ddof=1) / np.sqrt(len(middle)))
+
+
+def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
+    """The runs with the slope sensor set level by all runs that tell its tilt, and the tilt, rad; 0 where none does."""
+    told = [found for run in runs if (found := tilt(run)) is not None]
+    if not told:
+        return list(runs), 0.0
+    angles, errors = np.array(told).T
+    weight = 1.0 / np.maximum(errors, 1e-6) ** 2
+    angle = float(np.average(angles, weights=weight))
+    # Between runs it may vary by more than each one's error says.
+    error = max(float(weight.sum() ** -0.5), float(np.std(angles)) / np.sqrt(len(angles)))
+    if abs(angle) <= CLEAR_TILT * error:
+        return list(runs), 0.0
+    level = []
+    for run in runs:
+        context = {**run.context, "grade_rad": run.context["grade_rad"] - angle} if "grade_rad" in run.context else None
+        level.append(run if context is None else replace(run, grade_rad=run.grade_rad - angle, context=context))
+    return level, angle

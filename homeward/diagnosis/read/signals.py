@@ -1,0 +1,306 @@
+"""What the diagnosis works on: the channels of a run in one form, and their means over short windows.
+
+Means over windows of about a second take out current ripple and small clock errors, and make the cost of everything
+after the replay independent of the sampling rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from homeward.diagnosis.read.noise import smoothed
+from homeward.diagnosis.read.recordings import Recording
+from homeward.diagnosis.read.slope import slope_along
+from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, SMOOTHED_AT_ONCE
+from homeward.physics import Robot
+
+Array = NDArray[np.float64]
+Unit = Literal["W", "A"]
+
+_GAP_FACTOR = 10.0  # a step longer than this many usual steps is a gap
+WINDOW_S = 0.5
+"""Length of the averaging windows, s; a recording with longer steps takes more.
+
+Longer ones hide the accelerations of small fast robots, shorter ones show current ripple and clock errors.
+"""
+
+_REACH_S = 3.0  # at top speed
+_CREEPS = 0.02  # of the top speed
+_FEWEST_TO_SMOOTH = 50  # samples
+_ARRAYS = (
+    "time_s", "speed_mps", "accel_mps2", "grade_rad", "sensing_hz", "yaw_rate_radps", "temperature_c",
+    "base_distance_m", "direction", "observed",
+)  # fmt: skip
+_FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
+
+
+@dataclass(frozen=True)
+class Signals:
+    """One run as the replay and the tests take it; arrays of shape (n,).
+
+    `observed` is battery power in W or, where only motor current was recorded, the sum of the currents' magnitudes
+    in A: torque draws current whichever way it turns a wheel. `context` holds every further channel that a mismatch may
+    depend on.
+    """
+
+    name: str
+    unit: Unit
+    time_s: Array
+    speed_mps: Array  # negative in reverse
+    accel_mps2: Array
+    grade_rad: Array
+    sensing_hz: Array
+    yaw_rate_radps: Array  # 0 where unknown
+    temperature_c: Array
+    base_distance_m: Array
+    direction: Array  # 1 on the way out, -1 on the way home
+    observed: Array
+    context: Mapping[str, Array]
+    filled: tuple[str, ...] = ()
+    error: Mapping[str, float] = field(default_factory=dict)  # standard deviation over windows of what was smoothed
+
+    def only(self, chosen: NDArray[np.bool_]) -> Signals:
+        """The run with these samples only."""
+        if chosen.all():
+            return self
+        arrays = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        return replace(self, **arrays, context={name: values[chosen] for name, values in self.context.items()})
+
+
+def signals(
+    recording: Recording, robot: Robot, slope_late_s: float = 0.0, error: Mapping[str, float] | None = None
+) -> Signals:
+    """Bring a recording into one form; samples without motion or power are left out.
+
+    Speed, turning rate and slope are smoothed where their noise matters.
+
+    Args:
+        recording: The recording.
+        robot: Its robot: the track turns a difference of wheel speeds into a turning rate.
+        slope_late_s: Time by which grade or elevation is late.
+        error: Standard deviations over windows of the errors of channels, as far as they are known before.
+    """
+    given = recording.channels
+    speed, (observed, unit) = speed_of(given), observed_of(given)
+    good = np.isfinite(speed)
+    kept = {name: values[good] for name, values in given.items()}
+    speed, observed, time_s = speed[good], observed[good], kept["time_s"]
+    error = dict(error or {})
+    speed = _at_rest(_without_noise("speed_mps", speed, time_s, error), robot, error)
+    filled = []
+    for name in _FILLED:
+        values = kept.get(name)
+        if values is not None and np.isnan(values).any():
+            kept[name] = _interpolated(values, time_s)
+            filled.append(name)
+    nothing = np.zeros(len(time_s))
+    turning, yaw_rate = _turning(kept, time_s, robot, error)
+    context: dict[str, Array] = {
+        name: kept[name]
+        for name in ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
+        if name in kept
+    }
+    context |= turning
+    accel = np.gradient(speed, time_s) if len(time_s) > 1 else nothing
+    direction = _direction(kept, speed, time_s, robot)
+    if "base_distance_m" in kept and len(time_s) > 1:
+        along = direction[:-1] * np.abs(speed[:-1]) * steps_s(time_s)
+        context["place_m"] = kept["base_distance_m"][0] + np.concatenate(([0.0], np.cumsum(along)))
+    context["accel_mps2"] = accel
+    context["speed_mps"] = speed
+    grade = slope_of(kept, speed, time_s, robot, slope_late_s, error)
+    if grade is not None:
+        context["grade_rad"] = grade
+    run = Signals(
+        recording.name, unit, time_s, speed, accel, nothing if grade is None else grade,
+        kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),
+        kept.get("base_distance_m", nothing), direction, observed, context, tuple(filled), error,
+    )  # fmt: skip
+    return run.only(np.isfinite(observed))
+
+
+def speed_of(given: Mapping[str, Array]) -> Array:
+    """Recorded speed, or the mean of the wheels'."""
+    if "speed_mps" in given:
+        return given["speed_mps"]
+    mean: Array = (given["wheel_left_mps"] + given["wheel_right_mps"]) / 2.0
+    return mean
+
+
+def known(recording: Recording) -> NDArray[np.bool_]:
+    """Samples with motion and power, shape (n,)."""
+    observed, _ = observed_of(recording.channels)
+    both: NDArray[np.bool_] = np.isfinite(speed_of(recording.channels)) & np.isfinite(observed)
+    return both
+
+
+def _direction(kept: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot) -> Array:
+    """1 where the robot moves away from base and -1 where it comes back, by stretches that a position's noise is
+    small against; the sign of the speed where the distance from base is unknown."""
+    place_m = kept.get("base_distance_m")
+    if place_m is None or len(time_s) < 2:
+        return np.where(speed < 0.0, -1.0, 1.0)
+    path_m = np.concatenate(([0.0], np.cumsum(np.abs(speed[:-1]) * steps_s(time_s))))
+    reach_m = _REACH_S * robot.max_speed_mps
+    path_m += 1e-9 * np.arange(len(path_m))  # interpolation needs it to grow
+    ahead, behind = (np.interp(path_m + sign * reach_m, path_m, place_m) for sign in (1.0, -1.0))
+    return np.where(ahead < behind, -1.0, 1.0)
+
+
+def _at_rest(speed: Array, robot: Robot, error: Mapping[str, float]) -> Array:
+    """The speed with what is too slow to be driving set to zero: a noisy sensor never shows a robot at rest."""
+    slowest = max(_CREEPS * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0))
+    return np.where(np.abs(speed) < slowest, 0.0, speed)
+
+
+def observed_of(given: Mapping[str, Array]) -> tuple[Array, Unit]:
+    """Battery power in W or, from motor currents alone, the sum of their magnitudes in A, by a recording's channels."""
+    if "power_w" in given:
+        return given["power_w"], "W"
+    if "voltage_v" in given and "current_a" in given:
+        return given["voltage_v"] * given["current_a"], "W"
+    return np.abs(given["motor_left_a"]) + np.abs(given["motor_right_a"]), "A"
+
+
+def _turning(
+    kept: Mapping[str, Array], time_s: Array, robot: Robot, error: dict[str, float]
+) -> tuple[dict[str, Array], Array]:
+    """Turning as the recording has it: a rate in rad/s or, without a track, a difference of wheel speeds in m/s."""
+    if "yaw_rate_radps" in kept:
+        rate = kept["yaw_rate_radps"]
+    elif "wheel_left_mps" in kept and "wheel_right_mps" in kept:
+        difference = kept["wheel_right_mps"] - kept["wheel_left_mps"]
+        if robot.track_m == 0.0:
+            return {"wheel_difference_mps": difference}, np.zeros(len(time_s))
+        rate = difference / robot.track_m
+    elif "heading_rad" in kept and len(time_s) > 1 and not np.isnan(kept["heading_rad"]).any():
+        rate = np.gradient(np.unwrap(kept["heading_rad"]), time_s)
+    else:
+        return {}, np.zeros(len(time_s))
+    if np.isfinite(rate).all():
+        rate = _without_noise("yaw_rate_radps", rate, time_s, error)
+    return {"yaw_rate_radps": rate}, np.nan_to_num(rate)
+
+
+def slope_of(
+    kept: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot, late_s: float, error: dict[str, float]
+) -> Array | None:
+    """Slope angle along forward travel, rad, shape (n,), from grade or elevation; None where neither tells it.
+
+    Args:
+        kept: Channels, shape (n,) each.
+        speed: Speed, negative in reverse.
+        time_s: Time.
+        robot: The robot, for how far it drives in a window.
+        late_s: Time by which the channel is late.
+        error: Where to note the standard deviation of its error over windows.
+    """
+    if "grade_rad" in kept:
+        grade = np.interp(time_s + late_s, time_s, kept["grade_rad"])
+        return _without_noise("grade_rad", grade, time_s, error)
+    if "elevation_m" not in kept or len(time_s) < 2:
+        return None
+    elevation = np.interp(time_s + late_s, time_s, _interpolated(kept["elevation_m"], time_s))
+    found = slope_along(elevation, speed, steps_s(time_s), robot.max_speed_mps * WINDOW_S)
+    if found is None:
+        return None
+    error["grade_rad"] = found[1]
+    return found[0]
+
+
+def slope_if_late(recording: Recording, run: Signals, robot: Robot, late_s: float) -> Array:
+    """Slope of a run if its channel were late by this time, without much care for its noise, rad, shape (n,)."""
+    time_s = recording.channels["time_s"]
+    if "grade_rad" in recording.channels:
+        grade = _interpolated(recording.channels["grade_rad"], time_s)
+        late: Array = np.interp(run.time_s + late_s, time_s, grade)
+        return late
+    if "elevation_m" not in recording.channels:
+        return np.zeros(len(run.time_s))
+    elevation = _interpolated(recording.channels["elevation_m"], time_s)
+    elevation = np.interp(run.time_s + late_s, time_s, elevation)
+    found = slope_along(elevation, run.speed_mps, steps_s(run.time_s), robot.max_speed_mps * WINDOW_S)
+    return np.zeros(len(run.time_s)) if found is None else found[0]
+
+
+def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:
+    """The channel, without its noise where that matters to its mean over windows or to the rate of its change."""
+    if len(values) < _FEWEST_TO_SMOOTH or not np.ptp(values):
+        return values
+    step_s = usual_step_s(time_s)
+    size = max(1, round(WINDOW_S / step_s))
+    breaks = np.ones(len(values) - 1)
+    breaks[gaps(time_s)] = 0.0
+    head = slice(0, SMOOTHED_AT_ONCE)
+    found = smoothed(values[head], 1, breaks=breaks[: SMOOTHED_AT_ONCE - 1], jumps=True)
+    means = uniform_filter1d(values, size)[::size]
+    spread, change = float(np.var(means)), float(np.mean(np.diff(means) ** 2))
+    variance = found.noise**2 / size
+    # The rate of change of the speed is a channel of its own, and noisier.
+    if variance <= NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
+        return values
+    if len(values) > SMOOTHED_AT_ONCE:
+        found = smoothed(values, 1, breaks=breaks, jumps=True)
+    error[name] = float(np.std(uniform_filter1d(found.draws, size, axis=1)))
+    return found.values
+
+
+def _interpolated(values: Array, time_s: Array) -> Array:
+    known = np.isfinite(values)
+    return np.interp(time_s, time_s[known], values[known]) if known.any() else np.zeros(len(values))
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Bounds of the averaging windows of one run; none reaches across a gap."""
+
+    start: NDArray[np.intp]  # (windows,), first sample
+    keep: NDArray[np.bool_]  # (windows,), filled at least half
+
+    def means(self, values: Array) -> Array:
+        """Mean of each kept window, NaN left out of none: a window with a NaN is NaN."""
+        counts = np.diff(np.append(self.start, len(values)))
+        averages: Array = (np.add.reduceat(values, self.start) / counts)[self.keep]
+        return averages
+
+    def samples(self, means: Array, count: int) -> Array:
+        """For each of `count` samples the value of its window, or of the kept one before it; the reverse of `means`."""
+        window = np.searchsorted(self.start, np.arange(count), side="right") - 1
+        values: Array = means[np.maximum(np.cumsum(self.keep)[window] - 1, 0)]
+        return values
+
+
+def usual_step_s(time_s: Array) -> float:
+    """Median time between samples, s."""
+    return float(np.median(np.diff(time_s)))
+
+
+def steps_s(time_s: Array) -> Array:
+    """Time between samples, s, shape (n - 1,); of a gap a usual step, as what was driven in it is not known."""
+    steps = np.diff(time_s)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    return np.where(steps > _GAP_FACTOR * usual, usual, steps)
+
+
+def gaps(time_s: Array) -> NDArray[np.intp]:
+    """Indices of samples after which the recording has a gap."""
+    steps = np.diff(time_s)
+    return np.flatnonzero(steps > _GAP_FACTOR * np.median(steps))
+
+
+def windows(time_s: Array, window_s: float) -> Windows:
+    """Cut a run into windows of `window_s`, starting anew after each gap."""
+    parts = np.split(np.arange(len(time_s)), gaps(time_s) + 1)
+    starts = []
+    for part in parts:
+        number = np.floor((time_s[part] - time_s[part[0]]) / window_s + 1e-9)
+        starts.append(part[0] + np.flatnonzero(np.diff(number, prepend=-1.0)))
+    start = np.concatenate(starts).astype(np.intp)
+    counts = np.diff(np.append(start, len(time_s)))
+    return Windows(start, counts >= 0.5 * np.median(counts))

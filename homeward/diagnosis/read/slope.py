@@ -1,0 +1,74 @@
+"""The slope along the way from a recorded elevation, over a distance that the elevation's own noise asks for.
+
+Elevation is smoothed over distance driven and not over time, so that standing still makes no slope. A spline follows
+it as closely as its noise allows; it may bend freely where the robot turns back on its way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.read.noise import smoothed
+from homeward.diagnosis.rules import PLATEAUS
+
+Array = NDArray[np.float64]
+
+_STEEPEST = 1.0  # rise over run: no ground robot climbs it
+_FEWEST = 8  # heights, for a level, a slope, and how both vary
+_MIDDLE = 0.1  # weight of the middle of a plateau against its edges: known within half a step, not within a sample
+
+
+def slope_along(elevation_m: Array, speed_mps: Array, steps_s: Array, cell_m: float) -> tuple[Array, float] | None:
+    """Slope angle along forward travel at each sample and the standard deviation of its error, rad.
+
+    None where the robot hardly moves or the elevation hardly steps.
+
+    Args:
+        elevation_m: Height, shape (n,), NaN where unknown.
+        speed_mps: Speed, negative in reverse, shape (n,).
+        steps_s: Time from each sample to the next, shape (n - 1,).
+        cell_m: Samples within this distance count as taken at one place.
+    """
+    way_m = speed_mps[:-1] * steps_s
+    path_m = np.concatenate(([0.0], np.cumsum(np.abs(way_m))))
+    if path_m[-1] < 8.0 * cell_m or not np.isfinite(elevation_m).any():
+        return None
+    cell = np.minimum((path_m / cell_m).astype(np.intp), int(path_m[-1] / cell_m))
+    cells = int(cell[-1]) + 1
+    height, weight = _told_by_steps(elevation_m, path_m) or (elevation_m, np.ones(len(elevation_m)))
+    weight = np.where(np.isfinite(height), weight, 0.0)
+    total = np.bincount(cell, weight, cells)
+    mean = np.bincount(cell, weight * np.nan_to_num(height), cells) / np.maximum(total, 1e-12)
+    if not np.ptp(height[weight > 0.0]):
+        return np.zeros(len(elevation_m)), 0.0
+    if int((total > 0.0).sum()) < _FEWEST:
+        return None
+    onward = np.bincount(cell[:-1], way_m, cells)
+    turns_back = np.abs(np.diff(np.sign(onward))) > 1.0
+    bends = np.where(turns_back[:-1] | turns_back[1:], 0.0, 1.0)
+    found = smoothed(mean, 2, np.minimum(total, np.median(total[total > 0.0])), bends)
+    rise = np.clip(np.gradient(found.values) / cell_m, -_STEEPEST, _STEEPEST)
+    error = float(np.std(np.diff(found.draws, axis=1))) / cell_m
+    # Of the middles of cells; backwards the slope of the way is that of the ground reversed.
+    steep: Array = np.interp(path_m, (np.arange(cells) + 0.5) * cell_m, rise)
+    return np.arctan(np.where(speed_mps < 0.0, -steep, steep)), error
+
+
+def _told_by_steps(elevation_m: Array, path_m: Array) -> tuple[Array, Array] | None:
+    """Heights and weights where a coarse elevation steps, in the middle between two levels; None where it does not.
+
+    Between two steps the level itself says the height only within a step: its middle gets a small weight.
+    """
+    known = np.flatnonzero(np.isfinite(elevation_m))
+    moved = np.append(True, np.diff(path_m[known]) > 0.0)
+    change = np.flatnonzero(np.diff(elevation_m[known]) != 0.0)
+    if not 0 < len(change) < PLATEAUS * int(moved.sum()):
+        return None
+    height, weight = np.full(len(elevation_m), np.nan), np.zeros(len(elevation_m))
+    before, after = known[change], known[change + 1]
+    edges = np.concatenate(([path_m[known[0]]], path_m[after], [path_m[known[-1]]]))
+    middle = np.clip(np.searchsorted(path_m, (edges[1:] + edges[:-1]) / 2.0), 0, len(path_m) - 1)
+    height[middle], weight[middle] = elevation_m[np.append(before, known[-1])], _MIDDLE
+    height[after], weight[after] = (elevation_m[before] + elevation_m[after]) / 2.0, 1.0
+    return height, weight

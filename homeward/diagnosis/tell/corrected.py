@@ -1,0 +1,172 @@
+"""The corrected robot: fitted groups written back into a robot file, as far as recordings determine them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from homeward.diagnosis.explain.hypothesis import Term
+from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.fit.parameter_groups import IDLE, ROLLING, WithEffects, with_ancillary, with_effects_of
+from homeward.diagnosis.fit.refit import Estimate, Refit
+from homeward.diagnosis.fit.replay import Runs, predict, thrust_n_per_a
+from homeward.diagnosis.read.signals import Array, Unit
+from homeward.physics import Robot, d_max
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a robot file says of a fit, and what only these drives or their instruments add to it."""
+
+    theta: Array  # (5,)
+    effects: Mapping[str, Mapping[str, float]]
+    met: WithEffects  # wind and ground of these drives, lag and scale of their instruments
+    reading: Array | float = 0.0  # what instruments add, (windows,)
+
+
+def can_be_said(term: Term) -> bool:
+    """Whether a robot file can say an effect: one size, and ground that is rough at some places only."""
+    return term.hypothesis.physical and (term.axis == "steady" or _is_ground(term))
+
+
+def _is_ground(term: Term) -> bool:
+    return term.hypothesis.of_rolling and term.at_work is not None
+
+
+def said(model: Refit | Corrected, runs: Runs) -> Said:
+    """Tell what a robot file can say of a fit from what it cannot: when, where, and what instruments did."""
+    if isinstance(model, Refit):
+        return Said(model.theta, {}, WithEffects())
+    terms, theta = model.model.terms, model.theta
+    effects: dict[str, dict[str, float]] = {}
+    met = replace(model.model.within(runs, model.values), effects={})
+    reading = np.zeros(len(runs.observed))
+    for index, term in enumerate(terms):
+        if _is_ground(term):
+            smoothest, gain, roughness = _ground(model, index, runs)
+            theta = np.where(np.arange(len(theta)) == ROLLING, smoothest * theta, theta)
+            effects[term.effect] = {term.hypothesis.entry.switch.name: gain}
+            met = replace(met, roughness=roughness)
+        elif can_be_said(term):
+            effects[term.effect] = _numbers(model, index)
+        elif not term.hypothesis.physical and term.linear:
+            reading += term.columns @ model.sizes(index)
+    return Said(theta, effects, met, reading)
+
+
+def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
+    """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
+
+    Of a smooth profile the ends are quantiles: a hat that few windows reach says little.
+    """
+    term = model.model.terms[index]
+    switch = term.hypothesis.entry.switch
+    assert term.at_work is not None
+    share = next(model.share(one) for one in model.model.unknowns if one.term == index)
+    rolls = 1.0 + np.clip(term.at_work @ model.sizes(index) * share, switch.low, switch.high)
+    driven = np.abs(runs.context["speed_mps"]) > 0.0
+    ends = (0.0, 1.0) if term.schedule is not None else _ENDS
+    smoothest, roughest = np.quantile(rolls[driven], ends).tolist()
+    gain = roughest / smoothest - 1.0
+    if gain <= 0.0:
+        return smoothest, 0.0, np.zeros(len(rolls))
+    return smoothest, gain, np.clip((rolls / smoothest - 1.0) / gain, 0.0, 1.0)
+
+
+_ENDS = (0.05, 0.95)
+
+
+def _numbers(model: Corrected, index: int) -> dict[str, float]:
+    term = model.model.terms[index]
+    one = term.hypothesis
+    if one.in_file is not None:
+        return dict(one.in_file)
+    known = {parameter.name for parameter in (*one.entry.parameters, *one.searched)}
+    switch = one.entry.switch
+    numbers = {name: value.value for name, value in model.parameters_of(index).items() if name in known}
+    if term.of_rolling_kg is not None:
+        numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
+    return {**{name: value for name, value in term.shape.items() if name in known}, **numbers}
+
+
+def written(robot: Robot, told: Said, unit: Unit) -> Robot:
+    """Robot as its file has it after a fit: the fitted groups, with losses as assumed, and the effects.
+
+    Args:
+        robot: Robot as its file has it now.
+        told: What a file can say; groups that the fit holds stay as they are.
+        unit: Of what was recorded: motor current tells nothing of ancillary power.
+    """
+    idle_w, sample_j, rolling_kg, drag, mass_kg = told.theta.tolist()
+    if told.effects:
+        robot = with_effects_of(
+            robot, {name: {key: _round(value) for key, value in one.items()} for name, one in told.effects.items()}
+        )
+    if unit == "W":
+        robot = with_ancillary(robot, idle_w, sample_j)
+    elif thrust_n_per_a(robot) == 0.0:
+        return robot
+    fitted = {
+        "mass_kg": mass_kg,
+        "drag_ns2_per_m2": drag,
+        "rolling_resistance": float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0)),
+    }
+    changed: dict[str, Any] = {name: _unless_equal(getattr(robot, name), value) for name, value in fitted.items()}
+    return dataclasses.replace(robot, **changed)
+
+
+def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
+    """What a robot file predicts of these drives, shape (windows,).
+
+    They are in the wind and on the ground that they met, read by their instruments, with the current at rest that no
+    file holds.
+    """
+    rest_current_a = float(told.theta[IDLE]) if runs.unit == "A" else 0.0
+    met = told.met
+    return told.reading + predict(
+        runs, robot, rest_current_a, met.headwind_mps, met.lag_s, met.speed_factors, met.roughness
+    )
+
+
+def _unless_equal(before: float, after: float) -> float:
+    return before if abs(after - before) <= _ROUNDING * abs(before) else _round(after)
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+_ROUNDING = 1e-9  # of a number: what arithmetic with a group that is held may leave
+
+
+def of_capacity(robot: Robot, factor: float) -> Robot:
+    """The robot with a battery that holds so many times what its file says."""
+    return dataclasses.replace(robot, rated_energy_j=_round(robot.rated_energy_j * factor))
+
+
+def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:
+    """Comment for each field of the robot file that was changed: what it was, and under which assumption it holds."""
+    held = {
+        "rolling_resistance": "from C_rr m / Gamma, losses kept as assumed",
+        "mass_kg": "from m / Gamma, losses kept as assumed",
+        "drag_ns2_per_m2": "from c / Gamma, losses kept as assumed",
+        "rated_energy_j": "from the recorded state of charge against the energy drawn",
+    }
+    if not any(one.group.name == "mass" and one.fitted is not None for one in estimates):
+        held["rolling_resistance"] = "from C_rr m / Gamma, mass and losses kept as assumed"
+    changed = {}
+    for field in dataclasses.fields(Robot):
+        old, new = getattr(before, field.name), getattr(after, field.name)
+        if isinstance(new, float) and new != old:
+            how = held.get(field.name, "from the fitted ancillary power, shared out as before")
+            changed[field.name] = f"fitted by diagnose.py ({how}); it was {old:.6g}"
+    return changed
+
+
+def range_change(before: Robot, after: Robot) -> float:
+    """Change of d_max at each robot's optimal speed on level ground, m."""
+    return float(d_max(after) - d_max(before))

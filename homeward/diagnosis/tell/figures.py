@@ -1,0 +1,283 @@
+"""Plots of the report: recorded against simulated over time, and what is left against what explains it.
+
+No string of a recording or robot file goes into a plot, which would read markup in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+from markupsafe import Markup
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots
+
+from homeward.diagnosis.evidence import Analysis, Evidence
+from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.residual_test import Dependence
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+
+_MOST_RUNS = 12  # in the time plot
+_MOST_POINTS = 2000  # of a line
+_MOST_DOTS = 800
+_SHOWN_S = 120.0  # of a long run at first
+_INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#9aa5b1", "#c92a2a", "#0b7285"
+_LINES = {
+    "recorded": {"color": _INK, "width": 1.2},
+    "nominal": {"color": _NOMINAL, "width": 1.6},
+    "refit": {"color": _REFIT, "width": 1.6},
+    "corrected": {"color": _CORRECTED, "width": 1.7},
+}
+_AT_WORK = ("rgba(240, 140, 0, 0.20)", "rgba(112, 72, 232, 0.18)", "rgba(43, 138, 62, 0.18)")
+
+Stretch = tuple[float, float]
+"""Start and end, s."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A run that the time plot can show: the number its traces carry as `meta`, and the stretch to begin with."""
+
+    number: int
+    name: str
+    start_s: float
+    end_s: float
+    length_s: float
+    low: float  # of the vertical axis
+    high: float
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is left against one channel, before (the refit) and, where effects were named, after (corrected)."""
+
+    dependence: Dependence
+    effects: tuple[str, ...]  # that the channel shows, by name; empty where none was named
+    before: Markup
+    after: Markup | None
+
+
+def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Shown]]:
+    """Recorded against simulated before and after the correction, and the runs to choose from, the worst first."""
+    runs, predictions = evidence.runs, evidence.predictions
+    squared = (runs.observed - evidence.refit) ** 2
+    order = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:_MOST_RUNS].tolist()
+    panels = ["before: robot file and refit", "after: corrected"] if "corrected" in predictions else [""]
+    figure = make_subplots(
+        len(panels), 1, shared_xaxes=True, shared_yaxes="all", vertical_spacing=0.07, subplot_titles=panels
+    )
+    everything, choices = {"recorded": runs.observed, **predictions}, []
+    for shown, run in enumerate(order):
+        here = runs.run == run
+        since_s = runs.time_s[here] - runs.time_s[here][0]
+        lines = {name: _thinned(everything[name][here]) for name in _LINES if name in everything}
+        limits = _limits(list(lines.values()))
+        ends = _worst_stretch(since_s, squared[here])
+        choices.append(Shown(shown, runs.names[run], *ends, round(float(since_s[-1]), 1), *limits))
+        for row in range(1, len(panels) + 1):
+            _add_places(figure, _places(analysis, evidence, run), limits, row, shown)
+            for name, values in lines.items():
+                if name == "recorded" or (name == "corrected") == (row == 2):
+                    figure.add_scatter(
+                        x=_thinned(since_s), y=values, name=name, mode="lines", line=_LINES[name], visible=shown == 0,
+                        meta=shown, showlegend=row == 1 or name == "corrected", legendgroup=name, row=row, col=1,
+                    )  # fmt: skip
+    figure.update_xaxes(range=[choices[0].start_s, choices[0].end_s])
+    figure.update_xaxes(title_text="time in the run, s", row=len(panels))
+    measured = "power, W" if runs.unit == "W" else "current, A"
+    figure.update_yaxes(title_text=measured, range=[choices[0].low, choices[0].high], fixedrange=True)
+    return embedded(figure, "time", top=34), choices
+
+
+def _limits(lines: Sequence[NDArray[np.float32]]) -> tuple[float, float]:
+    """Range of the vertical axis: all values and zero, with a margin."""
+    low, high = min(float(np.min(lines)), 0.0), max(float(np.max(lines)), 0.0)
+    margin = 0.04 * max(high - low, 1e-9)
+    return round(low - margin, 3), round(high + margin, 3)
+
+
+def _worst_stretch(time_s: Array, squared: Array) -> tuple[float, float]:
+    """Start and end of the stretch with the largest error; all of a short run."""
+    count = int(np.searchsorted(time_s, _SHOWN_S))
+    if time_s[-1] < 1.5 * _SHOWN_S or count >= len(time_s):
+        return 0.0, round(float(time_s[-1]), 1)
+    sums = np.concatenate(([0.0], np.cumsum(squared)))
+    first = int(np.argmax(sums[count:] - sums[:-count]))
+    return round(float(time_s[first]), 1), round(float(time_s[first]) + _SHOWN_S, 1)
+
+
+def _add_places(
+    figure: go.Figure, places: Mapping[str, Sequence[Stretch]], limits: tuple[float, float], row: int, shown: int
+) -> None:
+    """Shade stretches of one run, by the name of what is there."""
+    low, high = limits
+    for (label, stretches), colour in zip(places.items(), _AT_WORK, strict=False):
+        figure.add_scatter(
+            x=[x for start, end in stretches for x in (start, start, end, end, None)],
+            y=[low, high, high, low, None] * len(stretches), name=label, mode="none",
+            fill="toself", fillcolor=colour, hoverinfo="skip", visible=shown == 0, meta=shown,
+            showlegend=row == 1 and bool(stretches), legendgroup=label, row=row, col=1,
+        )  # fmt: skip
+
+
+def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[Stretch]]:
+    """Where in a run each named effect is at work, or else where the mismatch was located; since its start."""
+    runs = evidence.runs
+    here = np.flatnonzero(runs.run == run)
+    origin_s = float(runs.time_s[here[0]])
+    if analysis.diagnosis.missing_physics:
+        return {
+            f"at work: {one.name}": [
+                (round(place.start_s - origin_s, 1), round(place.end_s - origin_s, 1))
+                for place in one.where
+                if place.recording == runs.names[run]
+            ]
+            for one in analysis.diagnosis.missing_physics
+        }
+    if evidence.location is None:
+        return {}
+    changes = np.flatnonzero(np.diff(evidence.location.inside[here].astype(int), prepend=0, append=0))
+    starts_s = runs.time_s[here] - runs.duration_s[here] / 2.0 - origin_s
+    ends_s = np.append(starts_s[1:], starts_s[-1] + runs.duration_s[here[-1]])
+    edges = np.round([starts_s[changes[::2]], ends_s[changes[1::2] - 1]], 1)
+    return {f"located: {evidence.location.condition}": [(start, end) for start, end in edges.T.tolist()]}
+
+
+def _thinned(values: Array) -> NDArray[np.float32]:
+    """Means over as many neighbours as it takes to have no more points than are drawn."""
+    starts = np.arange(0, len(values), -(-len(values) // _MOST_POINTS))
+    means = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
+    return _rounded(means)
+
+
+def conditions(analysis: Analysis, evidence: Evidence) -> list[Condition]:
+    """What is left against the channel that shows each named effect, or that explains most where none was named."""
+    chosen: dict[int, list[str]] = {}
+    for one in analysis.diagnosis.missing_physics:
+        index = _telling(one.effect, evidence)
+        if index is not None:
+            chosen.setdefault(index, []).append(one.name)
+    if not chosen and evidence.dependences:
+        chosen = {0: []}
+    left = {name: evidence.runs.observed - values for name, values in evidence.predictions.items()}
+    found = []
+    for index, effects in chosen.items():
+        dependence = evidence.dependences[index]
+        pair = [left["refit"], left["corrected"]] if "corrected" in left else [left["refit"]]
+        figures = [
+            _condition_figure(residual, dependence, evidence, colour, f"{index}-{name}", pair)
+            for residual, colour, name in zip(pair, (_REFIT, _CORRECTED), ("refit", "corrected"), strict=False)
+        ]
+        found.append(Condition(dependence, tuple(effects), figures[0], figures[1] if len(figures) == 2 else None))
+    return found
+
+
+def _telling(effect: str, evidence: Evidence) -> int | None:
+    """Index of the dependence on the channel that shows an effect best; time for what comes and goes."""
+    scheduled = any(
+        one.term.effect == effect and one.term.schedule is not None and one.term.schedule.axis == "time"
+        for one in evidence.naming.named
+    )
+    tested = [one.channel.name for one in evidence.dependences]
+    wanted = ("time_s",) if scheduled else (*CATALOGUE[effect].channels, tested[0] if tested else "")
+    return next((tested.index(name) for name in wanted if name in tested), None)
+
+
+def _condition_figure(
+    residual: Array, shown: Dependence, evidence: Evidence, colour: str, name: str, pair: Sequence[Array]
+) -> Markup:
+    """One residual against a channel: windows as dots, means over ranges of the channel with their intervals."""
+    runs = evidence.runs
+    known = shown.bin >= 0
+    values = _values(shown, runs)
+    dots = np.flatnonzero(known)
+    dots = dots[:: -(-len(dots) // _MOST_DOTS)]
+    centre = _means(values[known], shown.bin[known])
+    mean, error = _means(residual[known], shown.bin[known]), _standard_errors(residual, shown.bin, evidence.block)
+    order = np.argsort(centre)
+    in_time = shown.channel.name == "time_s"
+    figure = go.Figure()
+    figure.add_scatter(
+        x=_rounded(values[dots]), y=_rounded(residual[dots]), mode="markers", hoverinfo="skip",
+        marker={"size": 4, "color": _NOMINAL, "opacity": 0.45},
+    )  # fmt: skip
+    figure.add_scatter(
+        x=_rounded(centre[order]), y=_rounded(mean[order]), name="mean, 95 %",
+        mode="markers" if in_time else "lines+markers",
+        line={"color": colour, "width": 2.5}, marker={"size": 7, "color": colour},
+        error_y={"type": "data", "array": _rounded(1.96 * error[order]), "color": colour, "thickness": 1.5},
+    )  # fmt: skip
+    if in_time:
+        ends = np.array([(values[shown.bin == one][0], values[shown.bin == one][-1]) for one in order])
+        figure.add_scatter(
+            x=[x for start, end in ends.tolist() for x in (start, end, None)],
+            y=[y for level in mean[order].tolist() for y in (level, level, None)],
+            mode="lines", line={"color": colour, "width": 2.5}, hoverinfo="skip",
+        )  # fmt: skip
+    figure.add_hline(y=0.0, line={"color": _INK, "width": 1})
+    unit = f", {shown.channel.unit}" if shown.channel.unit else ""
+    label = "time, runs end to end, s" if in_time else f"{shown.channel.label}{unit}".replace("^2", "²")
+    figure.update_layout(showlegend=False)
+    figure.update_xaxes(title_text=label, fixedrange=True)
+    figure.update_yaxes(title_text=f"recorded minus simulated, {runs.unit}", range=_range(pair, known), fixedrange=True)
+    return embedded(figure, name)
+
+
+def _values(shown: Dependence, runs: Runs) -> Array:
+    if shown.channel.name == "time_s":
+        last = np.flatnonzero(np.diff(runs.run, append=-1))
+        first = np.concatenate(([0], last[:-1] + 1))
+        before_s = np.concatenate(([0.0], np.cumsum(runs.time_s[last] - runs.time_s[first])[:-1])) - runs.time_s[first]
+        laid_out: Array = runs.time_s + before_s[runs.run]
+        return laid_out
+    values = runs.context[shown.channel.name]
+    return np.abs(values) if shown.channel.magnitude else values
+
+
+def _rounded(values: Array) -> NDArray[np.float32]:
+    """Values as few bytes of the page."""
+    return np.round(values, 4).astype(np.float32)
+
+
+def _means(values: Array, number: NDArray[np.intp]) -> Array:
+    """Mean of the values under each number, shape (numbers,)."""
+    means: Array = np.bincount(number, values) / np.maximum(np.bincount(number), 1)
+    return means
+
+
+def _standard_errors(residual: Array, number: NDArray[np.intp], block: NDArray[np.intp]) -> Array:
+    """Standard error of the mean residual under each number, clustered by block, shape (numbers,)."""
+    known = number >= 0
+    residual, number, block = residual[known], number[known], block[known]
+    bins = int(number.max()) + 1
+    sums = np.bincount(
+        block * bins + number, residual - _means(residual, number)[number], (int(block.max()) + 1) * bins
+    )
+    spread: Array = np.sqrt((sums.reshape(-1, bins) ** 2).sum(axis=0))
+    return spread / np.maximum(np.bincount(number), 1)
+
+
+def _range(pair: Sequence[Array], known: NDArray[np.bool_]) -> list[float]:
+    """One range for both residuals, so that they can be compared; the outermost windows may lie beyond it."""
+    both = np.concatenate([residual[known] for residual in pair])
+    low, high = np.quantile(both, [0.005, 0.995]).tolist()
+    margin = 0.15 * max(high - low, 1e-9)
+    return [min(low - margin, 0.0), max(high + margin, 0.0)]
+
+
+def embedded(figure: go.Figure, name: str, top: int = 8) -> Markup:
+    """A figure as a part of a page that has plotly.js in it already."""
+    figure.update_layout(
+        template="plotly_white", margin={"l": 58, "r": 10, "t": top, "b": 46}, dragmode="zoom",
+        font={"family": "system-ui, sans-serif", "size": 13, "color": _INK}, hovermode="x unified",
+        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"},
+    )  # fmt: skip
+    figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
+    text = figure.to_html(
+        full_html=False, include_plotlyjs=False, div_id=f"figure-{name}", default_height="100%",
+        config={"responsive": True, "displaylogo": False, "displayModeBar": False},
+    )  # fmt: skip
+    return Markup(text)

@@ -1,0 +1,204 @@
+"""Which robot file is handed over: one with the effects, one with fitted parameters only, or the one that was given.
+
+What is proven must be what is handed over. So each fold's fit is written as a robot file, by the code that writes
+corrected.toml, and that file is replayed on what was held out. What a file cannot say is not in it: schedules, faults
+of instruments, and the current at rest, which is added to the replay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
+from homeward.diagnosis.fit.held_out import held_out
+from homeward.diagnosis.fit.refit import Refit, estimates, holding
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.result import Handed, Verdict
+from homeward.diagnosis.rules import ALIKE_COLUMNS
+from homeward.diagnosis.tell.corrected import can_be_said, replayed, said, written
+from homeward.physics import Robot
+
+_DRAWS = 2000
+Model = TypeVar("Model", Refit, Corrected)
+
+
+@dataclass(frozen=True)
+class Handover:
+    """The robot that is handed over, what its file predicts of what was recorded, and what it holds and why."""
+
+    robot: Robot
+    held_out: Array | None  # each fold by the file of the others, (windows,); None where no file predicts it
+    replayed: Array | None  # by the file itself, (windows,)
+    handed: Handed
+
+
+def determined(
+    fit: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]
+) -> tuple[Refit, Corrected | None]:
+    """The fits with each group that the recordings leave open held as the robot file has it.
+
+    One group after the other is held, first that whose assumed value the recordings mind least: of two that cannot be
+    told apart, the other is then determined.
+
+    Args:
+        fit: The refit.
+        corrected: The model with the named effects, where there is one.
+        runs: The runs.
+        block: Stretches that count as independent, shape (windows,).
+    """
+    nothing = np.zeros(len(fit.held), np.bool_)
+    plain = _determined(lambda held: holding(fit, runs, held), nothing, runs, block)
+    if corrected is None:
+        return plain, None
+    terms = corrected.model.terms
+    return plain, _determined(
+        lambda held: fit_model(holding(fit, runs, held), terms, runs, block), immaterial(fit, runs), runs, block
+    )
+
+
+def sayable(plain: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]) -> Refit | Corrected | None:
+    """The fit of all that a robot file can say, beside faults of instruments; None where no effect was named.
+
+    What a schedule of the corrected model explains goes to the groups and effects that stay, as far as they take it.
+    """
+    if corrected is None:
+        return None
+    terms = corrected.model.terms
+    kept = [one for one in terms if can_be_said(one) or not one.hypothesis.physical]
+    if len(kept) == len(terms):
+        return corrected
+    return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
+
+
+def _determined(
+    fit_holding: Callable[[NDArray[np.bool_]], Model], held: NDArray[np.bool_], runs: Runs, block: NDArray[np.intp]
+) -> Model:
+    model = fit_holding(held)
+    while True:
+        told = estimates(model, runs, block)
+        is_open = np.array([one.status != "fitted" for one in told]) & ~held
+        if not is_open.any():
+            return model
+        idle = is_open & np.array([one.status == "not excited" for one in told])
+        if idle.any():
+            held = held | idle
+            model = fit_holding(held)
+            continue
+        at_bound = np.array([one.status == "at bound" for one in told])
+        candidates = (is_open | _alike(model, is_open & at_bound)) & ~held
+        fits = [(fit_holding(one), one) for one in _each_held(candidates, held)]
+        model, held = min(fits, key=lambda fit: float(np.sum((runs.observed - fit[0].predicted) ** 2)))
+
+
+def _alike(model: Refit | Corrected, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Groups that look much like one of those chosen: they may have taken what that lacks."""
+    columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
+    alike: NDArray[np.bool_] = ((columns.T @ columns)[:, chosen] ** 2 > ALIKE_COLUMNS).any(axis=1)
+    return alike
+
+
+def _each_held(candidates: NDArray[np.bool_], held: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    return [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
+
+
+def hand_over(
+    robot: Robot,
+    verdict: Verdict,
+    models: tuple[Refit, Refit | Corrected | None],
+    arms: Mapping[str, Array],
+    runs: Runs,
+    fold: NDArray[np.intp],
+    trip: NDArray[np.intp],
+    seed: int,
+) -> Handover:
+    """Choose the robot that is handed over.
+
+    The effects must predict what was held out better than the refit, and the energy (the charge) of trips no worse; the
+    fitted parameters better than the file that was given. What a verdict does not ask for is not changed: a difference
+    within the noise is no correction, and parameters that make up for unknown physics are no measurement.
+
+    Args:
+        robot: The robot as its file has it.
+        verdict: What was concluded.
+        models: Refit, `determined`, and what is `sayable` of the corrected model.
+        arms: What `nominal` (where the file predicts what was recorded) and `refit` predict of what was held out.
+        runs: The runs.
+        fold: What is held out together, shape (windows,).
+        trip: What counts as one trip, shape (windows,).
+        seed: Seed of the bootstrap over trips.
+    """
+    nominal, (plain, model) = arms.get("nominal"), models
+    kept = Handover(
+        robot, nominal, nominal, Handed("nominal", "the recordings ask for no change that a robot file can hold")
+    )
+    if verdict not in ("parameters_off", "missing_physics"):
+        return kept
+    if nominal is None:
+        why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
+        return Handover(robot, None, None, Handed("nominal", why))
+    told = ""
+    if model is not None:
+        after = _held_out(robot, model, runs, fold)
+        worse = worse_than(arms["refit"], after, runs, trip, seed)
+        if not worse:
+            why = "replayed as written it predicts what was held out better than the refit"
+            return _handed(robot, model, runs, after, Handed("corrected", why))
+        told = f"with what is missing, as far as a robot file can say it, {worse}; "
+    elif verdict == "missing_physics":
+        told = "a robot file cannot say when what is missing is at work; "
+    after = _held_out(robot, plain, runs, fold)
+    worse = worse_than(nominal, after, runs, trip, seed)
+    if worse:
+        return Handover(robot, nominal, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
+    why = f"{told}replayed as written it predicts what was held out better than the file that was given"
+    return _handed(robot, plain, runs, after, Handed("refit", why))
+
+
+def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
+    """Why a prediction of what was held out is to be preferred to another, in words; empty where it is not.
+
+    Args:
+        before: The prediction that has to be beaten, shape (windows,).
+        after: The other.
+        runs: The runs.
+        trip: What counts as one trip, shape (windows,).
+        seed: Seed of the bootstrap over trips.
+    """
+    errors = _rmse(after, runs), _rmse(before, runs)
+    if errors[0] >= errors[1]:
+        return f"the held-out error would be {errors[0]:.4g} {runs.unit} instead of {errors[1]:.4g}"
+    misses = [np.abs(np.bincount(trip, (one - runs.observed) * runs.duration_s)) for one in (after, before)]
+    drawn = np.random.default_rng(seed).integers(len(misses[0]), size=(_DRAWS, len(misses[0])))
+    if np.quantile((misses[0] - misses[1])[drawn].mean(axis=1), 0.025) > 0.0:
+        consumed, unit = ("energy", "J") if runs.unit == "W" else ("charge", "A s")
+        return (
+            f"the {consumed} of a held-out trip would be off by {misses[0].mean():.3g} {unit} on average instead of "
+            f"{misses[1].mean():.3g}"
+        )
+    return ""
+
+
+def _held_out(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:
+    """What the file of each fold's fit predicts of that fold, shape (windows,)."""
+
+    def replay_file(chosen: NDArray[np.bool_]) -> Array:
+        told = said(model.fitted_to(chosen, runs.observed), runs)
+        return replayed(written(robot, told, runs.unit), told, runs)
+
+    return held_out(replay_file, fold)
+
+
+def _handed(robot: Robot, model: Refit | Corrected, runs: Runs, after: Array, handed: Handed) -> Handover:
+    told = said(model, runs)
+    robot_file = written(robot, told, runs.unit)
+    return Handover(robot_file, after, replayed(robot_file, told, runs), handed)
+
+
+def _rmse(predicted: Array, runs: Runs) -> float:
+    return float(np.sqrt(np.mean((predicted - runs.observed) ** 2)))

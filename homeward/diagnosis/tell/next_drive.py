@@ -1,0 +1,187 @@
+"""The next experiment: the drive of the menu after which the candidates would be told apart best.
+
+The information of the recordings at hand is a matrix for the groups of the refit and the size of each candidate; each
+drive of the menu would add its own, from what the kernel says that the candidates would add there. The groups are a
+nuisance, so the determinant of what is left for the candidates counts (D_s-optimality: Atkinson & Donev, Optimum
+Experimental Designs, 1992). Before anything is recorded a candidate is known to within its fitted size, a group to
+within a plausible change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.explain.drive import Drive
+from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
+from homeward.diagnosis.explain.menu import MENU, Manoeuvre
+from homeward.diagnosis.explain.places import Location
+from homeward.diagnosis.fit.folds import noise_of
+from homeward.diagnosis.fit.refit import Estimate, Refit
+from homeward.diagnosis.fit.regression import bounded
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.rules import MEASURES
+
+_SEPARATES = np.log(2.0)  # of the determinant: the variance of what is least known is halved
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at the size that the recordings give it; `column` is what it adds there, shape (windows,)."""
+
+    hypothesis: Hypothesis
+    size: float
+    shape: Mapping[str, float]
+    column: Array
+
+
+def candidate(fit: Refit, runs: Runs, term: Term) -> Candidate:
+    """A hypothesis at its fitted size; of several sizes (levels, places) the one that adds most."""
+    columns = np.column_stack([fit.jacobian, term.columns])
+    low, high = fit.freedom()
+    weights = bounded(
+        columns.T @ columns,
+        columns.T @ (runs.observed - fit.predicted),
+        np.concatenate([low, term.low]),
+        np.concatenate([high, term.high]),
+    )[fit.jacobian.shape[1] :]
+    largest = int(np.argmax(np.abs(weights) * np.linalg.norm(term.columns, axis=0)))
+    of_one = term.axis == "steady" and len(weights) > 1  # its sizes are the components of one
+    size = float(np.linalg.norm(weights) if of_one else weights[largest])
+    return Candidate(term.hypothesis, size, term.shape, term.columns @ weights)
+
+
+def gains(
+    fit: Refit, runs: Runs, left: Array, candidates: Sequence[Candidate], groups: Sequence[str] = ()
+) -> dict[str, float]:
+    """Rise of the log-determinant of the information by each drive of the menu.
+
+    Args:
+        fit: The refit.
+        runs: The recordings at hand.
+        left: What the best model leaves, shape (windows,).
+        candidates: Effects to tell apart.
+        groups: Names of groups to determine; the others are a nuisance.
+    """
+    names = [group.name for group in fit.parameters.groups]
+    of_interest = np.array([name in groups for name in names] + [True] * len(candidates))
+    noise_w = max(noise_of(left, runs.run).long_run, 1e-6 * float(np.abs(runs.observed).max()))
+    known = np.column_stack([fit.jacobian, *(one.column for one in candidates)]) / noise_w
+    before = known.T @ known + np.eye(known.shape[1])
+    windows_a_second = 1.0 / float(np.median(runs.duration_s))
+    found = {}
+    for manoeuvre in MENU:
+        added = responses(fit, runs, manoeuvre, candidates) / noise_w
+        if candidates and not added[:, len(names) :].any():
+            found[manoeuvre.id] = (
+                0.0  # a drive without the effect may settle the groups, but nobody would call it a test
+            )
+            continue
+        after = before + windows_a_second * added.T @ added
+        found[manoeuvre.id] = _determinant(after, of_interest) - _determinant(before, of_interest)
+    return found
+
+
+def _determinant(information: Array, of_interest: NDArray[np.bool_]) -> float:
+    """Log-determinant of the information about some of the parameters when the others are unknown."""
+    whole = np.linalg.slogdet(information)[1]
+    return float(whole - np.linalg.slogdet(information[np.ix_(~of_interest, ~of_interest)])[1])
+
+
+def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, candidates: Sequence[Candidate]) -> Array:
+    """What the groups (per unit of `scale`) and the candidates add on a drive, shape (samples, groups + candidates).
+
+    Args:
+        fit: The refit.
+        runs: The recordings at hand.
+        manoeuvre: The drive.
+        candidates: Effects to tell apart.
+    """
+    usual_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
+    drive = Drive(fit, manoeuvre.course(fit.parameters.nominal), runs.unit, usual_c)
+    added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in candidates]
+    return np.column_stack([*drive.by_group(), *added])
+
+
+def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequence[Term]) -> str:
+    """The drive or, where no drive of the menu does, the measurement that separates an effect from its rivals.
+
+    Without rivals: the drive that would determine its size best.
+
+    Args:
+        fit: The refit.
+        runs: The recordings at hand.
+        left: What the best model leaves, shape (windows,).
+        first: The effect.
+        rivals: What the recordings cannot separate from it.
+    """
+    candidates = [candidate(fit, runs, term) for term in (first, *rivals)]
+    best, gain = _best(gains(fit, runs, left, [one for one in candidates if one.size != 0.0]))
+    worthwhile = gain >= (_SEPARATES if rivals else MEASURES)
+    advice = best.sentence if worthwhile else _measured(first, rivals).measurement
+    name = first.hypothesis.name
+    if not rivals:
+        return f"To measure {name} better, {advice}."
+    others = " and ".join(rival.hypothesis.name for rival in rivals)
+    return f"To tell {name} from {others}, {advice}."
+
+
+def _measured(first: Term, rivals: Sequence[Term]) -> Hypothesis:
+    """Which of the effects to measure: a fault of the instrument before physics."""
+    return min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
+
+
+def _best(found: Mapping[str, float]) -> tuple[Manoeuvre, float]:
+    best = max(MENU, key=lambda one: found[one.id])
+    return best, found[best.id]
+
+
+def next_experiment(
+    fit: Refit,
+    runs: Runs,
+    left: Array,
+    estimates: Sequence[Estimate],
+    named: Sequence[tuple[Term, Sequence[Term]]],
+    unexplained: Location | None,
+    enough: bool,
+) -> str | None:
+    """The one thing to do next, or None where nothing is open.
+
+    Args:
+        fit: The refit.
+        runs: The recordings at hand.
+        left: What the best model leaves, shape (windows,).
+        estimates: What the recordings say of each group.
+        named: Each named effect with its rivals.
+        unexplained: Where the mismatch sits, if nothing explains it.
+        enough: Whether the recordings are long enough for a test.
+    """
+    for first, rivals in named:
+        if rivals:
+            return to_tell_apart(fit, runs, left, first, rivals)
+    if unexplained is not None and not named:
+        return repeat(unexplained)
+    open_groups = [one.group for one in estimates if one.fitted is None]
+    best, gain = _best(gains(fit, runs, left, [], [group.name for group in open_groups]))
+    if open_groups and gain >= MEASURES:
+        longer = "" if enough else ", for five minutes or more"
+        return f"To determine {', '.join(group.symbol for group in open_groups)}, {best.sentence}{longer}."
+    return None if enough else "Record the same drive for longer, at least five minutes."
+
+
+def repeat(location: Location) -> str:
+    """The drive that shows whether a condition is behind what nothing explains."""
+    if all(place.condition == location.condition for place in location.places):
+        return (
+            f"To find out what is missing, alternate a minute with {location.condition} and a minute without, "
+            "ten times, and change nothing else."
+        )
+    first = max(location.places, key=lambda place: place.share_of_excess)
+    return (
+        f"To find out what is missing, repeat the drive of {first.recording.rsplit('/', 1)[-1]} and note what is "
+        f"switched on, carried or different on the way ({first.condition})."
+    )

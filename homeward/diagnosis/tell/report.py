@@ -1,0 +1,245 @@
+"""What is written to the output folder: diagnosis.json, corrected.toml and a self-contained report.html."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import plotly.offline
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from homeward.diagnosis.evidence import Analysis, Evidence
+from homeward.diagnosis.explain.describe import condition, total_share
+from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.naming import Naming
+from homeward.diagnosis.explain.places import Place
+from homeward.diagnosis.read.signals import WINDOW_S
+from homeward.diagnosis.rules import FALSE_ALARM_RATE, SMALLEST_GAIN, VERY_STRONG
+from homeward.diagnosis.tell import words as wording
+from homeward.diagnosis.tell.corrected import comments
+from homeward.diagnosis.tell.figures import conditions, time_figure
+from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, decimal, labels, number, typeset
+from homeward.files import write_whole
+
+_VERDICT_WORDS = {
+    "no_mismatch": "No mismatch",
+    "parameters_off": "Parameters off",
+    "missing_physics": "Missing physics",
+    "unknown_physics": "Unknown physics",
+    "not_testable": "Not testable",
+}
+_MOST_PLACES = 6  # of each effect
+_MOST_RANKED = 10
+_FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
+
+
+def write_outputs(analysis: Analysis, folder: Path) -> list[Path]:
+    """Write diagnosis.json, corrected.toml and report.html, each whole or not at all.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
+    check_writable(folder)
+    texts = {
+        "diagnosis.json": analysis.diagnosis.to_json(),
+        "corrected.toml": corrected_toml(analysis),
+        "report.html": report_html(analysis),
+    }
+    for name, text in texts.items():
+        write_whole(folder / name, text)
+    return [folder / name for name in texts]
+
+
+def check_writable(folder: Path) -> None:
+    """Make the output folder and see that a file can be written there, before any work is done.
+
+    Raises:
+        OSError: It cannot.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+
+
+def corrected_toml(analysis: Analysis) -> str:
+    """Robot file with the fitted values, each changed line with what it was."""
+    known = () if analysis.evidence is None else analysis.evidence.estimates
+    changed = comments(analysis.robot, analysis.corrected, known)
+    head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
+    if not changed:
+        head.append("# Nothing was changed.")
+    open_groups = [f"{one.group.symbol} ({wording.why_open(one)})" for one in known if one.fitted is None]
+    if open_groups:
+        head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
+    if analysis.evidence is not None and analysis.evidence.held:
+        head.append(f"# Held as assumed: {', '.join(analysis.evidence.held)}.")
+    return "\n".join(head) + "\n" + analysis.corrected.to_toml(changed)
+
+
+def report_html(analysis: Analysis) -> str:
+    """The report as one page that needs no network; everything that was recorded or named by others is escaped."""
+    environment = Environment(
+        loader=PackageLoader("homeward.diagnosis.tell"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    names = labels([one.path for one in diagnosis.recordings] + [one.recording for one in analysis.findings])
+    environment.filters |= {
+        "number": number, "decimal": decimal, "typeset": typeset, "sign": _sign,
+        "label": lambda path: names.get(path, path), "percent": lambda share: f"{decimal(100.0 * share, 0)} %",
+    }  # fmt: skip
+    shared = {
+        "diagnosis": diagnosis,
+        "verdict": _VERDICT_WORDS[diagnosis.verdict],
+        "findings": _by_text(analysis),
+        "evidence": evidence,
+        "where": _where(analysis),
+        "versions": _versions(),
+        "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
+        "plotly": "" if evidence is None else Markup(plotly.offline.get_plotlyjs()),
+    }
+    proof = {} if evidence is None else _proof(analysis, evidence)
+    page = environment.get_template("report.html").render(**shared, **proof)
+    return page.encode("utf-8", "replace").decode("utf-8")  # names of files may hold bytes that are no text
+
+
+def _proof(analysis: Analysis, evidence: Evidence) -> dict[str, object]:
+    """What the parts of the page need that rest on fitted models."""
+    figure, shown_runs = time_figure(analysis, evidence)
+    visible, invisible = _can_show(analysis, evidence)
+    return {
+        "time_figure": figure,
+        "shown_runs": shown_runs,
+        "conditions": conditions(analysis, evidence),
+        "ranking": ranking(evidence.naming),
+        "most_ranked": _MOST_RANKED,
+        "very_strong": VERY_STRONG,
+        "arms": ARMS,
+        "paper_accuracy": PAPER_ACCURACY,
+        "why_open": wording.why_open,
+        "visible": visible,
+        "invisible": invisible,
+        "constants": {"window_s": WINDOW_S, "false_alarm": FALSE_ALARM_RATE, "gain": SMALLEST_GAIN},
+    }
+
+
+def _sign(value: float) -> str:
+    return f"{'+' if value > 0 else ''}{number(value)}"
+
+
+def _by_text(analysis: Analysis) -> dict[tuple[bool, str], list[str]]:
+    """The recordings under each finding, those set aside first."""
+    grouped: dict[tuple[bool, str], list[str]] = {}
+    for one in sorted(analysis.findings, key=lambda finding: not finding.refused):
+        grouped.setdefault((one.refused, one.text), []).append(one.recording)
+    return grouped
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Where one thing was located: the stretches with the largest share of it, and how many there are in all."""
+
+    title: str
+    condition: str
+    share_of_drawn: float | None  # of all that was recorded
+    shown: tuple[Place, ...]
+    count: int
+    runs: int
+
+    @property
+    def same(self) -> bool:
+        """Whether one condition holds for all."""
+        return all(place.condition == self.condition for place in self.shown)
+
+
+def _where(analysis: Analysis) -> list[Stretches]:
+    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    found = []
+    if diagnosis.missing_physics and evidence is not None:
+        for one, added in zip(diagnosis.missing_physics, evidence.contributions, strict=True):
+            found.append(_stretches(one.name, one.where, total_share(added, evidence.runs)))
+    elif diagnosis.where:
+        found.append(_stretches("The mismatch", diagnosis.where, None))
+    return found
+
+
+def _stretches(title: str, places: Sequence[Place], share: float | None) -> Stretches:
+    largest = sorted(places, key=lambda place: -place.share_of_excess)[:_MOST_PLACES]
+    return Stretches(
+        title, condition(places), share, tuple(largest), len(places), len({one.recording for one in places})
+    )
+
+
+@dataclass(frozen=True)
+class RankRow:
+    """One hypothesis of the ranking; `note` says why it is marked."""
+
+    effect: str
+    form: str
+    delta_bic: float
+    held_out_gain: float
+    kind: str  # "named", "rival" or ""
+    note: str
+
+
+def ranking(naming: Naming) -> list[RankRow]:
+    """The named effects, each as it did beside those named before it, then every other hypothesis as it did alone.
+
+    Of several variants of one form the best is listed.
+    """
+    rows: list[RankRow] = []
+    rivals: dict[tuple[str, str], str] = {}
+    for index, one in enumerate(naming.named):
+        before = ", ".join(other.term.effect.replace("_", " ") for other in naming.named[:index])
+        low, high = (100.0 * end for end in one.gain_ci95)
+        alone = f"named beside {before}" if before else "named"
+        note = f"{alone}: gain {low:.0f} to {high:.0f} %, placebos p ≤ {one.p_value:.2f}"
+        form = _FORMS[one.term.axis]
+        rows.append(RankRow(one.term.effect, form, one.delta_bic, one.held_out_gain, "named", note))
+        rivals |= {(rival.effect, rival.axis): one.term.effect for rival in one.rivals}
+    listed: set[tuple[str, str]] = {(one.term.effect, one.term.axis) for one in naming.named}
+    for other in naming.ranking:
+        key = other.effect, other.axis
+        if key not in listed:
+            listed.add(key)
+            kind = "rival" if key in rivals else ""
+            note = f"cannot be told from {rivals[key].replace('_', ' ')}" if kind else ""
+            if not rows and other.delta_bic > VERY_STRONG:
+                note = "not named: its gain may be none, or placebos do as well"
+            rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))
+    return rows
+
+
+def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, float]], dict[str, list[str]]]:
+    """Effects with the share that the refit would absorb, least first; and under each reason those that stay unseen."""
+    shares = analysis.diagnosis.what_this_log_can_show
+    visible = sorted(((effect, share) for effect, share in shares.items() if share is not None), key=lambda one: one[1])
+    unseen: dict[str, list[str]] = {}
+    for effect, share in shares.items():
+        if share is not None:
+            continue
+        one = CATALOGUE[effect]
+        channels, name = one.missing(evidence.runs), one.name
+        if evidence.runs.unit == "A" and not one.of_current:
+            unseen.setdefault("Not in motor current, which follows torque", []).append(name)
+        elif channels:
+            unseen.setdefault("A channel is missing", []).append(f"{name} (needs {', '.join(channels)})")
+        else:
+            unseen.setdefault("Nothing in these recordings sets it apart from the parameters", []).append(name)
+    return visible, unseen
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for name in ("homeward", "numpy", "scipy", "numba", "pandas"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found

@@ -1,0 +1,109 @@
+"""The verdict as the terminal shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from homeward.diagnosis.evidence import Analysis
+from homeward.diagnosis.result import Fit, MissingPhysics, Range
+from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, decimal, number
+
+_WIDE = 70  # columns that the table of all figures takes
+
+
+def show(analysis: Analysis, console: Console) -> None:
+    """Print the verdict, how well each model predicts, what is missing and what to do next.
+
+    Args:
+        analysis: What was found.
+        console: Where to; lines wrap at its width.
+    """
+    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    console.print(diagnosis.verdict, style="bold", highlight=False)
+    say(console, diagnosis.summary)
+    if diagnosis.fit is not None and evidence is not None:
+        console.print()
+        console.print(
+            Padding(_arms(diagnosis.fit, evidence.range_accuracy_pct, wide=console.width >= _WIDE), (0, 0, 0, 2))
+        )
+        claim = f"; the paper claims a range accuracy of {PAPER_ACCURACY}" if diagnosis.fit.unit == "W" else ""
+        say(console, f"held out by {diagnosis.fit.held_out_by}, {diagnosis.fit.folds} folds{claim}", indent=2)
+    for one in diagnosis.missing_physics:
+        console.print()
+        _show_effect(one, console)
+    if diagnosis.parameters_off:
+        console.print()
+        console.print("parameters off", style="bold", highlight=False)
+    for off in diagnosis.parameters_off:
+        fitted = f"{number(off.fitted)} {off.unit} (95 %: {_interval(off.ci95)})"
+        say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed", indent=2)
+    for product in diagnosis.products:
+        value = f"{number(product.value.value)} {product.value.unit} (95 %: {_interval(product.value.ci95)})"
+        say(console, f"{' x '.join(product.of)}: {value}, known together only, neither by itself", indent=2)
+    if diagnosis.range is not None:
+        console.print()
+        say(console, _range(diagnosis.range))
+    if diagnosis.next_experiment:
+        console.print()
+        say(console, f"Next experiment: {diagnosis.next_experiment}")
+
+
+def _arms(fit: Fit, accuracy: Mapping[str, float | None], wide: bool) -> Table:
+    table = Table(box=None, padding=(0, 2 if wide else 1, 0, 0), header_style="dim")
+    table.add_column("model", no_wrap=True)
+    energy = ("trip energy\nerror", "range\naccuracy") if fit.unit == "W" else ()
+    for heading in (f"RMSE, {fit.unit}", *(["95 %"] if wide else []), "R^2", *energy):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name in ARMS:
+        if name in fit.arms:
+            arm = fit.arms[name]
+            r2 = "-" if arm.r2 is None else decimal(arm.r2, 3)
+            figures = [number(arm.rmse), *([_interval(arm.rmse_ci95)] if wide else []), r2]
+            if energy:
+                figures += [_percent(arm.energy_error_pct), _percent(accuracy.get(name))]
+            style = "bold" if name == "corrected" else None
+            table.add_row(name.replace("_", " "), *(plain(figure) for figure in figures), style=style)
+    return table
+
+
+def _show_effect(one: MissingPhysics, console: Console) -> None:
+    console.print(one.name, style="bold", highlight=False)
+    for name, value in one.parameters.items():
+        unit = "" if value.unit == "1" else f" {value.unit}"
+        say(console, f"{name} = {number(value.value)}{unit} (95 %: {_interval(value.ci95)})", indent=2)
+    if one.confused_with:
+        rivals = ", ".join(one.confused_with).replace("_", " ")
+        say(console, f"could as well be: {rivals}. {one.to_tell_apart}", indent=2)
+
+
+def _range(one: Range) -> str:
+    return (
+        f"Range on one charge, driven as recorded: {number(one.file_m)} m by corrected.toml, {number(one.nominal_m)} m "
+        f"by the robot file; recorded {number(one.recorded_m)} m (95 %: {_interval(one.ci95)}). d_max, at best speed "
+        f"on the level: {number(one.d_max_file_m)} m instead of {number(one.d_max_nominal_m)} m."
+    )
+
+
+def _interval(ci95: tuple[float, float]) -> str:
+    return f"{number(ci95[0])} to {number(ci95[1])}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{decimal(value, 1)} %"
+
+
+def plain(text: str) -> str:
+    """Text with dashes and minus signs that every terminal has."""
+    return text.replace("–", "-").replace("−", "-")
+
+
+def say(console: Console, text: str, indent: int = 0) -> None:
+    """Print text that may hold names given by others: no markup, no control characters, only what can be shown."""
+    shown = "".join(c if c.isprintable() else "?" for c in plain(text))
+    shown = shown.encode(console.encoding, "replace").decode(console.encoding)
+    console.print(Padding(Text(shown), (0, 0, 0, indent), expand=False))

@@ -1,0 +1,192 @@
+"""What no known effect explains is put into a formula, and noise into none."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+
+from homeward import Robot
+from homeward.diagnosis import Recording, analyse
+from homeward.diagnosis.explain.formula import Empirical, Search, propose
+from homeward.diagnosis.explain.formulas import candidates
+from homeward.diagnosis.explain.residual_test import independent_blocks
+from homeward.diagnosis.fit.fitted import with_columns
+from homeward.diagnosis.fit.folds import cut_folds
+from homeward.diagnosis.fit.held_out import held_out
+from homeward.diagnosis.fit.refit import Refit, refit
+from homeward.diagnosis.fit.replay import Runs, average
+from homeward.diagnosis.fit.usable import usable_runs
+from homeward.physics import replay
+from homeward.physics.model import GRAVITY_MPS2
+
+Drive = Callable[..., list[Recording]]
+Channels = Mapping[str, np.ndarray]
+Hidden = Callable[[Robot, Channels], np.ndarray]
+
+
+def with_hidden(recordings: list[Recording], robot: Robot, hidden: Hidden) -> list[Recording]:
+    """The recordings with a heading, a payload that changes while standing or not, and a hidden power."""
+    changed = []
+    for run in recordings:
+        channels = dict(run.channels)
+        channels["heading_rad"] = np.angle(np.exp(1j * np.cumsum(channels["yaw_rate_radps"]) * 0.1))
+        channels["payload_kg"] = 10.0 * (channels["time_s"] // 60.0 % 3.0)
+        channels["power_w"] = channels["power_w"] + carried(robot, channels) + hidden(robot, channels)
+        changed.append(dataclasses.replace(run, channels=channels))
+    return changed
+
+
+def carried(robot: Robot, channels: Channels) -> np.ndarray:
+    """What the recorded payload costs by its mass."""
+    of = (channels["time_s"], channels["speed_mps"])
+    grade = channels["grade_rad"]
+    without = replay(robot, *of, grade_rad=grade).power_w
+    added = np.zeros(len(grade))
+    for payload_kg in np.unique(channels["payload_kg"]):
+        loaded = dataclasses.replace(robot, mass_kg=robot.mass_kg + payload_kg)
+        here = channels["payload_kg"] == payload_kg
+        added[here] = (replay(loaded, *of, grade_rad=grade).power_w - without)[here]
+    return added
+
+
+def prepared(recordings: list[Recording], robot: Robot) -> tuple[Refit, Runs, np.ndarray, np.ndarray]:
+    """The refit of some recordings, their windows, blocks and folds."""
+    runs = average(usable_runs(recordings, robot)[0])
+    fit = refit(runs, robot)
+    block = independent_blocks(fit, runs).channels
+    return fit, runs, block, cut_folds(runs, block)[0]
+
+
+def proposed(recordings: list[Recording], robot: Robot) -> Empirical | None:
+    """The formula for some recordings."""
+    return propose(*prepared(recordings, robot), seed=0)
+
+
+def weight_w(robot: Robot, channels: Channels) -> np.ndarray:
+    """m g v of a recording."""
+    return np.asarray(robot.mass_kg * GRAVITY_MPS2 * channels["speed_mps"])
+
+
+def turning_squared(robot: Robot, channels: Channels) -> np.ndarray:
+    return 0.3 * weight_w(robot, channels) * (channels["yaw_rate_radps"] * robot.track_m / robot.max_speed_mps) ** 2
+
+
+def sensing_while_driving(robot: Robot, channels: Channels) -> np.ndarray:
+    return 0.15 * weight_w(robot, channels) * channels["sensing_hz"] / robot.max_sensing_hz
+
+
+def northern_sector(robot: Robot, channels: Channels) -> np.ndarray:
+    return 0.04 * weight_w(robot, channels) * (np.abs(channels["heading_rad"] - np.pi / 2.0) < np.pi / 4.0)
+
+
+def payload_squared(robot: Robot, channels: Channels) -> np.ndarray:
+    return 180.0 * (channels["speed_mps"] > 0.02) * (channels["payload_kg"] / robot.mass_kg) ** 2
+
+
+@pytest.mark.parametrize(
+    ("hidden", "text", "coefficient", "unit"),
+    [
+        (turning_squared, "m g v (|w| B / v_max)^2", 0.3, "1"),
+        (sensing_while_driving, "m g v (f_s / f_max)", 0.15, "1"),
+        (northern_sector, "m g v [heading within 45 deg of 90 deg]", 0.04, "1"),
+        (payload_squared, "[v > 0] (payload / m)^2", 180.0, "W"),
+    ],
+)
+def test_a_term_outside_the_catalogue_is_found_with_its_size(
+    hidden: Hidden, text: str, coefficient: float, unit: str, drive: Drive, husky: Robot
+) -> None:
+    found = proposed(with_hidden(drive(husky), husky, hidden), husky)
+    assert found is not None
+    (term,) = found.terms
+    assert (term.text, term.unit) == (text, unit)
+    assert term.coefficient == pytest.approx(coefficient, rel=0.15)
+    assert term.ci95[0] < term.coefficient < term.ci95[1]
+    assert term.text not in term.alternatives
+    assert found.held_out_gain > 0.3 and found.gain_ci95[0] > 0.0 and found.p_value <= 0.05
+    np.testing.assert_allclose(found.contribution[:, 0], term.coefficient * found.columns[:, 0])
+
+
+def test_two_terms_are_found_together(drive: Drive, husky: Robot) -> None:
+    both = with_hidden(drive(husky), husky, lambda *given: turning_squared(*given) + payload_squared(*given))
+    found = proposed(both, husky)
+    assert found is not None
+    assert {one.text for one in found.terms} == {"m g v (|w| B / v_max)^2", "[v > 0] (payload / m)^2"}
+    assert found.contribution.shape == (len(found.columns), 2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_follows_no_formula(seed: int, husky: Robot, drive: Drive) -> None:
+    robot = dataclasses.replace(husky, rolling_resistance=(0.8 + 0.15 * seed) * husky.rolling_resistance)
+    recordings = drive(robot, runs=4)[seed % 2 :]
+    assert proposed(with_hidden(recordings, robot, lambda _, channels: 0.0 * channels["speed_mps"]), husky) is None
+
+
+def test_a_power_that_no_channel_tells_has_no_formula(drive: Drive, husky: Robot) -> None:
+    """Bursts at random moments are structure, and not of these channels."""
+    rng = np.random.default_rng(3)
+
+    def bursts(robot: Robot, channels: Channels) -> np.ndarray:
+        return 20.0 * np.repeat(rng.random(len(channels["time_s"]) // 50) < 0.3, 50)
+
+    assert proposed(with_hidden(drive(husky), husky, bursts), husky) is None
+
+
+def test_unknown_physics_is_said_with_its_formula(drive: Drive, husky: Robot) -> None:
+    analysis = analyse(with_hidden(drive(husky), husky, payload_squared), husky)
+    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    assert diagnosis.verdict == "unknown_physics" and diagnosis.missing_physics == ()
+    assert evidence is not None and evidence.empirical is not None
+    assert evidence.empirical.text in diagnosis.summary and "a description, not a cause" in diagnosis.summary
+    assert all(place.condition.startswith("payload above") for place in diagnosis.where)
+    assert diagnosis.next_experiment is not None and "payload above" in diagnosis.next_experiment
+    assert diagnosis.fit is not None
+    arms = diagnosis.fit.arms
+    assert arms["corrected"].rmse < 0.5 * arms["refit"].rmse <= 0.51 * arms["placebo"].rmse
+    assert analysis.corrected == husky
+
+
+def test_the_formula_is_written_with_signs_and_units(drive: Drive, husky: Robot) -> None:
+    found = proposed(
+        with_hidden(drive(husky), husky, lambda *given: -turning_squared(*given) + payload_squared(*given)), husky
+    )
+    assert found is not None
+    assert found.constants == {"m": "m = 50 kg", "v_max": "v_max = 1 m/s", "B": "B = 0.5708 m"}
+    first, second = sorted(found.terms, key=lambda one: one.unit)
+    assert (first.coefficient < 0.0) and (second.coefficient > 0.0)
+    assert f"{abs(second.coefficient):.3g} W [v > 0] (payload / m)^2" in found.text
+    assert f"-{abs(first.coefficient):.3g} m g v" in found.text.replace("- ", "-")
+
+
+def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> None:
+    """Errors of all candidates at once are those of the plain held-out fits, where no bound is in the way."""
+    fit, runs, _, fold = prepared(with_hidden(drive(husky), husky, turning_squared), husky)
+    library = candidates(fit, runs)
+    scores = Search(library, fit, runs, fold, memory=1.0).scores(library.everything, [])
+    costs = library.cost()
+
+    def error(columns: np.ndarray) -> float:
+        predicted = held_out(lambda chosen: with_columns(fit, chosen, runs.observed, columns), fold)
+        return float(((runs.observed - predicted) ** 2).sum())
+
+    n = len(fold)
+    base, rng = error(np.zeros((n, 0))), np.random.default_rng(0)
+    places = [(b, i, j) for b, cost in enumerate(costs) for i, j in zip(*np.nonzero(np.isfinite(cost)), strict=True)]
+    for index in rng.choice(len(places), 25, replace=False):
+        b, i, j = places[index]
+        expected = n * np.log(base / error(library.column((b, i, j))[:, None])) - np.log(n) - costs[b][i, j]
+        assert scores[b][i, j] == pytest.approx(expected, abs=3e-3 * n)  # 0.3 % of the squared error
+
+
+def test_candidates_are_products_of_different_channels_each_once(drive: Drive, husky: Robot) -> None:
+    fit, runs, _, _ = prepared(with_hidden(drive(husky), husky, turning_squared), husky)
+    library = candidates(fit, runs)
+    texts = [
+        library.text((index, int(i), int(j)))
+        for index, base in enumerate(library.bases)
+        for i, j in zip(*np.nonzero(library.pairs(base)), strict=True)
+    ]
+    assert len(texts) == len(set(texts)) > 1000
+    assert "m g v [v > 0]" not in texts and "m g v (v / v_max) (v / v_max)^2" not in texts
+    cheapest = [float(cost.min()) for cost in library.cost()]
+    assert cheapest == [pytest.approx(2.0 * np.log(3.0))] * 3

@@ -1,0 +1,190 @@
+"""Missing physics is named, fitted, handed back as a robot, and not seen where there is none."""
+
+import dataclasses
+import functools
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import homeward  # noqa: F401
+from homeward import Robot, load_robot
+from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
+from homeward.diagnosis.tell.report import write_outputs
+from tests.diagnosis.tell.test_handover import replay_equals_fit
+
+Drive = Callable[..., list[Recording]]
+
+EFFECTS: Mapping[str, Mapping[str, float]] = {
+    "turning": {"scrub": 0.3},
+    "inertia": {"mass_factor": 1.0},
+    "slip": {"per_load": 1.5},
+    "copper_loss": {"w_per_n2": 0.002},
+    "no_load": {"power_w": 20.0},
+    "compute": {"power_w": 15.0, "base_share": 1.0},
+    "breakaway": {"start_j": 60.0},
+    "motor_heating": {"per_k": 0.004},
+    "internal_resistance": {"ohm": 0.4},
+}
+
+
+def with_power(runs: list[Recording], power_w: Callable[[Mapping[str, np.ndarray]], np.ndarray]) -> list[Recording]:
+    """The runs with another power, a function of their channels."""
+    return [dataclasses.replace(run, channels={**run.channels, "power_w": power_w(run.channels)}) for run in runs]
+
+
+def chattering(runs: list[Recording]) -> list[Recording]:
+    """The runs of a drive that chatters in a band of speeds, which no effect of the catalogue does."""
+    return with_power(runs, lambda of: of["power_w"] + 60.0 * (np.abs(of["speed_mps"] - 0.55) < 0.1))
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_a_concealed_effect_is_named_with_its_size(effect: str, drive: Drive, husky: Robot) -> None:
+    hidden = EFFECTS[effect]
+    analysis = analyse(drive(husky, runs=4, effects={effect: hidden}), husky)
+    diagnosis = analysis.diagnosis
+    assert diagnosis.verdict == "missing_physics"
+    first = diagnosis.missing_physics[0]
+    assert first.effect == effect
+    assert len(diagnosis.missing_physics) == 1
+    size, true = next(iter(hidden.items()))
+    if effect != "motor_heating":  # its size and its temperatures enter as a product
+        assert first.parameters[size].value == pytest.approx(true, rel=0.15)
+    assert diagnosis.fit is not None
+    arms = diagnosis.fit.arms
+    assert arms["corrected"].rmse < min(arms["refit"].rmse, arms["placebo"].rmse)
+    assert diagnosis.file is not None and diagnosis.file.holds == "corrected"
+    assert arms["file"].rmse == pytest.approx(arms["corrected"].rmse, rel=1e-3)
+    assert replay_equals_fit(analysis)
+
+
+def test_both_effects_of_a_pair_are_named(drive: Drive, husky: Robot) -> None:
+    hidden = {"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}}
+    diagnosis = diagnose(drive(husky, runs=4, effects=hidden), husky)
+    assert {one.effect for one in diagnosis.missing_physics} == set(hidden)
+
+
+def test_a_load_switched_on_part_way_is_found_with_its_time(drive: Drive, husky: Robot) -> None:
+    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 300.0))
+    analysis = analyse(runs, husky)
+    diagnosis = analysis.diagnosis
+    assert diagnosis.file is not None and "a robot file cannot say when" in diagnosis.file.why
+    assert not analysis.corrected.effects  # a load that is there half of the time is none of all the time
+    first = diagnosis.missing_physics[0]
+    assert first.effect == "standby"
+    assert first.parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
+    assert len(first.where) == 3
+    assert all(place.start_s == pytest.approx(300.0, abs=6.0) for place in first.where)
+    assert all(place.condition.startswith("after ") for place in first.where)
+
+
+def test_a_load_that_switches_is_found_with_its_rhythm(drive: Drive, husky: Robot) -> None:
+    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0))
+    first = diagnose(runs, husky).missing_physics[0]
+    assert first.effect == "intermittent_load"
+    assert first.parameters["period_s"].value == pytest.approx(100.0, rel=0.05)
+    assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(drive: Drive, husky: Robot) -> None:
+    runs = with_power(drive(husky, runs=3), lambda of: np.interp(of["time_s"] - 1.0, of["time_s"], of["power_w"]))
+    analysis = analyse(runs, husky)
+    first = analysis.diagnosis.missing_physics[0]
+    assert first.effect == "clock_lag"
+    assert first.parameters["lag_s"].value == pytest.approx(1.0, abs=0.15)
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds != "corrected"
+    assert analysis.corrected.effects == husky.effects
+
+
+def test_the_corrected_robot_drives_in_the_environments(drive: Drive, husky: Robot, tmp_path: Path) -> None:
+    analysis = analyse(drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+    write_outputs(analysis, tmp_path)
+    written = tomllib.loads((tmp_path / "corrected.toml").read_text())
+    assert written["effects"]["turning"]["scrub"] == pytest.approx(0.3, rel=0.1)
+    env = gym.make("homeward/OutAndBack-v0", robot=str(tmp_path / "corrected.toml"))
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(env.action_space.sample())
+    assert "turning" in info["energy_j"]
+    assert Diagnosis.from_json((tmp_path / "diagnosis.json").read_text()) == analysis.diagnosis
+
+
+@pytest.fixture(scope="module")
+def real_husky(data_folder: Path) -> Callable[[str], Diagnosis]:
+    """What is said of recordings of the real Husky on a terrain, each diagnosed once."""
+    if not (data_folder / "husky_borealtc").is_dir():
+        pytest.skip("set HOMEWARD_DATA to a folder with husky_borealtc")
+
+    @functools.cache
+    def diagnosed(terrain: str) -> Diagnosis:
+        runs = sorted((data_folder / "husky_borealtc" / terrain).glob("pro_*.csv"))
+        return diagnose(runs, "husky", "husky_borealtc")
+
+    return diagnosed
+
+
+@pytest.mark.parametrize("terrain", ["FLOORING", "ASPHALT", "ICE", "SNOW"])
+def test_the_real_husky_lacks_turning(terrain: str, real_husky: Callable[[str], Diagnosis]) -> None:
+    diagnosis = real_husky(terrain)
+    assert diagnosis.missing_physics[0].effect == "turning"
+    assert diagnosis.missing_physics[0].where[0].condition.startswith("turning faster than")
+    assert diagnosis.fit is not None and diagnosis.fit.held_out_by == "run"
+    assert diagnosis.fit.arms["corrected"].rmse < diagnosis.fit.arms["refit"].rmse
+    assert diagnosis.fit.arms["refit"].energy_error_pct is None and diagnosis.range_change_m is None
+
+
+def test_ice_is_set_apart_from_hard_dry_ground_by_its_turning(real_husky: Callable[[str], Diagnosis]) -> None:
+    scrub = {
+        terrain: real_husky(terrain).missing_physics[0].parameters["scrub"].ci95
+        for terrain in ("FLOORING", "ASPHALT", "ICE")
+    }
+    assert scrub["ICE"][1] < 0.5 * min(scrub["FLOORING"][0], scrub["ASPHALT"][0])
+
+
+def test_turning_of_a_robot_without_a_known_track_is_not_named(drive: Drive, husky: Robot) -> None:
+    unknown = load_robot("rusti")
+    assert unknown.track_m == 0.0
+    diagnosis = diagnose(drive(unknown, runs=3), unknown)
+    assert "turning" not in {one.effect for one in diagnosis.missing_physics}
+
+
+def test_what_motion_tells_is_not_given_the_name_of_a_schedule(drive: Drive, husky: Robot) -> None:
+    """A drive that chatters in a band of speeds: no effect of the catalogue, though a schedule would follow it."""
+    runs = chattering(drive(husky, runs=4))
+    diagnosis = diagnose(runs, husky)
+    assert diagnosis.verdict == "unknown_physics"
+    assert diagnosis.where
+
+
+def test_computing_that_rests_with_the_robot_is_named(drive: Drive, husky: Robot) -> None:
+    runs = with_power(
+        drive(husky, runs=4),
+        lambda of: of["power_w"] + 25.0 * (of["sensing_hz"] > 0.0) * (np.abs(of["speed_mps"]) > 0.05),
+    )
+    diagnosis = diagnose(runs, husky)
+    assert diagnosis.missing_physics[0].effect == "compute"
+    assert diagnosis.missing_physics[0].parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
+
+
+def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(drive: Drive, husky: Robot) -> None:
+    creeping: list[Recording] = []
+    for run in drive(husky, runs=4):
+        start_w = 10.0 * len(creeping)
+        rising_w = start_w + np.linspace(0.0, 10.0, len(run.channels["time_s"]))
+        creeping += with_power([run], lambda of, rising_w=rising_w: of["power_w"] + rising_w)  # type: ignore[misc]
+    diagnosis = diagnose(creeping, husky)
+    assert diagnosis.missing_physics[0].effect == "sensor_offset"
+    assert diagnosis.missing_physics[0].parameters["offset"].value == pytest.approx(40.0, rel=0.1)
+
+
+def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(drive: Drive, husky: Robot) -> None:
+    """Turning, which the catalogue knows, and a drive that chatters in a band of speeds, which it does not."""
+    runs = chattering(drive(husky, runs=4, effects={"turning": {"scrub": 0.5}}))
+    analysis = analyse(runs, husky)
+    assert [one.effect for one in analysis.diagnosis.missing_physics] == ["turning"]
+    assert analysis.evidence is not None
+    assert analysis.evidence.remains is not None
+    assert "m/s" in analysis.evidence.remains.location.condition
+    assert "Something is left" in analysis.diagnosis.summary

@@ -1,0 +1,104 @@
+"""What a search finds in noise it finds again in every placebo, and predicts nothing of what was held out."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from homeward import Robot
+from homeward.diagnosis import Recording
+from homeward.diagnosis.explain.hypotheses import terms
+from homeward.diagnosis.explain.hypothesis import Setting
+from homeward.diagnosis.explain.proof import Base, Bench
+from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.parameter_groups import WithEffects
+from homeward.diagnosis.fit.refit import Refit, refit
+from homeward.diagnosis.fit.replay import Runs, average
+from homeward.diagnosis.fit.usable import usable_runs
+
+Drive = Callable[..., list[Recording]]
+FALSE_ALARMS = 0.1
+
+
+@pytest.fixture(scope="module")
+def fit(drive: Drive, husky: Robot) -> tuple[Refit, Runs]:
+    runs = average(usable_runs(drive(husky), husky)[0])
+    return refit(runs, husky), runs
+
+
+def bench_of(fit: tuple[Refit, Runs], residual: np.ndarray, only: str = "") -> Bench:
+    """Hypotheses on a residual of one's own."""
+    refitted, runs = fit
+    setting = Setting(runs, refitted.parameters, refitted.theta, WithEffects(), refitted.predicted, residual)
+    found = [one for one in terms(setting) if only in ("", one.axis)]
+    return Bench(Base(refitted.jacobian, *refitted.freedom()), tuple(found), setting, cut_blocks(runs.run, residual))
+
+
+def slow_noise(fit: tuple[Refit, Runs], seed: int, kept: float = 0.8) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.asarray(lfilter([1.0], [1.0, -kept], rng.standard_normal(len(fit[1].observed))))
+
+
+def best(bench: Bench) -> tuple[int, float]:
+    """The hypothesis that explains most for its freedom, and the number of independent windows."""
+    shares = [bench.share(index) for index in range(len(bench.candidates))]
+    independent = bench.independent(int(np.argmax(shares)))
+    scores = [bench.score(share, independent, index) for index, share in enumerate(shares)]
+    return int(np.argmax(scores)), independent
+
+
+def test_the_best_of_all_recorded_causes_is_rarely_significant_in_noise(fit: tuple[Refit, Runs]) -> None:
+    p_values = []
+    for seed in range(20):
+        bench = bench_of(fit, slow_noise(fit, seed), "steady")
+        p_values.append(bench.p_value(*best(bench), seed))
+    assert np.mean(np.array(p_values) <= FALSE_ALARMS) <= 2.5 * FALSE_ALARMS
+    assert np.median(p_values) > 0.2
+
+
+def test_levels_found_in_noise_are_found_in_placebos_too(fit: tuple[Refit, Runs]) -> None:
+    p_values = []
+    for seed in range(12):
+        bench = bench_of(fit, slow_noise(fit, seed, 0.95), "time")
+        p_values.append(bench.p_value(*best(bench), seed))
+    assert np.mean(np.array(p_values) <= FALSE_ALARMS) <= 0.25
+
+
+def test_spikes_are_levels_of_nothing(fit: tuple[Refit, Runs]) -> None:
+    """Eight spikes of one window in each run: the windows beside them know nothing of them."""
+    rng = np.random.default_rng(0)
+    runs = fit[1]
+    residual = rng.standard_normal(len(runs.observed))
+    for run in range(3):
+        residual[rng.choice(np.flatnonzero(runs.run == run), 8, replace=False)] += 60.0
+    bench = bench_of(fit, residual, "time")
+    assert bench.candidates
+    assert max(bench.share(index) for index in range(len(bench.candidates))) < 0.02
+
+
+def test_a_step_and_a_load_that_comes_and_goes_are_beyond_chance(fit: tuple[Refit, Runs]) -> None:
+    runs = fit[1]
+    noise = slow_noise(fit, 0)
+    step = bench_of(fit, noise + 4.0 * (runs.time_s > 250.0), "time")
+    telegraph = bench_of(fit, noise + 6.0 * (np.floor(runs.time_s / 37.0) % 2), "time")
+    for bench, effect in ((step, "standby"), (telegraph, "intermittent_load")):
+        _, independent = best(bench)
+        chosen = max(
+            (index for index, one in enumerate(bench.candidates) if one.effect == effect and one.schedule),
+            key=bench.share,
+        )
+        assert bench.share(chosen) > 0.3
+        assert bench.p_value(chosen, independent, 0) < 1e-4
+
+
+def test_a_base_that_holds_a_hypothesis_leaves_nothing_for_it(fit: tuple[Refit, Runs]) -> None:
+    bench = bench_of(fit, slow_noise(fit, 1), "steady")
+    turning = next(index for index, one in enumerate(bench.candidates) if one.effect == "turning")
+    column = bench.candidates[turning].columns[:, 0]
+    bench = dataclasses.replace(
+        bench, setting=dataclasses.replace(bench.setting, residual=bench.target + 10.0 * column / np.std(column))
+    )
+    assert bench.share(turning) > 0.5
+    assert abs(bench.with_base(turning).share(turning)) < 0.01

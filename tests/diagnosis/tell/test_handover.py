@@ -1,0 +1,70 @@
+"""What is handed over is what was proven: the file, replayed as written."""
+
+import dataclasses
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from homeward import Robot
+from homeward.diagnosis import Analysis, Recording, analyse
+from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.fit.refit import Refit
+from homeward.diagnosis.tell.corrected import replayed, said
+from homeward.diagnosis.tell.handover import sayable, worse_than
+from homeward.physics import ancillary_power
+
+Drive = Callable[..., list[Recording]]
+
+
+def replay_equals_fit(analysis: Analysis) -> bool:
+    """Whether the file that is handed over predicts what the joint fit to all data predicts, to its six digits."""
+    evidence, handed = analysis.evidence, analysis.diagnosis.file
+    assert evidence is not None and handed is not None and handed.holds != "nominal"
+    model: Refit | Corrected | None = evidence.plain
+    if handed.holds == "corrected":
+        model = sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)
+    assert model is not None
+    by_file = replayed(analysis.corrected, said(model, evidence.runs), evidence.runs)
+    return float(np.abs(by_file - model.predicted).max()) < 1e-5 * float(np.abs(evidence.runs.observed).max())
+
+
+def test_a_group_whose_assumed_value_hardly_counts_is_handed_over_as_fitted(drive: Drive, husky: Robot) -> None:
+    """Ten times the idle power, beside a missing effect: it is neither frozen nor written as assumed."""
+    idle_w = float(ancillary_power(husky, 0.0))
+    hidden = dataclasses.replace(husky, controller_w=husky.controller_w + 9.0 * idle_w)
+    small = dataclasses.replace(
+        husky, controller_w=0.005 * idle_w, communication_w=0.0, sensing_idle_w=0.0, sensing_j_per_sample=0.7
+    )
+    analysis = analyse(drive(hidden, effects={"turning": {"scrub": 0.3}}), small)
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
+    assert float(ancillary_power(analysis.corrected, 0.0)) == pytest.approx(10.0 * idle_w, rel=0.01)
+    assert replay_equals_fit(analysis)
+    arms = analysis.diagnosis.fit.arms if analysis.diagnosis.fit else {}
+    assert arms["file"].rmse == pytest.approx(arms["corrected"].rmse, rel=0.01)
+
+
+def test_a_drag_of_zero_is_a_value_like_any_other(drive: Drive, husky: Robot) -> None:
+    dragging = dataclasses.replace(husky, drag_ns2_per_m2=30.0, mass_kg=0.6 * husky.mass_kg)
+    analysis = analyse(drive(husky, drag_ns2_per_m2=0.0), dragging)
+    assert analysis.diagnosis.verdict == "parameters_off"
+    off = {one.group: one for one in analysis.diagnosis.parameters_off}
+    assert off["c / Gamma"].fitted == pytest.approx(0.0, abs=1.0) and off["c / Gamma"].ci95[0] == 0.0
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
+    assert replay_equals_fit(analysis)
+
+
+@pytest.mark.parametrize(
+    ("after", "reason"),
+    [
+        (np.array([1.0, -1.0, 1.0, -1.0]), ""),
+        (np.array([2.0, -2.0, 2.0, -2.0]), "the held-out error would be 2 W instead of 2"),
+        (np.array([1.0, 1.0, 1.0, 1.0]), "the energy of a held-out trip would be off by 1 J on average instead of 0"),
+    ],
+)
+def test_a_file_must_be_better_and_its_trips_no_worse(after: np.ndarray, reason: str) -> None:
+    runs: Any = SimpleNamespace(observed=np.full(4, 10.0), duration_s=np.full(4, 0.5), unit="W")
+    before = runs.observed + np.array([2.0, -2.0, 2.0, -2.0])
+    assert worse_than(before, runs.observed + after, runs, np.array([0, 0, 1, 1]), 0) == reason

@@ -1,0 +1,53 @@
+"""The terminal shows the same verdict, within its width, and nothing that a file's name could do to it."""
+
+import io
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from homeward import Robot
+from homeward.diagnosis import Analysis, Recording, analyse
+from homeward.diagnosis.tell.terminal import show
+
+Drive = Callable[..., list[Recording]]
+
+
+@pytest.fixture(scope="module")
+def turning(drive: Drive, husky: Robot) -> Analysis:
+    return analyse(drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+
+
+def shown(analysis: Analysis, width: int = 80, encoding: str = "utf-8") -> str:
+    file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    show(analysis, Console(file=file, width=width))
+    file.seek(0)
+    return file.read()
+
+
+@pytest.mark.parametrize("width", [50, 80, 200])
+def test_lines_keep_within_the_terminal(turning: Analysis, width: int) -> None:
+    text = shown(turning, width)
+    assert max(map(len, text.splitlines())) <= width
+    words = " ".join(text.split())
+    (effect,) = turning.diagnosis.missing_physics
+    assert words.startswith(f"missing_physics {turning.diagnosis.summary}")
+    low, high = effect.parameters["scrub"].ci95
+    assert f"scrub = {effect.parameters['scrub'].value:.3f} (95 %: {low:.3f} to {high:.3f})" in words
+    assert turning.diagnosis.fit is not None
+    for name, arm in turning.diagnosis.fit.arms.items():
+        (row,) = [line.split() for line in text.splitlines() if line.strip().startswith(name.replace("_", " ") + " ")]
+        assert f"{arm.rmse:#.3g}" in row and f"{arm.r2:.3f}" in row
+
+
+def test_names_are_no_markup_and_no_control_sequences(drive: Drive, husky: Robot) -> None:
+    (run,) = drive(husky, runs=1)
+    silent = {**run.channels, "power_w": 0.0 * run.channels["power_w"]}
+    name = "[red]run \x1b[2J\udcff漢.csv"
+    analysis = analyse([replace(run, name=name, channels=silent)], husky)
+    text = shown(analysis)
+    assert "[red]run ?[2J?漢.csv" in text and "\x1b" not in text
+    assert "??.csv the recorded power" in " ".join(shown(analysis, encoding="ascii").split()).replace(
+        "?.csv", "??.csv", 0
+    )
