@@ -106,6 +106,10 @@ NEGLIGIBLE_NOISE = 0.01
 """Share of a channel's variance over windows that may be noise before the channel is smoothed. Errors in variables
 attenuate a coefficient by this share (Fuller, Measurement Error Models, 1987, section 1.1), less than any interval."""
 
+STRAIGHT = 3.0
+"""Standard deviations of its noise that a turning rate must be off zero, or one over a window, to be a bend: three
+leave one sample in 400 of driving straight."""
+
 RELIABLE = 0.8
 """Least reliability of a channel for a parameter that rests on it alone, as for measurement in general (Nunnally,
 Psychometric Theory, 1978, p. 245: 0.8 for research)."""

@@ -17,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from homeward.diagnosis.read.noise import smoothed
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.slope import slope_along
-from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, SMOOTHED_AT_ONCE
+from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, SMOOTHED_AT_ONCE, STRAIGHT
 from homeward.physics import Robot
 
 Array = NDArray[np.float64]
@@ -184,8 +184,22 @@ def _turning(
     else:
         return {}, np.zeros(len(time_s))
     if np.isfinite(rate).all():
-        rate = _without_noise("yaw_rate_radps", rate, time_s, error)
+        rate = _straight(_without_noise("yaw_rate_radps", rate, time_s, error), time_s)
     return {"yaw_rate_radps": rate}, np.nan_to_num(rate)
+
+
+def _straight(rate: Array, time_s: Array) -> Array:
+    """The turning rate with what its own noise makes of driving straight set to zero.
+
+    What turning costs rises steeply from none, and with the rate's size: noise about zero would cost as much as a bend.
+    The noise is that of second differences (Gasser, Sroka & Jennen-Steinmetz, 1986), by their median, which bends that
+    begin and end do not move.
+    """
+    if len(rate) < _FEWEST_TO_SMOOTH:
+        return rate
+    noise = 1.4826 * float(np.median(np.abs(np.diff(rate, 2)))) / np.sqrt(6.0)
+    mean = np.abs(uniform_filter1d(rate, max(1, round(WINDOW_S / usual_step_s(time_s)))))
+    return np.where((np.abs(rate) < STRAIGHT * noise) & (mean < noise), 0.0, rate)
 
 
 def slope_of(
