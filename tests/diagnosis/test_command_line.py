@@ -66,7 +66,7 @@ def test_an_interrupted_diagnosis_leaves_what_an_earlier_one_wrote(
     def ctrl_c(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    for moment in ("explanation.name_missing", "report.report_html"):
+    for moment in ("explain.explanation.name_missing", "tell.report.report_html"):
         monkeypatch.setattr(f"homeward.diagnosis.{moment}", ctrl_c)
         assert run(monkeypatch, "--out", out) == 130
         assert capsys.readouterr().err.strip().splitlines()[-1].startswith("diagnose.py: interrupted")

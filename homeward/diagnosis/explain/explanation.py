@@ -29,6 +29,7 @@ from homeward.diagnosis.rules import WITHOUT_A_SCHEDULE
 class Left:
     """What the named effects leave, where it still depends on a channel."""
 
+    channel: str
     location: Location
     formula: Empirical | None  # that it follows, beside the named effects
 
@@ -78,7 +79,21 @@ def explain(
         else:
             empirical = None
     left = None if naming.corrected is None else _left(naming.corrected, runs, fold, seed)
+    if left is not None and found[0].found and _of_another_channel(naming, left, found[0]):
+        naming, left = naming.nothing_named(), None
+        empirical = propose(fit, runs, block, fold, seed)
     return Explanation(naming, location, empirical, left)
+
+
+def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
+    """Whether the mismatch depends on a channel most that tells of nothing named, and goes on to beside what is named.
+
+    Which channel explains comes before which form: an effect that only takes up a part of what another channel does
+    would hide it.
+    """
+    named = (term for one in naming.named for term in (one.term, *one.rivals))
+    told = {channel for term in named for channel in term.hypothesis.channels}
+    return most.channel.name not in told and left.channel == most.channel.name
 
 
 def _without_what_motion_tells(
@@ -114,4 +129,4 @@ def _left(corrected: Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -
     most = dependences(corrected, runs, blocks, fold, seed)[0]
     if not most.found or most.channel.name == "time_s":
         return None
-    return Left(locate(most, runs), propose(corrected, runs, blocks.channels, fold, seed))
+    return Left(most.channel.name, locate(most, runs), propose(corrected, runs, blocks.channels, fold, seed))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.read.signals import WINDOW_S, Array, Signals, Unit, Windows, usual_step_s, windows
 from homeward.physics import Robot, replay
+from homeward.physics.effects import payload
 
 _MOST_WINDOWS = 100_000  # of very long recordings the windows grow instead
 
@@ -81,11 +82,11 @@ def thrust_n_per_a(robot: Robot) -> float:
 
 def power_w(run: Signals, robot: Robot) -> Array:
     """Battery power that a robot file says of a run, W, shape (samples,)."""
-    return replay(
-        robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
-        accel_mps2=run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
-        base_distance_m=run.base_distance_m, direction=run.direction,
-    ).power_w  # fmt: skip
+    return _loaded(
+        robot, run.context.get("payload_kg", np.zeros(1)), run.time_s, run.speed_mps, grade_rad=run.grade_rad,
+        yaw_rate_radps=run.yaw_rate_radps, accel_mps2=run.accel_mps2, temperature_c=run.temperature_c,
+        sensing_hz=run.sensing_hz, base_distance_m=run.base_distance_m, direction=run.direction,
+    )[0]  # fmt: skip
 
 
 def predict(
@@ -154,5 +155,6 @@ def _loaded(robot: Robot, load_kg: Array, time_s: Array, speed_mps: Array, **con
 def _with_load(robot: Robot, load_kg: float) -> Robot:
     if load_kg == 0.0:
         return robot
-    mass_kg = robot.effects.get("payload", {}).get("mass_kg", 0.0) + load_kg
-    return dataclasses.replace(robot, effects={**robot.effects, "payload": {"mass_kg": mass_kg}})
+    name, switch = payload.EFFECT.id, payload.EFFECT.switch.name
+    mass_kg = robot.effects.get(name, {}).get(switch, 0.0) + load_kg
+    return dataclasses.replace(robot, effects={**robot.effects, name: {switch: mass_kg}})

@@ -108,10 +108,13 @@ def test_a_term_outside_the_catalogue_is_found_with_its_size(
 
 
 def test_two_terms_are_found_together(drive: Drive, husky: Robot) -> None:
-    both = with_hidden(drive(husky), husky, lambda *given: turning_squared(*given) + payload_squared(*given))
+    both = with_hidden(drive(husky), husky, lambda *given: turning_squared(*given) + northern_sector(*given))
     found = proposed(both, husky)
     assert found is not None
-    assert {one.text for one in found.terms} == {"m g v (|w| B / v_max)^2", "[v > 0] (payload / m)^2"}
+    assert {one.text for one in found.terms} == {
+        "m g v (|w| B / v_max)^2",
+        "m g v [heading within 45 deg of 90 deg]",
+    }
     assert found.contribution.shape == (len(found.columns), 2)
 
 

@@ -37,7 +37,7 @@ def test_every_effect_of_the_physics_is_tried() -> None:
 
 
 def test_every_file_is_that_of_an_effect(root: Path) -> None:
-    files = {file.stem for file in (root / "homeward" / "diagnosis" / "hypotheses").glob("*.py")}
+    files = {file.stem for file in (root / "homeward" / "diagnosis" / "explain" / "hypotheses").glob("*.py")}
     assert files - set(CATALOGUE) == {"__init__", "temperatures"}
 
 
