@@ -162,8 +162,9 @@ LONGEST_DRIFT_S = 4.0
 SMALLEST_DRIFT_S = 0.1
 """A fifth of an averaging window: less moves hardly any power from one window to the next."""
 
-LAG_MUST_EXPLAIN = 0.1
-"""Share of the squared error of power that setting a lag right must take away: twice what a named effect must."""
+LAG_MUST_EXPLAIN = 0.05
+"""Share of the squared error of power that setting a lag right must take away: as much as a named effect must, so that
+no lag is left that would be named."""
 
 CLEAR_DRIFT = 5.0
 """Standard errors that a clock's drift must be from zero: clustered errors of a dozen stretches are a quarter too small

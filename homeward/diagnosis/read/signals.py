@@ -122,7 +122,9 @@ def signals(
         kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),
         kept.get("base_distance_m", nothing), direction, observed, context, tuple(filled), error,
     )  # fmt: skip
-    return run.only(np.isfinite(observed))
+    when = time_s + (slope_late_s if grade is not None else 0.0)
+    there = (when >= time_s[0]) & (when <= time_s[-1])  # the slope of the last moments came too late to be recorded
+    return run.only(np.isfinite(observed) & there)
 
 
 def speed_of(given: Mapping[str, Array]) -> Array:
@@ -239,7 +241,7 @@ def slope_if_late(recording: Recording, run: Signals, robot: Robot, late_s: floa
         return np.zeros(len(run.time_s))
     elevation = _interpolated(recording.channels["elevation_m"], time_s)
     elevation = np.interp(run.time_s + late_s, time_s, elevation)
-    found = slope_along(elevation, run.speed_mps, steps_s(run.time_s), robot.max_speed_mps * WINDOW_S)
+    found = slope_along(elevation, run.speed_mps, steps_s(run.time_s), robot.max_speed_mps * WINDOW_S, False)
     return np.zeros(len(run.time_s)) if found is None else found[0]
 
 

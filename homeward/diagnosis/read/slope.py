@@ -19,7 +19,9 @@ _FEWEST = 8  # heights, for a level, a slope, and how both vary
 _MIDDLE = 0.1  # weight of the middle of a plateau against its edges: known within half a step, not within a sample
 
 
-def slope_along(elevation_m: Array, speed_mps: Array, steps_s: Array, cell_m: float) -> tuple[Array, float] | None:
+def slope_along(
+    elevation_m: Array, speed_mps: Array, steps_s: Array, cell_m: float, kinks: bool = True
+) -> tuple[Array, float] | None:
     """Slope angle along forward travel at each sample and the standard deviation of its error, rad.
 
     None where the robot hardly moves or the elevation hardly steps.
@@ -29,17 +31,23 @@ def slope_along(elevation_m: Array, speed_mps: Array, steps_s: Array, cell_m: fl
         speed_mps: Speed, negative in reverse, shape (n,).
         steps_s: Time from each sample to the next, shape (n - 1,).
         cell_m: Samples within this distance count as taken at one place.
+        kinks: Whether the slope may change suddenly, as where the robot turns round; without, it is found sooner.
     """
     way_m = speed_mps[:-1] * steps_s
     path_m = np.concatenate(([0.0], np.cumsum(np.abs(way_m))))
     if path_m[-1] < 8.0 * cell_m or not np.isfinite(elevation_m).any():
         return None
-    cell = np.minimum((path_m / cell_m).astype(np.intp), int(path_m[-1] / cell_m))
-    cells = int(cell[-1]) + 1
-    height, weight = _told_by_steps(elevation_m, path_m) or (elevation_m, np.ones(len(elevation_m)))
+    cells = int(path_m[-1] / cell_m)
+    cell_m = float(path_m[-1]) / cells
+    cell = np.minimum((path_m / cell_m).astype(np.intp), cells - 1)
+    # By the way and not by time: a stop would pull the mean of its cell to where in it the robot stands.
+    steps = _told_by_steps(elevation_m, path_m)
+    height, weight = steps or (elevation_m, np.append(np.abs(way_m), 0.0))
     weight = np.where(np.isfinite(height), weight, 0.0)
     total = np.bincount(cell, weight, cells)
     mean = np.bincount(cell, weight * np.nan_to_num(height), cells) / np.maximum(total, 1e-12)
+    if steps is None:  # as many samples as their unequal weights are worth
+        total = total**2 / np.maximum(np.bincount(cell, weight**2, cells), 1e-24)
     if not np.ptp(height[weight > 0.0]):
         return np.zeros(len(elevation_m)), 0.0
     if int((total > 0.0).sum()) < _FEWEST:
@@ -47,11 +55,12 @@ def slope_along(elevation_m: Array, speed_mps: Array, steps_s: Array, cell_m: fl
     onward = np.bincount(cell[:-1], way_m, cells)
     turns_back = np.abs(np.diff(np.sign(onward))) > 1.0
     bends = np.where(turns_back[:-1] | turns_back[1:], 0.0, 1.0)
-    found = smoothed(mean, 2, np.minimum(total, np.median(total[total > 0.0])), bends)
-    rise = np.clip(np.gradient(found.values) / cell_m, -_STEEPEST, _STEEPEST)
-    error = float(np.std(np.diff(found.draws, axis=1))) / cell_m
-    # Of the middles of cells; backwards the slope of the way is that of the ground reversed.
-    steep: Array = np.interp(path_m, (np.arange(cells) + 0.5) * cell_m, rise)
+    found = smoothed(mean, 2, total, bends, kinks)
+    rise = np.clip(np.diff(found.values) / cell_m, -_STEEPEST, _STEEPEST)
+    # Beside the noise: within a cell the slope may be as it was before or as it is after.
+    error = float(np.hypot(np.std(np.diff(found.draws, axis=1)) / cell_m, np.std(np.diff(rise)) / 2.0))
+    # Backwards the slope of the way is that of the ground reversed.
+    steep: Array = np.interp(path_m, np.arange(1, cells) * cell_m, rise)
     return np.arctan(np.where(speed_mps < 0.0, -steep, steep)), error
 
 
