@@ -44,7 +44,7 @@ def slope_along(
     steps = _told_by_steps(elevation_m, path_m)
     height, weight = steps or (elevation_m, np.append(np.abs(way_m), 0.0))
     weight = np.where(np.isfinite(height), weight, 0.0)
-    total = np.bincount(cell, weight, cells)
+    total: Array = np.bincount(cell, weight, cells).astype(np.float64)
     mean = np.bincount(cell, weight * np.nan_to_num(height), cells) / np.maximum(total, 1e-12)
     if steps is None:  # as many samples as their unequal weights are worth
         total = total**2 / np.maximum(np.bincount(cell, weight**2, cells), 1e-24)
