@@ -167,7 +167,8 @@ def _updates(values: Array) -> NDArray[np.intp] | None:
     # Where the reading repeats itself by chance, as at rest, it was fresh all the same.
     spans = zip(change[:-1], change[1:], whole.astype(int), strict=True)
     between = [np.linspace(a, b, times, endpoint=False) for a, b, times in spans]
-    fresh = np.rint(np.concatenate([*between, change[-1:]])).astype(np.intp)
+    before, after = np.arange(change[0], -1, -usual)[:0:-1], np.arange(change[-1], int(known.sum()), usual)
+    fresh = np.rint(np.concatenate([before, *between, after])).astype(np.intp)
     samples: NDArray[np.intp] = np.flatnonzero(known)[np.unique(fresh)]
     return samples
 

@@ -271,3 +271,12 @@ def test_levels_that_are_set_are_not_taken_for_held_readings() -> None:
     channels = {**only(drives("husky")[0]), "speed_mps": levels_set}
     kept, _ = without_faults(Recording("a", "0", channels), load_robot("husky"))
     np.testing.assert_array_equal(kept.channels["speed_mps"], levels_set)
+
+
+def test_a_held_speed_is_known_before_its_first_change_and_after_its_last() -> None:
+    channels = only(drives("husky")[0])
+    speed = np.where((channels["time_s"] > 20.0) & (channels["time_s"] < 230.0), 0.3 + channels["time_s"] / 1000.0, 0.0)
+    spoilt = held({**channels, "speed_mps": speed}, "speed_mps", 10)
+    kept, _ = without_faults(Recording("a", "0", spoilt), load_robot("husky"))
+    np.testing.assert_allclose(kept.channels["speed_mps"], speed, atol=0.51)
+    assert not kept.channels["speed_mps"][:190].any() and not kept.channels["speed_mps"][2320:].any()
