@@ -12,13 +12,13 @@ from scipy.ndimage import uniform_filter1d
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
 from homeward.diagnosis.fit.folds import cut_blocks
-from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.fit.lags import without_drift
-from homeward.diagnosis.read.noise import smoothed
-from homeward.diagnosis.read.pitch import without_tilt
-from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.fit.refit import estimates, refit
 from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.read.faults import without_faults
+from homeward.diagnosis.read.noise import smoothed
+from homeward.diagnosis.read.pitch import without_tilt
 from homeward.diagnosis.read.signals import signals
 from homeward.diagnosis.read.slope import slope_along
 from homeward.physics import replay
