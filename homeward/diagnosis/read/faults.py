@@ -31,7 +31,7 @@ Mask = NDArray[np.bool_]
 _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
 _MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad")
 _TELLS = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
-_JUMPY = (*_DRAWN, "voltage_v", *_MOVED, "elevation_m")
+_JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # a wheel may jump: its command does
 _RESET_M = 1.0  # a counter of distance falls by less where the robot backs up within a sample
 _STANDS = 0.02  # of the top speed
 _FEWEST_UPDATES = 20
@@ -102,10 +102,11 @@ def _spikes(values: Array) -> Mask:
     if len(known) < _FEWEST_UPDATES:
         return none
     one = values[known]
-    before, after = one[1:-1] - one[:-2], one[1:-1] - one[2:]
+    beside = np.pad(one, 1, mode="reflect")
+    before, after = one - beside[:-2], one - beside[2:]
     off = np.where(np.sign(before) == np.sign(after), np.minimum(np.abs(before), np.abs(after)), 0.0)
     usual = 1.4826 * float(np.median(np.abs(np.diff(one, 2)))) / np.sqrt(6.0)
-    suspect = np.append(np.append(False, off > SPIKE * usual), False)
+    suspect = off > SPIKE * usual
     if not 0 < suspect.sum() <= MOST_SPIKES * len(one):
         return none
     middle = float(np.median(one))

@@ -100,7 +100,7 @@ def charged(channels: Channels, rng: np.random.Generator) -> Channels:
 
 def spiked(channels: Channels, rng: np.random.Generator) -> Channels:
     power = channels["power_w"].copy()
-    power[rng.choice(SAMPLES, 8, replace=False)] *= rng.uniform(15.0, 40.0, 8)
+    power[np.append(rng.choice(SAMPLES - 1, 7, replace=False) + 1, 0)] *= rng.uniform(15.0, 40.0, 8)
     return {**channels, "power_w": power}
 
 
