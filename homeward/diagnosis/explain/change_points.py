@@ -31,7 +31,7 @@ _AROUND_S = 4.0  # a change that was found is taken to lie within this of the tr
 _SHORTEST = 4  # windows in a block, on average
 _MOST_BLOCKS = 3000
 _FEWEST_BLOCKS = 8
-_SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
+SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
 _MOST_LEVELS = 4
 _LEVEL_WORTH = 0.1  # of what the levels so far explain that a further one must add
 _PLACES = 150
@@ -57,7 +57,9 @@ class Schedule:
         return at_work
 
 
-def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[Schedule]:
+def in_time(
+    shape: Array, residual: Array, runs: Runs, *, signed: bool, shares: Sequence[float] = SHARES
+) -> list[Schedule]:
     """Find when the size of a shape changes within or between runs: schedules of few changes to many.
 
     How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
@@ -67,17 +69,21 @@ def in_time(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[
         residual: What the refit leaves, shape (windows,).
         runs: The runs.
         signed: Whether sizes below the usual one are possible; otherwise the lowest counts as none.
+        shares: Of the squared residual that a change must explain, the largest first.
     """
     parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
-    return _schedules("time", shape, residual, parts, min(len(residual) // _SHORTEST, _MOST_BLOCKS), signed)
+    return _schedules("time", shape, residual, parts, min(len(residual) // _SHORTEST, _MOST_BLOCKS), signed,
+                      shares)  # fmt: skip
 
 
-def by_place(shape: Array, residual: Array, runs: Runs, *, signed: bool) -> list[Schedule]:
+def by_place(
+    shape: Array, residual: Array, runs: Runs, *, signed: bool, shares: Sequence[float] = SHARES
+) -> list[Schedule]:
     """Find where along the way from base the size of a shape changes; nothing where no place is met twice."""
     place_m = _place(runs)
     if place_m is None:
         return []
-    return _schedules("place", shape, residual, [np.argsort(place_m, kind="stable")], _PLACES, signed)
+    return _schedules("place", shape, residual, [np.argsort(place_m, kind="stable")], _PLACES, signed, shares)
 
 
 def profiles(runs: Runs) -> list[Array]:
@@ -123,8 +129,9 @@ def _place(runs: Runs) -> Array | None:
 
 
 def _schedules(
-    axis: Axis, shape: Array, residual: Array, parts: Sequence[Index], blocks: int, signed: bool
-) -> list[Schedule]:
+    axis: Axis, shape: Array, residual: Array, parts: Sequence[Index], blocks: int, signed: bool,
+    shares: Sequence[float],
+) -> list[Schedule]:  # fmt: skip
     """Search the windows of each part, in its order, with ever smaller penalties."""
     whole, weight = float(residual @ residual), float(shape @ shape)
     if whole == 0.0 or weight == 0.0:
@@ -137,7 +144,7 @@ def _schedules(
         np.maximum(np.add.reduceat((shape * shape)[part], cut), 1e-300) for part, cut in zip(parts, cuts, strict=True)
     ]
     found: list[Schedule] = []
-    for share in _SHARES:
+    for share in shares:
         penalty = share * whole
         sizes = [_sizes(m, w, penalty) for m, w in zip(moments, weights, strict=True)]
         level_of_block, levels = _cluster(np.concatenate(sizes), np.concatenate(weights), penalty, signed)

@@ -15,7 +15,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis.explain.change_points import Axis, Changes, Schedule, by_place, in_time, may_change, profiles
+from homeward.diagnosis.explain.change_points import (
+    SHARES,
+    Axis,
+    Changes,
+    Schedule,
+    by_place,
+    in_time,
+    may_change,
+    profiles,
+)
 from homeward.diagnosis.explain.drive import Drive
 from homeward.diagnosis.explain.residual_test import CHANNELS
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects
@@ -140,7 +149,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     rolling_kg = float(setting.theta[ROLLING]) if one.of_rolling else None
     axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
     for axis in axes:
-        for schedule in one.schedules(axis, load, setting.residual, runs, np.ones(len(load), np.bool_)):
+        for schedule in one.schedules(axis, load, setting.residual, runs, np.ones(len(load), np.bool_), SHARES):
             natural = axis == "place" or may_change(one.changes, schedule, runs)
             if not natural and one.changes not in _PREFERENCES:
                 continue
@@ -276,7 +285,7 @@ class Hypothesis:
             yield from self.scheduled(self, setting)
 
     def schedules(
-        self, axis: Axis, load: Array, residual: Array, runs: Runs, told: NDArray[np.bool_]
+        self, axis: Axis, load: Array, residual: Array, runs: Runs, told: NDArray[np.bool_], shares: Sequence[float]
     ) -> list[Schedule]:
         """Schedules that a search in some of the windows finds, of few changes to many.
 
@@ -286,9 +295,10 @@ class Hypothesis:
             residual: What is to be explained.
             runs: The runs.
             told: Windows that the search may look at; the others have the level of those before them.
+            shares: Of the squared residual that a change must explain, the largest first.
         """
         find = in_time if axis == "time" else by_place
-        return find(load * told, residual * told, runs, signed=self.signed)
+        return find(load * told, residual * told, runs, signed=self.signed, shares=shares)
 
     def missing(self, runs: Runs) -> tuple[str, ...]:
         """Channels that it needs to be seen and that no run has."""

@@ -106,17 +106,36 @@ class Bench:
 
     def _fold(self, held: Mask, axis: str) -> _Split:
         """Columns with the levels that a search without the held-out windows finds."""
-        found: dict[tuple[str, str], list[Schedule]] = {}
+        found: dict[tuple[bool, bytes], list[Schedule]] = {}  # effects of one load are searched for once
         columns = []
-        for term in self.candidates:
-            if term.schedule is None or term.load is None or term.axis != axis:
+        for term, key in zip(self.candidates, self._searches, strict=True):
+            if key is None or term.schedule is None or term.load is None or term.axis != axis:
                 columns.append(term.columns)
                 continue
-            key = (term.effect, term.axis)
             if key not in found:
-                found[key] = term.hypothesis.schedules(term.schedule.axis, term.load, self.target, self.runs, ~held)
+                found[key] = term.hypothesis.schedules(
+                    term.schedule.axis, term.load, self.target, self.runs, ~held, self._shares[key]
+                )
             columns.append(_as_searched(term, found[key]))
         return self._split(held, columns)
+
+    @cached_property
+    def _searches(self) -> tuple[tuple[bool, bytes] | None, ...]:
+        """What is searched for each hypothesis: its load, and whether sizes below the usual one are possible."""
+        return tuple(
+            None if one.schedule is None or one.load is None
+            else (one.hypothesis.signed, one.axis.encode() + one.load.tobytes())
+            for one in self.candidates
+        )  # fmt: skip
+
+    @cached_property
+    def _shares(self) -> dict[tuple[bool, bytes], list[float]]:
+        """Penalties of each search that some hypothesis came from, the largest first."""
+        shares: dict[tuple[bool, bytes], set[float]] = {}
+        for term, key in zip(self.candidates, self._searches, strict=True):
+            if key is not None and term.schedule is not None:
+                shares.setdefault(key, set()).add(term.schedule.share)
+        return {key: sorted(one, reverse=True) for key, one in shares.items()}
 
     def _split(self, held: Mask, columns: Sequence[Array]) -> _Split:
         ends = np.cumsum([self.base.columns.shape[1], *(one.shape[1] for one in columns)])

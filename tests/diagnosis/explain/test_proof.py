@@ -52,7 +52,7 @@ def best(bench: Bench) -> tuple[int, float]:
 
 def test_the_best_of_all_recorded_causes_is_rarely_significant_in_noise(fit: tuple[Refit, Runs]) -> None:
     p_values = []
-    for seed in range(20):
+    for seed in range(12):
         bench = bench_of(fit, slow_noise(fit, seed), "steady")
         p_values.append(bench.p_value(*best(bench), seed))
     assert np.mean(np.array(p_values) <= FALSE_ALARMS) <= 2.5 * FALSE_ALARMS
@@ -61,7 +61,7 @@ def test_the_best_of_all_recorded_causes_is_rarely_significant_in_noise(fit: tup
 
 def test_levels_found_in_noise_are_found_in_placebos_too(fit: tuple[Refit, Runs]) -> None:
     p_values = []
-    for seed in range(12):
+    for seed in range(8):
         bench = bench_of(fit, slow_noise(fit, seed, 0.95), "time")
         p_values.append(bench.p_value(*best(bench), seed))
     assert np.sum(np.array(p_values) <= FALSE_ALARM_RATE) <= 1
