@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.battery import USABLE_ENERGY, weigh_charge
@@ -91,7 +92,8 @@ def analyse(
     if not usable:
         untestable = Diagnosis(robot.name, infos, "not_testable", wording.nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
-    evidence, fit = _weigh(average(usable, SAMPLES_A_WINDOW), robot, seed, progress)
+    with threadpool_limits(1):  # the threads of many small products wait for each other busily
+        evidence, fit = _weigh(average(usable, SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
     handover = hand_over(
         robot, verdict, (evidence.plain, sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)),
