@@ -35,7 +35,8 @@ TRUTHS: dict[str, Truth] = {
         "power_w": rng.uniform(0.25, 0.5) * typical_power_w(vehicle), "base_share": rng.uniform(0.4, 0.8)
     },
     "radio": lambda vehicle, rng: {
-        "w_per_km2": rng.uniform(0.3, 0.6) * typical_power_w(vehicle) / (0.7e-3 * vehicle.leg_m) ** 2
+        # No file says more than 10 kW/km^2, which a truck that stays near its base would need.
+        "w_per_km2": min(rng.uniform(0.3, 0.6) * typical_power_w(vehicle) / (0.7e-3 * vehicle.leg_m) ** 2, 1e4)
     },
     "heater": lambda vehicle, rng: {
         "w_per_k": rng.uniform(0.03, 0.08) * typical_power_w(vehicle), "on_below_c": rng.uniform(2.0, 8.0)
