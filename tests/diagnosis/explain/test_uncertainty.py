@@ -43,13 +43,18 @@ def test_of_a_mass_that_no_slope_shows_only_its_product_with_inertia_is_known(dr
 def test_the_range_is_that_of_the_recorded_trips(drive: Drive, husky: Robot) -> None:
     """Turning costs range on trips with turns, while d_max on the level hardly knows of it."""
     recordings = drive(husky, effects={"turning": {"scrub": 0.3}})
-    found = analyse(recordings, husky).diagnosis.range
+    analysis = analyse(recordings, husky)
+    found = analysis.diagnosis.range
     assert found is not None
+    said_j = sum(float(np.sum(analysis.per_sample(one.name)) * 0.1) for one in recordings)  # by corrected.toml
     drawn_j = sum(float(np.sum(one.channels["power_w"]) * 0.1) for one in recordings)
     driven_m = sum(float(np.sum(one.channels["speed_mps"]) * 0.1) for one in recordings)
     assert found.recorded_m == pytest.approx(husky.usable_energy_j * driven_m / drawn_j, rel=0.01)
     assert found.file_m == pytest.approx(found.recorded_m, rel=0.01) and found.nominal_m > 1.1 * found.file_m
     assert found.ci95[0] < found.recorded_m < found.ci95[1]
+    assert found.file_m == pytest.approx(analysis.corrected.usable_energy_j * driven_m / said_j, rel=0.01)
+    with pytest.raises(KeyError):
+        analysis.per_sample("unknown.csv")
 
 
 def test_spread_between_runs_is_told_from_noise_within_them() -> None:
