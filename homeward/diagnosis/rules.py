@@ -25,6 +25,10 @@ SMALLEST_GAIN = 0.05
 """Share of the refit's held-out squared error that an effect, or a dependence on a channel, must explain. Chosen:
 what is smaller takes less than 3 % off the held-out error (1 - sqrt(0.95))."""
 
+SMALLEST_SHARE = 0.005
+"""Of the rms of what was recorded, that an effect or a dependence must explain: power meters err by as much (a shunt of
+0.5 %; INA226 data sheet, 0.1 % beside it)."""
+
 SMALLEST_GAIN_IN_TIME = 0.15
 """The same for changes in time alone, for which a level per stretch also follows noise with a long memory. Chosen on
 synthetic drives with a drift of the load."""
@@ -102,13 +106,13 @@ MEASURES = 0.1
 
 # --- Instruments: what a recording's own channels say of their noise, lags and faults -----------------------------
 
-NEGLIGIBLE_NOISE = 0.01
+NEGLIGIBLE_NOISE = 0.001
 """Share of a channel's variance over windows that may be noise before the channel is smoothed. Errors in variables
 attenuate a coefficient by this share (Fuller, Measurement Error Models, 1987, section 1.1), less than any interval."""
 
 STRAIGHT = 3.0
-"""Standard deviations of its noise that a turning rate must be off zero, or one over a window, to be a bend: three
-leave one sample in 400 of driving straight."""
+"""Standard deviations of its error over a window that a turning rate must be off zero to be a bend: three leave one
+window in 400 of driving straight."""
 
 RELIABLE = 0.8
 """Least reliability of a channel for a parameter that rests on it alone, as for measurement in general (Nunnally,

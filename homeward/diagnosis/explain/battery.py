@@ -29,6 +29,7 @@ USABLE_ENERGY = "usable energy"
 """Name of the parameter that the state of charge determines."""
 
 _FEWEST_RUNS = 3
+_GAP = 1.5  # windows
 
 
 @dataclass(frozen=True)
@@ -78,19 +79,30 @@ def weigh_charge(runs: Runs, robot: Robot, block: NDArray[np.intp], seed: int) -
     numbers = [one for one in np.unique(runs.run) if known[runs.run == one].any()]
     if not numbers or sum(float(np.ptp(soc[known & (runs.run == one)])) for one in numbers) < LEAST_FALL:
         return None
-    fallen, drawn, run, block = -soc[known], drawn[known], runs.run[known], block[known]
-    starts = (run[:, None] == np.array(numbers)).astype(np.float64)
-    plain = np.column_stack([starts, drawn])
-    rate = float(_fit(plain, fallen)[-1])
-    error = float(standard_errors(plain, fallen - plain @ _fit(plain, fallen), block)[-1])
+    stretch = _stretches(runs)[known]
+    fallen, drawn = _within(-soc[known], stretch), _within(drawn[known], stretch)
+    run, block = runs.run[known], block[known]
+    rate = float(drawn @ fallen / (drawn @ drawn))
+    error = float(standard_errors(drawn[:, None], fallen - rate * drawn, block)[0])
     if rate <= 0.0:
         return None
     wide = float(norm.ppf(1.0 - CLEARLY_OFF / 2.0)) * error
     off = abs(rate - 1.0) > max(GAUGE_ERROR, wide)
     usual = 1.96 * error
     ends = robot.usable_energy_j / (rate + usual), robot.usable_energy_j / max(rate - usual, 1e-9)
-    fading = _fading(_Gauge(plain, starts, drawn, fallen, run, block), runs, np.array(numbers), seed)
+    fading = _fading(_Gauge(drawn, fallen, run, block), runs, np.array(numbers), seed)
     return Charge(robot.usable_energy_j, robot.usable_energy_j / rate, ends, off and fading is None, fading)
+
+
+def _stretches(runs: Runs) -> NDArray[np.intp]:
+    """Number of the stretch that each window is in, shape (windows,): what was drawn in a gap is not known."""
+    follows = (np.diff(runs.run) == 0) & (np.diff(runs.time_s) < _GAP * runs.duration_s[1:])
+    return np.concatenate([[0], np.cumsum(~follows)])
+
+
+def _within(values: Array, stretch: NDArray[np.intp]) -> Array:
+    """The values less their mean over each stretch."""
+    return np.asarray(values - (np.bincount(stretch, values) / np.maximum(np.bincount(stretch), 1))[stretch])
 
 
 def _drawn(runs: Runs) -> Array:
@@ -103,18 +115,16 @@ def _drawn(runs: Runs) -> Array:
 
 @dataclass(frozen=True)
 class _Gauge:
-    """The charge that is gone against the energy drawn over the file's capacity; arrays of shape (windows, ...)."""
+    """The charge that is gone against the energy drawn over the file's capacity; arrays of shape (windows,)."""
 
-    plain: Array  # a start for each run and one rate for all
-    starts: Array
-    drawn: Array
+    drawn: Array  # these two less their means over stretches without a gap
     fallen: Array
     run: NDArray[np.intp]
     block: NDArray[np.intp]
 
-    def per_run(self, drawn: Array) -> Array:
-        """A start and a rate for each run."""
-        return np.column_stack([self.starts, self.starts * drawn[:, None]])
+    def per_run(self, group: NDArray[np.intp]) -> Array:
+        """A rate for each group of windows, or run."""
+        return np.asarray(self.drawn[:, None] * (group[:, None] == np.unique(self.run)))
 
     def predicted(self, design: Array) -> Array:
         """What a design predicts of stretches held out."""
@@ -131,15 +141,14 @@ def _fading(gauge: _Gauge, runs: Runs, numbers: NDArray[np.intp], seed: int) -> 
     """Whether the capacity shrinks from run to run, by the proof that every effect is held to."""
     if len(numbers) < _FEWEST_RUNS:
         return None
-    design = gauge.per_run(gauge.drawn)
-    before, after = gauge.predicted(gauge.plain), gauge.predicted(design)
+    design = gauge.per_run(gauge.run)
+    before, after = gauge.predicted(gauge.drawn[:, None]), gauge.predicted(design)
     gained = gain(gauge.fallen, before, after, gauge.block, seed)
     independent = max(len(after) / correlation_windows(gauge.fallen - after, gauge.run), 2.0)
     ratio = -np.log(max(1.0 - gained.share, 1e-300))
     delta_bic = float(independent * ratio - (len(numbers) - 1) * np.log(independent))
-    weights = _fit(design, gauge.fallen)
-    rate = weights[len(numbers) :]
-    errors = standard_errors(design, gauge.fallen - design @ weights, gauge.block)[len(numbers) :]
+    rate = _fit(design, gauge.fallen)
+    errors = standard_errors(design, gauge.fallen - design @ rate, gauge.block)
     shrinks = bool((np.diff(rate) >= -2.0 * (errors[1:] + errors[:-1])).all()) and rate[-1] > rate[0]
     if not shrinks or delta_bic < MUST_PAY or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
         return None
@@ -158,12 +167,11 @@ def _placebo_p_value(gauge: _Gauge, error: float, seed: int) -> float:
     rng = np.random.default_rng(seed)
     blocks = int(gauge.block.max()) + 1
     own = np.empty(blocks, dtype=np.intp)
-    own[gauge.block] = np.searchsorted(np.unique(gauge.run), gauge.run)
+    own[gauge.block] = gauge.run
     as_good = 1
     for _ in range(PLACEBOS):
-        group = rng.permutation(own)[gauge.block]
-        columns = gauge.drawn[:, None] * (group[:, None] == np.arange(gauge.starts.shape[1]))
-        as_good += gauge.squared_error(gauge.predicted(np.column_stack([gauge.starts, columns]))) <= error
+        design = gauge.per_run(rng.permutation(own)[gauge.block])
+        as_good += gauge.squared_error(gauge.predicted(design)) <= error
     return as_good / (PLACEBOS + 1)
 
 

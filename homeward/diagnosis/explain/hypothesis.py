@@ -234,6 +234,8 @@ class Hypothesis:
     within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect  # adds it to a replay
     in_file: Numbers | None = None  # what a robot file says of it, where its sizes are of the day and not of the robot
 
+    map_channel: str = ""  # that would hold it, were it recorded: without it, the effect is what was not recorded
+
     shown_by: tuple[str, ...] | None = None  # channels that say when it is at work; None: those that it needs
     otherwise: str = "while driving"  # when it is at work, where no channel says so
     check: str = ""  # the measurement that shows it where no drive does; that of its kind if left out

@@ -32,6 +32,7 @@ from homeward.diagnosis.rules import (
     MOST_EFFECTS,
     MUST_PAY,
     SMALLEST_GAIN,
+    SMALLEST_SHARE,
     TOLD_BY_A_CHANNEL,
 )
 
@@ -69,10 +70,17 @@ class Naming:
     corrected: Corrected | None = None  # the model with them, where any is named
     ranking: tuple[Ranked, ...] = ()
     absorbed: Mapping[str, float] = field(default_factory=dict)
+    unrecorded: bool = False  # whether a channel that was not recorded would tell what explains the mismatch
 
     def nothing_named(self) -> Naming:
         """How the hypotheses did, with none of them named."""
         return Naming(ranking=self.ranking, absorbed=self.absorbed)
+
+    def told_by_no_channel(self, runs: Runs) -> bool:
+        """Whether what was named first, or may be meant by it, is but a channel that was not recorded."""
+        terms = [term for one in self.named[:1] for term in (one.term, *one.rivals)]
+        lacking = (one.hypothesis.map_channel for one in terms if one.hypothesis.map_channel)
+        return any(name not in runs.context for name in lacking)
 
 
 def name_missing(
@@ -231,8 +239,11 @@ def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent:
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
     if delta_bic < MUST_PAY or share < SMALLEST_GAIN:
         return None
-    if bench.candidates[chosen].axis != "steady" and share * bench.squared_error(chosen) <= bench.doubted:
-        return None  # errors of the channels would do as much
+    explained = share * bench.squared_error(chosen)
+    if explained < SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
+        return None
+    if bench.candidates[chosen].axis == "place" and explained <= bench.doubted:
+        return None  # errors of the channels would do as much: they come back where the same ground is driven again
     without, with_it = bench.predictions(chosen)
     interval = gain(bench.target, without, with_it, bench.block, seed).ci95
     if interval[0] <= 0.0:

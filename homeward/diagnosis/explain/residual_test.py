@@ -20,7 +20,13 @@ from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import FALSE_ALARM_RATE, SMALLEST_GAIN, SMALLEST_GAIN_IN_TIME, TIME_MUST_BEAT
+from homeward.diagnosis.rules import (
+    FALSE_ALARM_RATE,
+    SMALLEST_GAIN,
+    SMALLEST_GAIN_IN_TIME,
+    SMALLEST_SHARE,
+    TIME_MUST_BEAT,
+)
 from homeward.physics import ancillary_power
 
 _DRAWS = 8000
@@ -142,7 +148,8 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: NDArray[np.intp], 
             # Two families of looks, each with half of the false alarm rate.
             found.append(_describe(one, min(1.0, 2.0 * p_value), fit, runs, blocks, held_out))
     total = max(float(np.sum((runs.observed - fit.predicted) ** 2)), 1e-300)
-    doubt = {name: doubted(fit, runs, name) / total for name in {one.channel.name for one in found}}
+    least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+    doubt = {name: max(doubted(fit, runs, name), least) / total for name in {one.channel.name for one in found}}
     sure = [one if one.held_out_gain > doubt[one.channel.name] else replace(one, p_value=1.0) for one in found]
     return _ranked(sure)
 

@@ -9,6 +9,7 @@ import numpy as np
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.rules import NEGLIGIBLE_NOISE
 
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose error is known."""
@@ -20,8 +21,8 @@ def doubted(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
     """Sum over windows of the expected squared error of a prediction by errors that may look like a channel's doing.
 
     The error of a smoothed channel goes with the channel itself, as no smoother knows how its values are distributed.
-    It lasts as long as the channel is smoothed over, and comes back where the same ground is driven again: as a change
-    in time or with the place it is not to be told from one of the robot's.
+    It lasts as long as the channel is smoothed over, and comes back where the same ground is driven again; and where
+    the place tells a slope better than its own noisy channel does, a hidden one would stand for the slope itself.
 
     Args:
         fit: The model.
@@ -31,6 +32,8 @@ def doubted(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
     total = 0.0
     for name in _OWN.get(channel, (channel,)):
         if name not in SMOOTHED or not any(name in run.error for run in runs.signals):
+            continue
+        if name == channel and reliability(name, runs) > 1.0 - NEGLIGIBLE_NOISE:
             continue
         sides = [fit.parameters.predict(_moved(runs, name, sign), fit.theta) for sign in (1.0, -1.0)]
         total += float(np.sum((sides[0] - sides[1]) ** 2)) / 4.0

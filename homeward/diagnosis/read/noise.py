@@ -19,6 +19,7 @@ from homeward.diagnosis.rules import SMOOTHED_AT_ONCE
 
 Array = NDArray[np.float64]
 
+_PRECISE = 0.05  # of the logarithm of a ratio of variances: 5 %
 _SWEEPS = 8  # of expectation maximisation
 _FREEDOM = 1.0  # degrees of freedom of Student's t: jumps of any size
 _DRAWS = 16  # of the posterior: its variance, averaged over thousands of samples, is known within a few per cent
@@ -36,8 +37,26 @@ class Smoothed:
     draws: Array
 
 
+def white_noise(values: Array) -> float:
+    """Standard deviation of the white noise of an evenly spaced channel, from its second differences.
+
+    Their median, as a signal that now and then changes its level or its slope does not move it (Gasser, Sroka &
+    Jennen-Steinmetz, 1986); a zero is a sensor that shows rest, without noise.
+
+    >>> round(white_noise(np.repeat([0.0, 3.0, 1.0], 1000) + 0.1 * np.random.default_rng(0).normal(size=3000)), 3)
+    0.1
+    """
+    second = np.abs(np.diff(values, 2)[(values[1:-1] != 0.0)])
+    return 1.4826 * float(np.median(second)) / np.sqrt(6.0) if len(second) else 0.0
+
+
 def smoothed(
-    values: Array, order: int, weight: Array | None = None, breaks: Array | None = None, jumps: bool = False
+    values: Array,
+    order: int,
+    weight: Array | None = None,
+    breaks: Array | None = None,
+    jumps: bool = False,
+    noise: float | None = None,
 ) -> Smoothed:
     """Separate an evenly spaced channel from white noise.
 
@@ -48,6 +67,7 @@ def smoothed(
         breaks: 0 where a difference that starts there is not bound to be small, 1 elsewhere, shape (n - order,).
         jumps: Whether differences have Student's t distribution instead, as those of a channel that mostly keeps its
             level (by expectation maximisation: Lange, Little & Taylor, 1989).
+        noise: Standard deviation of the noise, where it is known.
 
     >>> rng = np.random.default_rng(0)
     >>> wave = np.sin(np.arange(2000) / 40.0)
@@ -59,27 +79,31 @@ def smoothed(
     stiffness = np.ones(len(values) - order) if breaks is None else breaks
     part = slice(0, SMOOTHED_AT_ONCE)
     head, its_weight, its_stiffness = values[part], weight[part], stiffness[: SMOOTHED_AT_ONCE - order]
-    best, factor, noise = _likeliest(head, its_weight, its_stiffness, order, np.arange(-12.0, 26.0, 2.0))
+    best, factor, found = _likeliest(head, its_weight, its_stiffness, order, np.arange(-12.0, 26.0, 2.0), noise)
     for _ in range(_SWEEPS if jumps else 0):
-        stiffness = _stiffness(values, weight, stiffness, order, best, noise)
+        stiffness = _stiffness(values, weight, stiffness, order, best, found)
         its_stiffness = stiffness[: SMOOTHED_AT_ONCE - order]
-        best, factor, noise = _likeliest(head, its_weight, its_stiffness, order, best + np.arange(-2.0, 4.0, 2.0))
-    draws = _draws(factor, order, len(head), noise)
+        grid = best + np.arange(-2.0, 4.0, 2.0)
+        best, factor, found = _likeliest(head, its_weight, its_stiffness, order, grid, noise)
+    draws = _draws(factor, order, len(head), found)
     if len(values) > len(head):
         factor = cholesky_banded(_with_weight(np.exp(best) * _penalty(stiffness, order, len(values)), weight))
-    return Smoothed(cho_solve_banded((factor, False), weight * values), noise, draws)
+    return Smoothed(cho_solve_banded((factor, False), weight * values), found, draws)
 
 
-def _likeliest(values: Array, weight: Array, stiffness: Array, order: int, grid: Array) -> tuple[float, Array, float]:
+def _likeliest(
+    values: Array, weight: Array, stiffness: Array, order: int, grid: Array, noise: float | None
+) -> tuple[float, Array, float]:
     """Likeliest logarithm of the ratio of variances, its Cholesky factor, and the noise's standard deviation."""
     roughness = _penalty(stiffness, order, len(values))
 
     def unlikeliness(log_ratio: float) -> float:
-        return _fit(values, weight, roughness, stiffness, log_ratio)[2]
+        return _fit(values, weight, roughness, stiffness, log_ratio, noise)[2]
 
     start = float(grid[np.argmin([unlikeliness(one) for one in grid])])
-    best = float(minimize_scalar(unlikeliness, bounds=(start - 2.0, start + 2.0), method="bounded").x)
-    factor, variance, _ = _fit(values, weight, roughness, stiffness, best)
+    best = float(minimize_scalar(unlikeliness, bounds=(start - 2.0, start + 2.0), method="bounded",
+                                 options={"xatol": _PRECISE}).x)  # fmt: skip
+    factor, variance, _ = _fit(values, weight, roughness, stiffness, best, noise)
     return best, factor, float(np.sqrt(variance))
 
 
@@ -118,7 +142,7 @@ def _with_weight(bands: Array, weight: Array) -> Array:
 
 
 def _fit(
-    values: Array, weight: Array, roughness: Array, stiffness: Array, log_ratio: float
+    values: Array, weight: Array, roughness: Array, stiffness: Array, log_ratio: float, noise: float | None
 ) -> tuple[Array, float, float]:
     """Cholesky factor, variance of the noise, and minus twice the log likelihood, at a ratio of variances."""
     factor = cholesky_banded(_with_weight(np.exp(log_ratio) * roughness, weight))
@@ -127,6 +151,7 @@ def _fit(
     known, bound = int((weight > 0.0).sum()), stiffness[stiffness > 0.0]
     rows = len(bound)
     free = max(known - (len(values) - rows), 1)
-    likely = free * np.log(squared / free) + 2.0 * float(np.log(factor[-1]).sum())
+    variance = squared / free if noise is None else noise**2
+    likely = free * np.log(variance) + squared / variance + 2.0 * float(np.log(factor[-1]).sum())
     likely -= rows * log_ratio + float(np.log(bound).sum())
-    return factor, squared / free, likely
+    return factor, variance, likely

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from homeward.diagnosis.read.noise import smoothed
+from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.slope import slope_along
-from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, SMOOTHED_AT_ONCE, STRAIGHT
+from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, STRAIGHT
 from homeward.physics import Robot
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Signals:
     observed: Array
     context: Mapping[str, Array]
     filled: tuple[str, ...] = ()
-    error: Mapping[str, float] = field(default_factory=dict)  # standard deviation over windows of what was smoothed
+    error: Mapping[str, float] = field(default_factory=dict)  # standard deviation of a channel's error over windows
 
     def only(self, chosen: NDArray[np.bool_]) -> Signals:
         """The run with these samples only."""
@@ -186,22 +186,18 @@ def _turning(
     else:
         return {}, np.zeros(len(time_s))
     if np.isfinite(rate).all():
-        rate = _straight(_without_noise("yaw_rate_radps", rate, time_s, error), time_s)
+        rate = _without_noise("yaw_rate_radps", rate, time_s, error)
+        rate = _straight(rate, time_s, error.get("yaw_rate_radps", 0.0))
     return {"yaw_rate_radps": rate}, np.nan_to_num(rate)
 
 
-def _straight(rate: Array, time_s: Array) -> Array:
-    """The turning rate with what its own noise makes of driving straight set to zero.
+def _straight(rate: Array, time_s: Array, error: float) -> Array:
+    """The turning rate with what its own error over windows makes of driving straight set to zero.
 
     What turning costs rises steeply from none, and with the rate's size: noise about zero would cost as much as a bend.
-    The noise is that of second differences (Gasser, Sroka & Jennen-Steinmetz, 1986), by their median, which bends that
-    begin and end do not move.
     """
-    if len(rate) < _FEWEST_TO_SMOOTH:
-        return rate
-    noise = 1.4826 * float(np.median(np.abs(np.diff(rate, 2)))) / np.sqrt(6.0)
-    mean = np.abs(uniform_filter1d(rate, max(1, round(WINDOW_S / usual_step_s(time_s)))))
-    return np.where((np.abs(rate) < STRAIGHT * noise) & (mean < noise), 0.0, rate)
+    size = max(1, round(WINDOW_S / usual_step_s(time_s)))
+    return np.where(np.abs(uniform_filter1d(rate, size)) < STRAIGHT * error, 0.0, rate)
 
 
 def slope_of(
@@ -249,20 +245,17 @@ def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, flo
     """The channel, without its noise where that matters to its mean over windows or to the rate of its change."""
     if len(values) < _FEWEST_TO_SMOOTH or not np.ptp(values):
         return values
-    step_s = usual_step_s(time_s)
-    size = max(1, round(WINDOW_S / step_s))
-    breaks = np.ones(len(values) - 1)
-    breaks[gaps(time_s)] = 0.0
-    head = slice(0, SMOOTHED_AT_ONCE)
-    found = smoothed(values[head], 1, breaks=breaks[: SMOOTHED_AT_ONCE - 1], jumps=True)
+    size = max(1, round(WINDOW_S / usual_step_s(time_s)))
+    noise = white_noise(values)
     means = uniform_filter1d(values, size)[::size]
     spread, change = float(np.var(means)), float(np.mean(np.diff(means) ** 2))
-    variance = found.noise**2 / size
     # The rate of change of the speed is a channel of its own, and noisier.
-    if variance <= NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
+    if noise**2 / size <= NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
+        error[name] = float(noise / np.sqrt(size))
         return values
-    if len(values) > SMOOTHED_AT_ONCE:
-        found = smoothed(values, 1, breaks=breaks, jumps=True)
+    breaks = np.ones(len(values) - 2)
+    breaks[np.clip(gaps(time_s)[:, None] - [0, 1], 0, len(breaks) - 1)] = 0.0
+    found = smoothed(values, 2, breaks=breaks, jumps=True, noise=noise)
     error[name] = float(np.std(uniform_filter1d(found.draws, size, axis=1)))
     return found.values
 

@@ -79,11 +79,12 @@ def _not_recorded(evidence: Evidence, fit: Fit) -> str:
     missing = [one for one in _TELLS if not any(name in evidence.runs.context for name in one[1])]
     if fit.unit == "A":
         missing = [one for one in missing if one[0] != "the sensing rate"]
-    if not missing or best.r2 is None or best.r2 > EXPLAINS:
+    if not missing or best.r2 is None or (best.r2 > EXPLAINS and not evidence.naming.unrecorded):
         return ""
     left = evidence.runs.observed - model
     together = evidence.runs.run[1:] == evidence.runs.run[:-1]
-    if float((left[1:] * left[:-1])[together].sum()) < LASTS * float(left @ left):
+    lasts = float((left[1:] * left[:-1])[together].sum()) >= LASTS * float(left @ left)
+    if not (lasts or evidence.naming.unrecorded):
         return ""
     what, record = " and ".join(one[0] for one in missing), " and ".join(one[2] for one in missing)
     return (

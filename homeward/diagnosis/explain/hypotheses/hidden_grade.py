@@ -8,6 +8,7 @@ HYPOTHESIS = Hypothesis(
     changes="moving",
     signed=True,
     by_place=True,
+    map_channel="grade_rad",
     shown_by=("base_distance_m",),
     check="survey the slope of the route with a level",
     lies_in="route",
