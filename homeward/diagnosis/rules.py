@@ -110,6 +110,10 @@ NEGLIGIBLE_NOISE = 0.001
 """Share of a channel's variance over windows that may be noise before the channel is smoothed. Errors in variables
 attenuate a coefficient by this share (Fuller, Measurement Error Models, 1987, section 1.1), less than any interval."""
 
+SMOOTHING_ERROR = 2.0
+"""Times the standard deviation that a smoothed channel's own likelihood says: what smoothing takes off the signal adds
+as much again (1.4 times in slopes with 0.7 degrees of noise, at most)."""
+
 STRAIGHT = 3.0
 """Standard deviations of its error over a window that a turning rate must be off zero to be a bend: three leave one
 window in 400 of driving straight."""

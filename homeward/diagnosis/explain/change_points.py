@@ -37,6 +37,7 @@ _LEVEL_WORTH = 0.1  # of what the levels so far explain that a further one must 
 _PLACES = 150
 _KNOTS = (6, 12, 24)
 _PASSES = 1.8  # places are told from times only where the robot comes by again
+_COMES_BACK = 6  # changes: on and off three times, so that there are two periods
 _SAME = 0.02  # of the windows in which two schedules may differ and still be one
 
 
@@ -107,7 +108,7 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     if how == "once":
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
-        return any(len(changes) >= 2 for changes in within)
+        return sum(len(changes) for changes in within) >= _COMES_BACK
     speeds = np.abs(runs.context["speed_mps"])
     stood = []
     for run, changes in zip(np.unique(runs.run), within, strict=True):

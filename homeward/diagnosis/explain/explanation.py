@@ -30,6 +30,7 @@ class Left:
     """What the named effects leave, where it still depends on a channel."""
 
     channel: str
+    held_out_gain: float  # share of what the named effects leave
     location: Location
     formula: Empirical | None  # that it follows, beside the named effects
 
@@ -88,14 +89,16 @@ def explain(
 
 
 def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
-    """Whether the mismatch depends on a channel most that tells of nothing named, and goes on to beside what is named.
+    """Whether the mismatch depends on a channel most that tells of nothing named, which explains more beside it yet.
 
     Which channel explains comes before which form: an effect that only takes up a part of what another channel does
     would hide it.
     """
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     told = {channel for term in named for channel in term.hypothesis.channels}
-    return most.channel.name not in told and left.channel == most.channel.name
+    kept = float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
+    more = left.held_out_gain * kept > 1.0 - kept
+    return most.channel.name not in told and left.channel == most.channel.name and more
 
 
 def _without_what_motion_tells(
@@ -131,4 +134,6 @@ def _left(corrected: Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -
     most = dependences(corrected, runs, blocks, fold, seed)[0]
     if not most.found or most.channel.name == "time_s":
         return None
-    return Left(most.channel.name, locate(most, runs), propose(corrected, runs, blocks.channels, fold, seed))
+    return Left(
+        most.channel.name, most.held_out_gain, locate(most, runs), propose(corrected, runs, blocks.channels, fold, seed)
+    )

@@ -46,6 +46,7 @@ CHECKS: Mapping[str, str] = {
 
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
+_PIECES = 4  # of a function that only rises
 _CLEARLY_APART = 4.0  # standard deviations
 _PREFERENCES = ("standing", "moving")  # between equals: mostly so; the other ways to change are what an effect means
 
@@ -97,6 +98,8 @@ class Term:
     of_rolling_kg: float | None = None  # C_rr m that its sizes are shares of, where they are: before the joint fit
     load: Array | None = None  # what a unit adds where it is at work, (windows,), where that is not everywhere
     at_work: Array | None = None  # how much of each size is at work, (windows, sizes)
+    flexible: bool = False  # whether its sizes make up any function of a channel that only rises
+    plain: Term | None = None  # of a flexible one, the form that a robot file can say
 
     @property
     def effect(self) -> str:
@@ -138,6 +141,21 @@ def responses(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     for shape in shapes:
         column = setting.response(one, TINY * max(abs(switch.low), switch.high), shape)
         yield Term(one, column[:, None], *one.limits(1), int(len(shapes) > 1), shape)
+
+
+def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+    """As any function that rises with the channel that tells it, W: which channel comes before which form."""
+    values = setting.runs.context.get(one.rises_with.lstrip("-"))
+    if not one.rises_with or values is None or not np.isfinite(values).all():
+        return
+    values = -values if one.rises_with.startswith("-") else values
+    edges = np.unique(np.quantile(np.unique(np.round(values, 6)), np.linspace(0.0, 1.0, _PIECES + 1)))
+    if len(edges) < 3:
+        return  # two values tell no form
+    steps = np.clip((values[:, None] - edges[:-1]) / np.diff(edges), 0.0, 1.0)
+    per_unit = setting.predicted[:, None] if one.entry.kind == "battery" else 1.0
+    most = np.full(steps.shape[1], float(np.max(np.abs(setting.runs.observed))))
+    yield Term(one, per_unit * steps, np.zeros(len(most)), most, fixed=True, flexible=True)
 
 
 def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
@@ -187,6 +205,9 @@ def _without_rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
 
 def _level_names(term: Term) -> list[tuple[str, str]]:
     switch, sizes = term.hypothesis.entry.switch, term.columns.shape[1]
+    if term.flexible:
+        unit = "1" if term.hypothesis.entry.kind == "battery" else "W"
+        return [(f"step_{size + 1}", unit) for size in range(sizes)]
     return [(level_name(switch.name, size, sizes), switch.unit) for size in range(sizes)]
 
 
@@ -217,6 +238,7 @@ class Hypothesis:
     needs: tuple[str, ...] | None = None  # channels without which none tells when it is at work; None: those of `entry`
     beside: Mapping[str, Numbers] = field(default_factory=dict)  # effects without which it has no effect
     shapes: Callable[[Setting], Iterator[Numbers]] = _as_usual  # values of its other parameters
+    rises_with: str = ""  # channel that its power rises with, whatever the form, or falls with, with a minus
     steady: Forms | None = responses  # forms of one size; None where no channel ever tells when it is at work
 
     changes: Changes | None = None  # how its size changes for no recorded reason, if it may
@@ -234,7 +256,7 @@ class Hypothesis:
     within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect  # adds it to a replay
     in_file: Numbers | None = None  # what a robot file says of it, where its sizes are of the day and not of the robot
 
-    map_channel: str = ""  # that would hold it, were it recorded: without it, the effect is what was not recorded
+    map_channel: str = ""  # without which it may be but what that channel would have told
 
     shown_by: tuple[str, ...] | None = None  # channels that say when it is at work; None: those that it needs
     otherwise: str = "while driving"  # when it is at work, where no channel says so
@@ -283,6 +305,7 @@ class Hypothesis:
         """Every form that these runs allow, those whose size changes for no recorded reason only if asked for."""
         if self.steady is not None and not self.missing(setting.runs):
             yield from self.steady(self, setting)
+            yield from rising(self, setting)
         if schedules:
             yield from self.scheduled(self, setting)
 

@@ -13,12 +13,12 @@ from scipy.stats import t as student
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.fit.fitted import excited
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects, derivatives
-from homeward.diagnosis.fit.refit import Refit, standard_errors
+from homeward.diagnosis.fit.refit import Refit, holding, standard_errors
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.result import Value
-from homeward.diagnosis.rules import MATTERS
+from homeward.diagnosis.rules import COLLINEAR, MATTERS
 from homeward.physics import Robot
 
 _ITERATIONS = 6
@@ -184,6 +184,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
         runs: The runs.
         block: Stretches that count as independent, shape (windows,).
     """
+    fit = _without_spanned(fit, terms, runs)
     model = Model(fit.parameters, tuple(terms), _unknowns(terms))
     theta, values = _start(fit, model, runs)
     best: tuple[float, Array, Array, Array, Array] | None = None
@@ -219,6 +220,17 @@ def immaterial(fit: Refit, runs: Runs) -> NDArray[np.bool_]:
     active = fit.parameters.active()
     size = np.maximum(np.abs(fit.theta[active]) / fit.parameters.scale[active], 1.0)
     return ~excited(fit, runs, MATTERS / size)
+
+
+def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
+    """The refit with groups as assumed that a flexible form contains: a line is among the functions that only rise."""
+    flexible = [one.columns for one in found if one.flexible]
+    if not flexible:
+        return fit
+    columns = np.column_stack(flexible)
+    left = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]
+    spanned = (left**2).sum(axis=0) < COLLINEAR * (fit.jacobian**2).sum(axis=0)
+    return holding(fit, runs, fit.held | spanned) if spanned.any() else fit
 
 
 def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:

@@ -7,7 +7,7 @@ zero, pay for its freedom by the Bayesian information criterion, and beat placeb
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -242,8 +242,8 @@ def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent:
     explained = share * bench.squared_error(chosen)
     if explained < SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
         return None
-    if bench.candidates[chosen].axis == "place" and explained <= bench.doubted:
-        return None  # errors of the channels would do as much: they come back where the same ground is driven again
+    if explained <= bench.doubted * _followed(bench, chosen):
+        return None  # errors of the channels would do as much
     without, with_it = bench.predictions(chosen)
     interval = gain(bench.target, without, with_it, bench.block, seed).ci95
     if interval[0] <= 0.0:
@@ -251,7 +251,28 @@ def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent:
     p_value = bench.p_value(chosen, independent, seed)
     if p_value > FALSE_ALARM_RATE:
         return None
-    return Named(bench.candidates[chosen], delta_bic, share, interval, p_value, _rivals(bench, chosen, shares, alone))
+    term = _with_plain(bench, chosen)
+    return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, shares, alone))
+
+
+def _with_plain(bench: Bench, chosen: int) -> Term:
+    """A flexible form with the best of those that a robot file can say."""
+    term = bench.candidates[chosen]
+    same = [i for i, one in enumerate(bench.candidates) if one.effect == term.effect and one.axis == "steady"]
+    plain = [index for index in same if not bench.candidates[index].flexible]
+    if not term.flexible or not plain:
+        return term
+    return replace(term, plain=bench.candidates[max(plain, key=bench.share)])
+
+
+def _followed(bench: Bench, chosen: int) -> float:
+    """Share of the channels' errors that a hypothesis may follow: all by place, where they come back, and in time one
+    of their independent windows with each of its levels."""
+    term = bench.candidates[chosen]
+    if term.axis != "time":
+        return float(term.axis == "place")
+    changes = 1 if term.schedule is None else term.schedule.changes
+    return min(1.0, (changes + 1) / bench.independent(chosen))
 
 
 def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Term, ...]:
@@ -265,7 +286,8 @@ def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Ter
         alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
         share = ALIKE_BY_NATURE if alike else ALIKE_IN_SIZE
         beside = bench.share(index) if bench.beside else shares[index]
-        if beside >= share * explained or alone[chosen] - alone[index] < MUST_PAY:
+        doubtful = beside * bench.squared_error(index) <= bench.doubted * _followed(bench, index)
+        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < MUST_PAY):
             found.setdefault(other.effect, other)
     return tuple(found.values())
 

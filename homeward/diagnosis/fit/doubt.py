@@ -9,7 +9,7 @@ import numpy as np
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import NEGLIGIBLE_NOISE
+from homeward.diagnosis.rules import SMOOTHING_ERROR
 
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose error is known."""
@@ -33,19 +33,17 @@ def doubted(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
     for name in _OWN.get(channel, (channel,)):
         if name not in SMOOTHED or not any(name in run.error for run in runs.signals):
             continue
-        if name == channel and reliability(name, runs) > 1.0 - NEGLIGIBLE_NOISE:
-            continue
         sides = [fit.parameters.predict(_moved(runs, name, sign), fit.theta) for sign in (1.0, -1.0)]
         total += float(np.sum((sides[0] - sides[1]) ** 2)) / 4.0
     return total
 
 
 def _moved(runs: Runs, name: str, sign: float) -> Runs:
-    """The runs with a channel off by one standard deviation; at rest the speed is known."""
+    """The runs with a channel off by its error; at rest the speed is known."""
     moved = []
     for run in runs.signals:
         values: Array = getattr(run, name)
-        size = sign * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
+        size = sign * SMOOTHING_ERROR * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
         moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
     return dataclasses.replace(runs, signals=moved)
 

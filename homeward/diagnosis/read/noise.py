@@ -19,6 +19,7 @@ from homeward.diagnosis.rules import SMOOTHED_AT_ONCE
 
 Array = NDArray[np.float64]
 
+_LOG_RATIOS = (-12.0, 26.0)  # of the noise's variance over that of the differences
 _PRECISE = 0.05  # of the logarithm of a ratio of variances: 5 %
 _SWEEPS = 8  # of expectation maximisation
 _FREEDOM = 1.0  # degrees of freedom of Student's t: jumps of any size
@@ -79,11 +80,11 @@ def smoothed(
     stiffness = np.ones(len(values) - order) if breaks is None else breaks
     part = slice(0, SMOOTHED_AT_ONCE)
     head, its_weight, its_stiffness = values[part], weight[part], stiffness[: SMOOTHED_AT_ONCE - order]
-    best, factor, found = _likeliest(head, its_weight, its_stiffness, order, np.arange(-12.0, 26.0, 2.0), noise)
+    best, factor, found = _likeliest(head, its_weight, its_stiffness, order, np.arange(*_LOG_RATIOS, 2.0), noise)
     for _ in range(_SWEEPS if jumps else 0):
         stiffness = _stiffness(values, weight, stiffness, order, best, found)
         its_stiffness = stiffness[: SMOOTHED_AT_ONCE - order]
-        grid = best + np.arange(-2.0, 4.0, 2.0)
+        grid = np.clip(best + np.arange(-2.0, 4.0, 2.0), *_LOG_RATIOS)
         best, factor, found = _likeliest(head, its_weight, its_stiffness, order, grid, noise)
     draws = _draws(factor, order, len(head), found)
     if len(values) > len(head):
@@ -101,8 +102,9 @@ def _likeliest(
         return _fit(values, weight, roughness, stiffness, log_ratio, noise)[2]
 
     start = float(grid[np.argmin([unlikeliness(one) for one in grid])])
-    best = float(minimize_scalar(unlikeliness, bounds=(start - 2.0, start + 2.0), method="bounded",
-                                 options={"xatol": _PRECISE}).x)  # fmt: skip
+    low, high = max(start - 2.0, _LOG_RATIOS[0]), min(start + 2.0, _LOG_RATIOS[1])
+    found = minimize_scalar(unlikeliness, bounds=(low, high), method="bounded", options={"xatol": _PRECISE})
+    best = float(found.x)
     factor, variance, _ = _fit(values, weight, roughness, stiffness, best, noise)
     return best, factor, float(np.sqrt(variance))
 

@@ -30,7 +30,7 @@ class Said:
 
 def can_be_said(term: Term) -> bool:
     """Whether a robot file can say an effect: one size, and ground that is rough at some places only."""
-    return term.hypothesis.physical and (term.axis == "steady" or _is_ground(term))
+    return term.hypothesis.physical and not term.flexible and (term.axis == "steady" or _is_ground(term))
 
 
 def _is_ground(term: Term) -> bool:

@@ -65,13 +65,14 @@ def determined(
 def sayable(plain: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]) -> Refit | Corrected | None:
     """The fit of all that a robot file can say, beside faults of instruments; None where no effect was named.
 
-    What a schedule of the corrected model explains goes to the groups and effects that stay, as far as they take it.
+    What a schedule or a flexible form explains goes to the groups and effects that stay, as far as they take it.
     """
     if corrected is None:
         return None
     terms = corrected.model.terms
-    kept = [one for one in terms if can_be_said(one) or not one.hypothesis.physical]
-    if len(kept) == len(terms):
+    all_plain = [one.plain or one for one in terms]
+    kept = [one for one in all_plain if can_be_said(one) or not one.hypothesis.physical]
+    if [id(one) for one in kept] == [id(one) for one in terms]:
         return corrected
     return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
 

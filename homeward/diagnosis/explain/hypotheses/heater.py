@@ -1,26 +1,30 @@
-"""A heater: proportional to the cold, or on at full power below a temperature."""
-
-from collections.abc import Iterator
+"""A heater: proportional to the cold, with it in any way, or switched by a thermostat while it is cold."""
 
 import numpy as np
 
 from homeward.diagnosis.explain.hypotheses.temperatures import temperatures
-from homeward.diagnosis.explain.hypothesis import Hypothesis, Setting, Term, responses
+from homeward.diagnosis.explain.hypothesis import Hypothesis, Setting
+from homeward.diagnosis.read.signals import Array
 from homeward.physics.effects.heater import EFFECT
 
 _ON_BELOW_C = EFFECT.parameters[1]
+_OFF_ABOVE_C = 15.0  # thermostats of outdoor enclosures switch on at 5 and off at 15 degC (Stego KTO 011, data sheet)
 
 
-def _also_on_and_off(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """One that is on at full power below a temperature, of the same mean power as the proportional one."""
-    yield from responses(one, setting)
-    temperature_c = setting.runs.context["temperature_c"]
-    known = temperature_c[np.isfinite(temperature_c)]
-    for below_c in np.unique(np.round(np.quantile(known, np.linspace(0.1, 0.9, 17)), 1)):
-        on = temperature_c < below_c
-        if 0 < on.sum() < len(on):
-            column = on * float(np.mean(below_c - temperature_c[on]))
-            yield Term(one, column[:, None], *one.limits(1), 2, {_ON_BELOW_C.name: float(below_c)}, fixed=True)
+def _while_cold(one: Hypothesis, setting: Setting) -> Array | None:
+    """Full power while it may be on, of the same mean power as a proportional one."""
+    temperature_c = setting.runs.context.get("temperature_c")
+    if temperature_c is None or not (temperature_c < _OFF_ABOVE_C).any():
+        return None
+    cold = temperature_c < _OFF_ABOVE_C
+    return np.asarray(cold * float(np.mean(_OFF_ABOVE_C - temperature_c[cold])))
 
 
-HYPOTHESIS = Hypothesis(EFFECT, shapes=temperatures(_ON_BELOW_C), steady=_also_on_and_off, searched=(_ON_BELOW_C,))
+HYPOTHESIS = Hypothesis(
+    EFFECT,
+    shapes=temperatures(_ON_BELOW_C),
+    rises_with="-temperature_c",
+    changes="repeatedly",
+    load=_while_cold,
+    searched=(_ON_BELOW_C,),
+)

@@ -29,6 +29,7 @@ HYPOTHESIS = Hypothesis(
     changes="moving",
     signed=True,
     by_place=True,
+    map_channel="grade_rad",
     of_rolling=True,
     load=_rougher,
     shown_by=("base_distance_m",),
