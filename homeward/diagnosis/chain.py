@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.battery import USABLE_ENERGY, weigh_charge
-from homeward.diagnosis.explain.describe import fading, missing_physics
+from homeward.diagnosis.explain.describe import missing_physics, witnessed
 from homeward.diagnosis.explain.explanation import Explanation, explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.hypotheses import what_can_be_shown
@@ -21,6 +20,7 @@ from homeward.diagnosis.explain.naming import Naming, shifted_in_time
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, products, recorded_range, spread
+from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import correlation_windows, cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, range_accuracy_pct, score
@@ -97,7 +97,7 @@ def analyse(
     verdict, off = _conclude(evidence)
     handover = hand_over(
         robot, verdict, (evidence.plain, sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)),
-        evidence.predictions, evidence.runs, evidence.fold, evidence.trip, seed,
+        evidence.predictions, evidence.runs, evidence.fold, evidence.trip, seed, bool(evidence.naming.named),
     )  # fmt: skip
     evidence, fit = _with_file(evidence, fit, handover.held_out, seed)
     found = (
@@ -105,20 +105,22 @@ def analyse(
         if evidence.corrected is None
         else missing_physics(evidence.corrected, evidence.naming.named, evidence.runs, _drives(evidence))
     )
-    corrected = handover.robot
-    if evidence.charge is not None and evidence.charge.fading is not None:
-        faded = fading(evidence.charge.fading, evidence.contributions[-1], evidence.runs)
-        found = (*found, faded)
-        numbers = {name: value.value for name, value in faded.parameters.items()}
-        corrected = with_effects_of(corrected, {faded.effect: numbers})
-    if evidence.charge is not None and evidence.charge.off and verdict != "unknown_physics":
-        corrected = of_capacity(corrected, evidence.charge.fitted_j / evidence.charge.assumed_j)
+    found = (*found, *(witnessed(one, evidence.runs) for one in evidence.witnessed))
+    corrected, handed = handover.robot, handover.handed
+    for one in evidence.witnessed:
+        corrected = with_effects_of(corrected, one.in_file)
+    if any(one.in_file for one in evidence.witnessed):
+        handed = dataclasses.replace(
+            handed, why=f"{handed.why}; beside that it holds what voltage or gauge show of the battery"
+        )
+    if evidence.capacity is not None and evidence.capacity.off and verdict != "unknown_physics":
+        corrected = of_capacity(corrected, evidence.capacity.fitted_j / evidence.capacity.assumed_j)
     where = evidence.location.places if evidence.location is not None else ()
     diagnosis = Diagnosis(
         robot.name,
         infos,
         verdict,
-        wording.summary(verdict, evidence, off, fit, findings, found, handover.handed),
+        wording.summary(verdict, evidence, off, fit, findings, found, handed),
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
         where=where or tuple(place for one in found for place in one.where),
@@ -131,7 +133,7 @@ def analyse(
         range_change_m=None
         if evidence.runs.unit == "A" or verdict == "unknown_physics"
         else range_change(robot, corrected),
-        file=handover.handed,
+        file=handed,
         next_experiment=_next(evidence),
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
@@ -173,7 +175,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     if corrected is not None and any(one.term.axis == "time" for one in told.naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
-    charge = weigh_charge(runs, robot, block, seed) if enough else None
+    capacity, shown = witnesses(fitted, runs, block, seed) if enough else (None, ())
     progress("proving")
     named = fitted if corrected is None else corrected
     plain, corrected = determined(fitted, corrected, runs, block)
@@ -199,7 +201,8 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
             name: range_accuracy_pct(one, runs, runs.run if held_out_by == "run" else fold)
             for name, one in predicted.items()
         },
-        charge,
+        capacity,
+        shown,
         told.left,
         () if corrected is None else products(corrected, runs, block),
         joint(last, runs, block),
@@ -276,12 +279,12 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[ParameterOff, ...]]:
         for one in evidence.estimates
         if one.off and one.assumed is not None and one.fitted is not None and one.ci95 is not None
     )
-    if evidence.charge is not None and evidence.charge.off:
-        charge = evidence.charge
-        off = (*off, ParameterOff(USABLE_ENERGY, charge.assumed_j, charge.fitted_j, charge.ci95, "J"))
+    capacity = evidence.capacity
+    if capacity is not None and capacity.off:
+        off = (*off, ParameterOff(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J"))
     if int(evidence.block.max()) + 1 < FEWEST_BLOCKS:
         return "not_testable", ()
-    if evidence.naming.named or evidence.fades:
+    if evidence.naming.named or evidence.witnessed:
         return "missing_physics", off
     if evidence.location is not None:
         return "unknown_physics", off
@@ -290,7 +293,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[ParameterOff, ...]]:
     if evidence.nominal is None:
         return "no_mismatch", ()
     p_value = better(evidence.refit, evidence.nominal, evidence.runs.observed, evidence.block)
-    if p_value > FALSE_ALARM_RATE and evidence.charge is not None and evidence.charge.off:
+    if p_value > FALSE_ALARM_RATE and capacity is not None and capacity.off:
         return "parameters_off", off[-1:]
     if p_value > FALSE_ALARM_RATE:
         return "no_mismatch", ()

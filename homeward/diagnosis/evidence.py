@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis.explain.battery import Charge
 from homeward.diagnosis.explain.explanation import Left
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected
@@ -17,6 +16,7 @@ from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.explain.uncertainty import Joint, Spread
+from homeward.diagnosis.explain.witnesses import Capacity, Witnessed
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
 from homeward.diagnosis.fit.usable import Finding
@@ -47,7 +47,8 @@ class Evidence:
     corrected: Corrected | None  # the fitted model, where effects were named
     empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
     range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
-    charge: Charge | None  # of the battery beside the drive, where its state was recorded
+    capacity: Capacity | None  # of the battery, where its state of charge was recorded
+    witnessed: tuple[Witnessed, ...]  # effects that other channels than power show
     remains: Left | None  # what the named effects leave, where it still depends on a channel
     products: tuple[Product, ...]  # of which the recordings determine no factor alone
     joint: Joint  # covariance of everything that was fitted together
@@ -65,15 +66,10 @@ class Evidence:
         return self.runs.run if self.held_out_by == "run" else self.fold
 
     @property
-    def fades(self) -> bool:
-        """Whether the recorded state of charge shows a battery that ages."""
-        return self.charge is not None and self.charge.fading is not None
-
-    @property
     def contributions(self) -> tuple[Array, ...]:
         """What each named effect adds, in the order of the diagnosis, shape (windows,) each."""
         found = () if self.corrected is None else self.corrected.contribution
-        return (*found, self.charge.wasted(self.runs)) if self.charge is not None and self.fades else found
+        return (*found, *(one.contribution for one in self.witnessed))
 
     @property
     def left(self) -> Array:

@@ -10,7 +10,7 @@ causes that channels tell, and schedules. Chosen so that the three together stay
 itself on controls (benchmarks/concealed)."""
 
 PLACEBOS = 19
-"""Of a formula or a fading battery: so that being better than all of them has p = 0.05."""
+"""Of a formula: so that being better than all of them has p = 0.05."""
 
 FEWEST_BLOCKS = 16
 """With fewer independent stretches no test at the stated rate is possible: most of the few patterns of signs are then
@@ -109,6 +109,17 @@ MEASURES = 0.1
 NEGLIGIBLE_NOISE = 0.001
 """Share of a channel's variance over windows that may be noise before the channel is smoothed. Errors in variables
 attenuate a coefficient by this share (Fuller, Measurement Error Models, 1987, section 1.1), less than any interval."""
+
+RESET_M = 1.0
+"""A counter of distance that falls by more was reset; by less, the robot backed up within a sample."""
+
+SAME_ODOMETER = 0.03
+"""Odometers that differ by less are taken to agree: tyres wear and are inflated by as much (calibrated odometry is good
+to 1 to 5 %: Borenstein & Feng, 1996)."""
+
+COLD_C = 10.0
+"""Mean temperature below which the cold may be why a battery gives less: cells are rated at 25 degC, and their
+resistance about doubles towards 0 (Waag, Kaebitz & Sauer, 2013)."""
 
 SMOOTHING_ERROR = 2.0
 """Times the standard deviation that a smoothed channel's own likelihood says: what smoothing takes off the signal adds

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis.explain.battery import Fading
-from homeward.diagnosis.explain.hypotheses import ageing
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.explain.places import Location, Place, at_work, condition_of, places_of, stretch_words
 from homeward.diagnosis.explain.residual_test import CHANNELS
+from homeward.diagnosis.explain.witnesses import Witnessed
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.result import Evidence, MissingPhysics
@@ -55,15 +54,17 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
     return places_of(contribution, runs, words or term.hypothesis.otherwise)
 
 
-def fading(found: Fading, wasted: Array, runs: Runs) -> MissingPhysics:
-    """The ageing of a battery, which its gauge shows and no power does."""
+def witnessed(found: Witnessed, runs: Runs) -> MissingPhysics:
+    """An effect that another channel than power shows."""
     return _of(
-        ageing.HYPOTHESIS,
-        parameters={ageing.HYPOTHESIS.entry.switch.name: found.lost_share},
-        where=stretch_words(places_of(wasted, runs, "", wasted > 0.0), runs),
-        evidence=Evidence(found.delta_bic, found.held_out_gain, found.p_value),
+        found.hypothesis,
+        parameters=dict(found.parameters),
+        where=stretch_words(places_of(found.contribution, runs, "", found.contribution != 0.0), runs),
+        evidence=Evidence(found.proof.delta_bic, found.proof.held_out_gain, found.proof.p_value),
         confused_with=found.rivals,
-        to_tell_apart=ageing.FULL_DISCHARGE if found.rivals else "",
+        to_tell_apart=f"{found.hypothesis.measurement[0].upper()}{found.hypothesis.measurement[1:]}."
+        if found.rivals
+        else "",
     )
 
 

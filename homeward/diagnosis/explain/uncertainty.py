@@ -87,7 +87,7 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             if cosine > ENTWINED and scales > ENTWINED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
-                half = 1.96 * assumed * float(np.sqrt(known.covariance[at_joint, at_joint]))
+                half = 1.96 * assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0)))
                 value = assumed * float(model.values[number])
                 unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
                 found.append(Product((group.symbol, name), Value(value, (value - half, value + half), unit)))

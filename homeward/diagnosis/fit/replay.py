@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.read.signals import WINDOW_S, Array, Signals, Unit, Windows, usual_step_s, windows
 from homeward.physics import Robot, replay
-from homeward.physics.effects import payload
+from homeward.physics.effects import EFFECTS, Effect, payload
 
 _MOST_WINDOWS = 100_000  # of very long recordings the windows grow instead
 
@@ -100,8 +100,9 @@ def predict(
 ) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
-    Motor current is what the motors push with over the thrust per ampere, plus what they draw at rest; a descent that
-    the robot rolls down draws none, as in the power of the drive.
+    Power that was recorded as voltage times current is that at the battery's terminals. Motor current is what the
+    motors push with over the thrust per ampere, plus what they draw at rest; a descent that the robot rolls down draws
+    none, as in the power of the drive.
 
     Args:
         runs: The runs.
@@ -113,11 +114,12 @@ def predict(
         roughness: Of the ground, shape (windows,).
     """
     means = []
+    outside = _without_battery(robot)
     loads_kg = [run.context.get("payload_kg", np.zeros(1)) for run in runs.signals]
     for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
         true = 1.0 if speed_factors is None else speed_factors[index]
         model = _loaded(
-            robot, loads_kg[index], run.time_s, true * run.speed_mps,
+            outside if run.at_terminals else robot, loads_kg[index], run.time_s, true * run.speed_mps,
             grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
             accel_mps2=true * run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
             base_distance_m=run.base_distance_m, direction=run.direction,
@@ -133,6 +135,19 @@ def predict(
             predicted = np.interp(run.time_s - lag_s, run.time_s, predicted)
         means.append(cut.means(predicted))
     return np.concatenate(means)
+
+
+def lost_inside(entry: Effect | Any) -> bool:
+    """Whether an effect takes energy inside the battery, and not from what moves."""
+    return bool(entry.kind == "battery" and "speed_mps" not in entry.needs)
+
+
+def _without_battery(robot: Robot) -> Robot:
+    """The robot with a battery that loses nothing inside."""
+    inside = {effect.id for effect in EFFECTS if lost_inside(effect)}
+    if not inside & set(robot.effects):
+        return robot
+    return dataclasses.replace(robot, effects={name: one for name, one in robot.effects.items() if name not in inside})
 
 
 def _loaded(robot: Robot, load_kg: Array, time_s: Array, speed_mps: Array, **conditions: Any) -> tuple[Array, Array]:

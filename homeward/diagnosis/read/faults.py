@@ -19,6 +19,7 @@ from homeward.diagnosis.rules import (
     HELD,
     HELD_SMOOTH,
     MOST_SPIKES,
+    RESET_M,
     SPIKE,
     SPIKE_BEYOND,
     ZERO_ERROR,
@@ -32,7 +33,6 @@ _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
 _MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad", "elevation_m")
 _TELLS = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
 _JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # a wheel may jump: its command does
-_RESET_M = 1.0  # a counter of distance falls by less where the robot backs up within a sample
 _STANDS = 0.02  # of the top speed
 _FEWEST_UPDATES = 20
 _JITTER = 0.34  # of a period, one sample in three
@@ -85,7 +85,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
             error[_TELLS.get(name, name)] = float(np.sqrt(np.mean(np.diff(channels[name][fresh]) ** 2) / 6.0))
             channels[name] = np.interp(time_s, time_s[fresh], channels[name][fresh])
             notes.append(f"{name} is held for {period_s:.2g} s at a time: values between are interpolated")
-    resets = int((np.diff(channels.get("distance_m", np.zeros(1))) < -_RESET_M).sum())
+    resets = int((np.diff(channels.get("distance_m", np.zeros(1))) < -RESET_M).sum())
     if resets:
         notes.append(f"distance_m falls back {resets} times: the counter was reset, and is not used")
     return dataclasses.replace(recording, channels=channels, notes=tuple(notes)), error

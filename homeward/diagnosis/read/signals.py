@@ -17,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.slope import slope_along
-from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, STRAIGHT
+from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, RESET_M, SAME_ODOMETER, STRAIGHT
 from homeward.physics import Robot
 
 Array = NDArray[np.float64]
@@ -32,6 +32,7 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 
 _REACH_S = 3.0  # at top speed
 _CREEPS = 0.02  # of the top speed
+_PARTS = 10  # of the way: that all agree by chance has a probability of 2^-9
 _FEWEST_TO_SMOOTH = 50  # samples
 _ARRAYS = (
     "time_s", "speed_mps", "accel_mps2", "grade_rad", "sensing_hz", "yaw_rate_radps", "temperature_c",
@@ -63,6 +64,8 @@ class Signals:
     observed: Array
     context: Mapping[str, Array]
     filled: tuple[str, ...] = ()
+    odometer_scale: float = 0.0  # relative error of the recorded speed, by a recorded distance; it is set right
+    at_terminals: bool = False  # whether `observed` is voltage times current: what a battery loses inside is not in it
     error: Mapping[str, float] = field(default_factory=dict)  # standard deviation of a channel's error over windows
 
     def only(self, chosen: NDArray[np.bool_]) -> Signals:
@@ -92,6 +95,8 @@ def signals(
     kept = {name: values[good] for name, values in given.items()}
     speed, observed, time_s = speed[good], observed[good], kept["time_s"]
     error = dict(error or {})
+    scale = _odometer_scale(kept, speed, time_s)
+    speed = speed / (1.0 + scale)
     speed = _at_rest(_without_noise("speed_mps", speed, time_s, error), robot, error)
     filled = []
     for name in _FILLED:
@@ -120,7 +125,8 @@ def signals(
     run = Signals(
         recording.name, unit, time_s, speed, accel, nothing if grade is None else grade,
         kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),
-        kept.get("base_distance_m", nothing), direction, observed, context, tuple(filled), error,
+        kept.get("base_distance_m", nothing), direction, observed, context, tuple(filled), scale,
+        unit == "W" and "power_w" not in given, error,
     )  # fmt: skip
     when = time_s + (slope_late_s if grade is not None else 0.0)
     there = (when >= time_s[0]) & (when <= time_s[-1])  # the slope of the last moments came too late to be recorded
@@ -140,6 +146,22 @@ def known(recording: Recording) -> NDArray[np.bool_]:
     observed, _ = observed_of(recording.channels)
     both: NDArray[np.bool_] = np.isfinite(speed_of(recording.channels)) & np.isfinite(observed)
     return both
+
+
+def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> float:
+    """Relative error of the speed by a recorded distance; 0 unless all parts of the way agree that there is one."""
+    if "distance_m" not in kept or len(time_s) < _PARTS:
+        return 0.0
+    covered_m, driven_m = np.diff(kept["distance_m"]), np.abs(speed[:-1]) * steps_s(time_s)
+    moving = driven_m > 0.0
+    if not moving.any() or not np.isfinite(covered_m).all() or (covered_m < -RESET_M).any():
+        return 0.0
+    covered_m, driven_m = np.abs(covered_m[moving]), driven_m[moving]
+    part = np.minimum((np.cumsum(driven_m) / driven_m.sum() * _PARTS).astype(np.intp), _PARTS - 1)
+    by_part = np.bincount(part, driven_m) / np.maximum(np.bincount(part, covered_m), 1e-9) - 1.0
+    if not ((by_part > SAME_ODOMETER).all() or (by_part < -SAME_ODOMETER).all()):
+        return 0.0
+    return float(driven_m.sum() / covered_m.sum() - 1.0)
 
 
 def _direction(kept: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot) -> Array:

@@ -117,6 +117,7 @@ def hand_over(
     fold: NDArray[np.intp],
     trip: NDArray[np.intp],
     seed: int,
+    named: bool = False,
 ) -> Handover:
     """Choose the robot that is handed over.
 
@@ -133,6 +134,7 @@ def hand_over(
         fold: What is held out together, shape (windows,).
         trip: What counts as one trip, shape (windows,).
         seed: Seed of the bootstrap over trips.
+        named: Whether power shows an effect.
     """
     nominal, (plain, model) = arms.get("nominal"), models
     kept = Handover(
@@ -151,7 +153,7 @@ def hand_over(
             why = "replayed as written it predicts what was held out better than the refit"
             return _handed(robot, model, runs, after, Handed("corrected", why))
         told = f"with what is missing, as far as a robot file can say it, {worse}; "
-    elif verdict == "missing_physics":
+    elif named:
         told = "a robot file cannot say when what is missing is at work; "
     after = _held_out(robot, plain, runs, fold)
     worse = worse_than(nominal, after, runs, trip, seed)

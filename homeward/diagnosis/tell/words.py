@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from homeward.diagnosis.explain.battery import USABLE_ENERGY
 from homeward.diagnosis.explain.describe import condition, total_share
 from homeward.diagnosis.explain.places import WHOLE_RUN, Location
+from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, Handed, MissingPhysics, ParameterOff, Verdict
@@ -116,13 +116,7 @@ def _missing_physics(evidence: Evidence, fit: Fit, found: Sequence[MissingPhysic
     if "corrected" in fit.arms:
         before, after = fit.arms["refit"].rmse, fit.arms["corrected"].rmse
         proof = f" Held out, the error falls from {before:.3g} (refit) to {after:.3g} {fit.unit}."
-    if evidence.charge is not None and evidence.charge.fading is not None:
-        fading = evidence.charge.fading
-        proof += (
-            f" The state of charge falls faster from run to run than the energy drawn says: in the last run "
-            f"{fading.lost_share.value:.0%} of the usable energy is gone, which explains {fading.held_out_gain:.0%} of "
-            "the gauge's held-out squared error."
-        )
+    proof += "".join(f" {one.told}" for one in evidence.witnessed)
     proof += _remains(evidence, fit)
     return (
         f"{'What the simulator lacks' if len(told) == 1 else 'The simulator lacks'}: {'; '.join(told)}. {plain}{proof}"

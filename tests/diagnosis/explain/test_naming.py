@@ -158,16 +158,6 @@ def test_what_motion_tells_is_not_given_the_name_of_a_schedule(drive: Drive, hus
     assert diagnosis.where
 
 
-def test_computing_that_rests_with_the_robot_is_named(drive: Drive, husky: Robot) -> None:
-    runs = with_power(
-        drive(husky, runs=4),
-        lambda of: of["power_w"] + 25.0 * (of["sensing_hz"] > 0.0) * (np.abs(of["speed_mps"]) > 0.05),
-    )
-    diagnosis = diagnose(runs, husky)
-    assert diagnosis.missing_physics[0].effect == "compute"
-    assert diagnosis.missing_physics[0].parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
-
-
 def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(drive: Drive, husky: Robot) -> None:
     creeping: list[Recording] = []
     for run in drive(husky, runs=4):

@@ -13,12 +13,6 @@ from homeward.physics.effects.ageing import EFFECT
 IN_STEP_WITH_LOAD, IN_STEP_WITH_COLD = rate_capacity.EFFECT.id, cold_battery.EFFECT.id
 """What else makes a gauge fall faster, where the load rises or the air gets colder from run to run."""
 
-FULL_DISCHARGE = (
-    "Discharge the battery from full to empty at its usual load and at room temperature, and count the energy: "
-    "what is gone then is gone by age."
-)
-"""What tells it from them."""
-
 
 def _drawn(one: Hypothesis, setting: Setting) -> Array:
     return np.maximum(setting.predicted, 0.0)
@@ -35,5 +29,7 @@ HYPOTHESIS = Hypothesis(
     changes="between runs",
     load=_drawn,
     shown_by=(),
+    check="discharge the battery from full to empty at its usual load and at room temperature, and count the energy: "
+    "what is gone then is gone by age",
     on_drive=_on_drive,
 )

@@ -10,9 +10,9 @@ from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Settin
 from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array, usual_step_s
+from homeward.diagnosis.rules import SAME_ODOMETER
 from homeward.physics.effects import Parameter
 
-_SAME_ODOMETER = 0.03
 _FIX_S = 5.0
 
 INSTRUMENT = Instrument(
@@ -31,7 +31,7 @@ def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     if min(ratios) <= 0.0:
         return  # it moves without driving
     scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
-    scale[np.abs(scale) < _SAME_ODOMETER] = 0.0
+    scale[np.abs(scale) < SAME_ODOMETER] = 0.0
     if not scale.any() or (scale <= -1.0).any():
         return
     off = replace(setting.present, speed_factors=(1.0 / (1.0 + scale)).tolist())
