@@ -30,7 +30,6 @@ class Left:
     """What the named effects leave, where it still depends on a channel."""
 
     channel: str
-    held_out_gain: float  # share of what the named effects leave
     location: Location
     formula: Empirical | None  # that it follows, beside the named effects
 
@@ -89,16 +88,16 @@ def explain(
 
 
 def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
-    """Whether the mismatch depends on a channel most that tells of nothing named, which explains more beside it yet.
+    """Whether a channel that tells of nothing named explains more than what is named, and still does beside it.
 
     Which channel explains comes before which form: an effect that only takes up a part of what another channel does
     would hide it.
     """
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     told = {channel for term in named for channel in term.hypothesis.channels}
-    kept = float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
-    more = left.held_out_gain * kept > 1.0 - kept
-    return most.channel.name not in told and left.channel == most.channel.name and more
+    explained = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
+    untold = most.channel.name not in told and left.channel == most.channel.name
+    return untold and most.held_out_gain > explained
 
 
 def _without_what_motion_tells(
