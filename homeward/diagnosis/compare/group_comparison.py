@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
@@ -19,14 +19,15 @@ import numpy as np
 from scipy.stats import t as student
 
 from homeward.diagnosis.compare.standing import mean_interval
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.tell.formats import number
 
 SCHEMA = 1
 LEVEL = 0.05
 """Probability of at least one false name where no group differs."""
 
-_FEWEST_RUNS = 2  # of each group of a pair
+_MOST_SAID = 4  # differences that are spelled out
 _SMALLEST_SPREAD = 1e-6  # of the largest value: runs that agree better are rounded
 
 GroupVerdict = Literal["groups_differ", "no_difference", "not_testable"]
@@ -100,7 +101,7 @@ class Comparison:
 
     @property
     def groups(self) -> list[str]:
-        """Names of the groups in the order in which they were given."""
+        """Names of the groups as they were given."""
         return list(dict.fromkeys(run.group for run in self.runs))
 
     def to_json(self) -> str:
@@ -119,101 +120,98 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
         labels: Group of each run.
         values: Value of each quantity in each run, shape (runs,), NaN where a run does not show it.
     """
-    groups = list(dict.fromkeys(labels))
     levels: list[Level] = []
     pairs: list[Difference] = []
     for quantity, one in values.items():
-        known = {name: one[(np.array(labels) == name) & np.isfinite(one)] for name in groups}
-        levels += [_level(quantity, name, runs) for name, runs in known.items() if len(runs)]
-        several = {name: runs for name, runs in known.items() if len(runs) >= _FEWEST_RUNS}
-        freedom = {name: len(runs) - 1 for name, runs in several.items()}
-        largest = float(np.max(np.abs(one), initial=1e-9, where=np.isfinite(one)))
-        tiny = (_SMALLEST_SPREAD * largest) ** 2
-        own = {name: max(float(np.var(runs, ddof=1)), tiny) for name, runs in several.items()}
-        pooled = sum(own[name] * freedom[name] for name in several) / max(sum(freedom.values()), 1)
-        for second, first in combinations(several, 2):
-            pairs.append(_difference(quantity, first, second, several, own, freedom, pooled))
-    return levels, _holm(pairs)
+        known = {name: one[(np.array(labels) == name) & np.isfinite(one)] for name in dict.fromkeys(labels)}
+        for name, runs in known.items():
+            interval = mean_interval(runs.tolist()) if len(runs) > 1 else None
+            spread = float(np.std(runs, ddof=1)) if len(runs) > 1 else None
+            if len(runs):
+                mean = float(runs.mean())
+                levels.append(Level(quantity.name, quantity.unit, name, mean, interval, len(runs), spread))
+        pairs += _differences(quantity, known)
+    named, largest = [], 0.0
+    for rank, pair in enumerate(sorted(pairs, key=lambda one: one.p_value)):
+        largest = max(largest, min((len(pairs) - rank) * pair.p_value, 1.0))
+        foretold = pair.held_out_rmse < pair.held_out_rmse_without_groups
+        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= LEVEL and foretold))
+    return levels, named
 
 
-def _level(quantity: Quantity, group: str, runs: Array) -> Level:
-    several = len(runs) > 1
-    interval, spread = (mean_interval(runs.tolist()), float(np.std(runs, ddof=1))) if several else (None, None)
-    return Level(quantity.name, quantity.unit, group, float(runs.mean()), interval, len(runs), spread)
-
-
-def _difference(
-    quantity: Quantity, first: str, second: str, runs: Mapping[str, Array], own: Mapping[str, float],
-    freedom: Mapping[str, int], pooled: float,
-) -> Difference:  # fmt: skip
+def _differences(quantity: Quantity, known: Mapping[str, Array]) -> Iterator[Difference]:
+    """Each pair of groups by Welch's test, with Holm's correction still to come."""
+    largest = max(float(np.max(np.abs(np.concatenate(list(known.values()))), initial=0.0)), 1e-9)
+    several = {name: runs for name, runs in known.items() if len(runs) > 1}
+    freedom = {name: len(runs) - 1 for name, runs in several.items()}
     every = sum(freedom.values())
-    shares, squares = [], 0.0
-    for name in (first, second):
-        wide = own[name] > pooled
-        shares.append((own[name] if wide else pooled) / len(runs[name]))
-        squares += shares[-1] ** 2 / (freedom[name] if wide else every)
-    error = float(np.sqrt(sum(shares)))
-    degrees = min(sum(shares) ** 2 / squares, every)  # Satterthwaite (Biometrics Bulletin 2, 1946)
-    value = float(runs[first].mean() - runs[second].mean())
-    half = float(student.ppf(0.975, degrees)) * error
-    p_value = float(2.0 * student.sf(abs(value) / error, degrees))
-    left_out = _held_out(runs[first], runs[second])
-    return Difference(
-        quantity.name, quantity.unit, first, second, value, (value - half, value + half), p_value, p_value, *left_out,
-        named=False,
+    own = {name: max(float(np.var(runs, ddof=1)), (_SMALLEST_SPREAD * largest) ** 2) for name, runs in several.items()}
+    pooled = sum(own[name] * freedom[name] for name in several) / max(every, 1)
+    for second, first in combinations(several, 2):
+        shares, squares = [], 0.0
+        for name in (first, second):
+            wide = own[name] > pooled
+            shares.append((own[name] if wide else pooled) / len(several[name]))
+            squares += shares[-1] ** 2 / (freedom[name] if wide else every)
+        error = float(np.sqrt(sum(shares)))
+        degrees = min(sum(shares) ** 2 / squares, every)  # Satterthwaite (Biometrics Bulletin 2, 1946)
+        value = float(several[first].mean() - several[second].mean())
+        half = float(student.ppf(0.975, degrees)) * error
+        p_value = float(2.0 * student.sf(abs(value) / error, degrees))
+        runs = several[first], several[second]
+        yield Difference(
+            quantity.name, quantity.unit, first, second, value, (value - half, value + half), p_value, p_value,
+            _left_out_rmse(*runs), _left_out_rmse(np.concatenate(runs)), named=False,
+        )  # fmt: skip
+
+
+def _left_out_rmse(*groups: Array) -> float:
+    """Error (RMS) of runs predicted by the mean of the other runs of their group."""
+    errors = [(runs.mean() - runs) * len(runs) / (len(runs) - 1) for runs in groups]
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def comparison_of(
+    kind: Literal["standing", "driving"], recordings: Sequence[Recording], labels: Sequence[str],
+    values: Mapping[Quantity, Array], levels: Sequence[Level], differences: Sequence[Difference],
+    remarks: Sequence[str],
+) -> Comparison:  # fmt: skip
+    """The comparison of these recordings, with its verdict and summary; of one group the level alone."""
+    runs = tuple(
+        RunValues(one.name, one.sha256, label, {
+            quantity.name: float(of[i]) if np.isfinite(of[i]) else None for quantity, of in values.items()
+        })
+        for i, (one, label) in enumerate(zip(recordings, labels, strict=True))
     )  # fmt: skip
+    notes = [f"{one.name}: {note}" for one in recordings for note in one.notes]
+    groups = list(dict.fromkeys(labels))
+    verdict, summary = _conclusion(differences, groups)
+    if len(groups) == 1:
+        one = levels[0]
+        ends = "" if one.ci95 is None else f" (95 %: {number(one.ci95[0], 4)} to {number(one.ci95[1], 4)})"
+        how = f"the mean of {one.runs} runs" if one.runs > 1 else "one run alone"
+        summary = f"{one.quantity} is {number(one.value, 4)} {one.unit}{ends}, {how}."
+    return Comparison(kind, verdict, summary, runs, tuple(levels), tuple(differences), (*remarks, *notes))
 
 
-def _held_out(first: Array, second: Array) -> tuple[float, float]:
-    """Errors (RMS) of runs predicted by the mean of the other runs of their group, and of both groups."""
-    both = np.concatenate([first, second])
-    of_group = np.concatenate([(one.mean() - one) * len(one) / (len(one) - 1) for one in (first, second)])
-    of_both = (both.mean() - both) * len(both) / (len(both) - 1)
-    return float(np.sqrt(np.mean(of_group**2))), float(np.sqrt(np.mean(of_both**2)))
-
-
-def _holm(pairs: Sequence[Difference]) -> list[Difference]:
-    ordered = sorted(pairs, key=lambda one: one.p_value)
-    adjusted, largest = [], 0.0
-    for rank, one in enumerate(ordered):
-        largest = max(largest, min((len(ordered) - rank) * one.p_value, 1.0))
-        foretold = one.held_out_rmse < one.held_out_rmse_without_groups
-        adjusted.append(dataclasses.replace(one, p_holm=largest, named=largest <= LEVEL and foretold))
-    return adjusted
-
-
-def verdict_of(differences: Sequence[Difference]) -> GroupVerdict:
-    """Verdict by the differences of all pairs that can be tested."""
+def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tuple[GroupVerdict, str]:
+    """Verdict by the differences of all pairs that can be tested, and one or two sentences on it, the surest first."""
     if not differences:
-        return "not_testable"
-    return "groups_differ" if any(one.named for one in differences) else "no_difference"
-
-
-def summary_of(differences: Sequence[Difference], groups: Sequence[str], most: int = 4) -> str:
-    """One or two sentences on what differs, the surest first.
-
-    Args:
-        differences: As `compare` gives them.
-        groups: Names of all groups.
-        most: Differences that are spelled out.
-    """
-    verdict = verdict_of(differences)
-    if verdict == "not_testable":
-        return (
+        return "not_testable", (
             "Nothing can be said of differences: no two groups have at least two runs each, so how much runs of one "
             "group differ is not known."
         )
     tested = f"{len(differences)} compared"
-    if verdict == "no_difference":
-        between = ", ".join(groups)
-        return f"No difference between {between} stands out from the spread between runs ({tested}, Holm, 5 % in all)."
-    named = [one for one in differences if one.named]
-    said = "; ".join(said_of(one) for one in named[:most])
-    more = f"; and {len(named) - most} more" if len(named) > most else ""
-    return f"{said}{more}. {len(named)} of {tested} can be named (Holm, 5 % in all)."
+    named = [_said(one) for one in differences if one.named]
+    if not named:
+        between = f"No difference between {', '.join(groups)} stands out from the spread between runs"
+        return "no_difference", f"{between} ({tested}, Holm, 5 % in all)."
+    more = f"; and {len(named) - _MOST_SAID} more" if len(named) > _MOST_SAID else ""
+    said = f"{'; '.join(named[:_MOST_SAID])}{more}"
+    return "groups_differ", f"{said}. {len(named)} of {tested} can be named (Holm, 5 % in all)."
 
 
-def said_of(one: Difference) -> str:
+def _said(one: Difference) -> str:
     """A difference in words, the higher group first."""
     high, low = (one.group, one.minus) if one.value > 0.0 else (one.minus, one.group)
     ends = sorted(abs(end) for end in one.ci95)

@@ -19,12 +19,6 @@ from homeward.diagnosis.tell.report import check_writable
 from homeward.diagnosis.tell.terminal import plain, say
 from homeward.files import write_whole
 
-_VERDICT_WORDS = {
-    "groups_differ": "Groups differ",
-    "no_difference": "No difference",
-    "not_testable": "Not testable",
-}
-
 
 def write_groups(comparison: Comparison, folder: Path) -> list[Path]:
     """Write groups.json and groups.html, each whole or not at all.
@@ -40,12 +34,7 @@ def write_groups(comparison: Comparison, folder: Path) -> list[Path]:
 
 
 def show_groups(comparison: Comparison, console: Console) -> None:
-    """Print the verdict, each group's level, each pair's difference and what to mind.
-
-    Args:
-        comparison: What was found.
-        console: Where to; lines wrap at its width.
-    """
+    """Print the verdict, each group's level, each pair's difference and what to mind; lines wrap at the width."""
     if len(comparison.groups) > 1:
         console.print(comparison.verdict, style="bold", highlight=False)
     say(console, comparison.summary)
@@ -92,7 +81,7 @@ def _page(comparison: Comparison) -> str:
     quantities = dict.fromkeys((one.quantity, one.unit) for one in comparison.levels)
     figures = [(*one, _figure(comparison, one[0], f"group-{i}")) for i, one in enumerate(quantities)]
     page = environment.get_template("groups.html").render(
-        comparison=comparison, verdict=_VERDICT_WORDS[comparison.verdict], figures=figures,
+        comparison=comparison, verdict=comparison.verdict.replace("_", " ").capitalize(), figures=figures,
         plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
     )  # fmt: skip
     return page.encode("utf-8", "replace").decode("utf-8")

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from homeward.diagnosis.compare.group_comparison import (
-    Comparison,
-    Difference,
-    Level,
-    Quantity,
-    RunValues,
-    compare,
-    summary_of,
-    verdict_of,
-)
+from homeward.diagnosis.compare.group_comparison import Comparison, Difference, Quantity, compare, comparison_of
 from homeward.diagnosis.compare.standing import StandingRun, mean_interval, standing_run
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.fit.refit import Estimate, estimates, standard_errors
+from homeward.diagnosis.fit.refit import estimates, standard_errors
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.recordings import Recording, RecordingError
-from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.tell.formats import number
 from homeward.diagnosis.tell.words import why_open
 
@@ -32,11 +23,7 @@ _AT_REST = {"W": Quantity("P_anc, idle part", "W"), "A": Quantity("current at re
 
 
 def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> Comparison:
-    """Compare what a robot draws that stands, group by group; of one group it gives the level alone.
-
-    Args:
-        recordings: Runs in which the robot stands.
-        labels: Group of each.
+    """Compare what a robot draws that stands, by the groups of its runs; of one group it gives the level alone.
 
     Raises:
         RecordingError: A run is too short, or some hold power and others motor current only.
@@ -50,37 +37,34 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
     quantity = Quantity("mean power" if unit == "W" else "mean current", unit) if unsteady else _AT_REST[unit]
     levels, differences = compare(labels, {quantity: means})
     alone = {label: run.ci95 for label, run in zip(labels, runs, strict=True)}
-    levels = [_with_interval(level, alone[level.group]) if level.runs == 1 else level for level in levels]
-    remarks = [*_of_levels(levels), *_of_runs(runs, labels), *_confounded(recordings, runs, labels, differences)]
-    return _comparison("standing", recordings, labels, {quantity: means}, levels, differences, remarks)
+    levels = [replace(one, ci95=alone[one.group]) if one.runs == 1 else one for one in levels]
+    remarks = [*_of_runs(runs, labels), *_confounded(recordings, runs, labels, differences)]
+    if single := ", ".join(one.group for one in levels if one.runs == 1):
+        remarks.insert(0, f"{single}: one run, so the interval is of this run alone; how much runs differ is not known")
+    return comparison_of("standing", recordings, labels, {quantity: means}, levels, differences, remarks)
 
 
 def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels: Sequence[str]) -> Comparison:
-    """Compare parameters and the effects that were named, group by group.
+    """Compare parameters and the effects that were named, by the groups of the recordings.
 
     The diagnosis is of all runs together. Each run is then fitted by itself around it, without bounds, so that groups
     that are only driven otherwise share the model and its runs scatter about the same values.
-
-    Args:
-        analysis: The diagnosis of all runs.
-        recordings: The runs.
-        labels: Group of each.
     """
     evidence = analysis.evidence
     remarks = [f"{one.recording}: set aside, {one.text}" for one in analysis.findings if one.refused]
     if evidence is None:
-        return _comparison("driving", recordings, labels, {}, [], [], remarks)
+        return comparison_of("driving", recordings, labels, {}, [], [], remarks)
     used = {name: index for index, name in enumerate(evidence.runs.names)}
     where = np.array([used.get(one.name, -1) for one in recordings])
-    values = {
-        quantity: np.where(where >= 0, one[where], np.nan) for quantity, one in values_of_runs(evidence).items()
-    }  # fmt: skip
+    values = {name: np.where(where >= 0, one[where], np.nan) for name, one in values_of_runs(evidence).items()}
     levels, differences = compare(labels, values)
     told = estimates(evidence.fitted, evidence.runs, evidence.block)
-    remarks += [_left_out(one) for one in told if one.status in _OPEN]
+    for one in (one for one in told if one.status in _OPEN):
+        others = f"; a difference in {', '.join(one.mixed_with)} may be in it" if one.mixed_with else ""
+        remarks.append(f"{one.group.symbol}: not compared, {why_open(one)}{others}")
     if analysis.diagnosis.verdict == "unknown_physics" or evidence.remains is not None:
         remarks.append("something is left that no known effect explains: it may pass for a difference between groups")
-    return _comparison("driving", recordings, labels, values, levels, differences, remarks)
+    return comparison_of("driving", recordings, labels, values, levels, differences, remarks)
 
 
 def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
@@ -88,9 +72,6 @@ def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
 
     Parameters are in their own units, effects relative to their size in all runs together. Each array has shape
     (runs,), NaN where the run cannot tell.
-
-    Args:
-        evidence: Of the diagnosis of all runs.
     """
     runs, fit, effects = evidence.runs, evidence.fitted, _steady_effects(evidence)
     told = estimates(fit, runs, evidence.block)
@@ -122,7 +103,7 @@ def _steady_effects(evidence: Evidence) -> dict[str, Array]:
     return found
 
 
-def _steps(columns: Array, left: Array, block: NDArray[np.intp], sizes: Array) -> Array:
+def _steps(columns: Array, left: Array, block: Index, sizes: Array) -> Array:
     """Least-squares step of each column in one run, NaN where it is the others' or too uncertain, shape (columns,)."""
     steps = np.full(columns.shape[1], np.nan)
     total = np.einsum("ij,ij->j", columns, columns)
@@ -137,48 +118,6 @@ def _steps(columns: Array, left: Array, block: NDArray[np.intp], sizes: Array) -
     clear = (own > _OWN) & (errors < _TOO_UNCERTAIN * sizes[moving])
     steps[moving[clear]] = found[clear]
     return steps
-
-
-def _comparison(
-    kind: str, recordings: Sequence[Recording], labels: Sequence[str], values: Mapping[Quantity, Array],
-    levels: Sequence[Level], differences: Sequence[Difference], remarks: Sequence[str],
-) -> Comparison:  # fmt: skip
-    runs = tuple(
-        RunValues(one.name, one.sha256, label, {
-            quantity.name: float(of[i]) if np.isfinite(of[i]) else None for quantity, of in values.items()
-        })
-        for i, (one, label) in enumerate(zip(recordings, labels, strict=True))
-    )  # fmt: skip
-    notes = [f"{one.name}: {note}" for one in recordings for note in one.notes]
-    groups = list(dict.fromkeys(labels))
-    summary = summary_of(differences, groups) if len(groups) > 1 else _of_one(levels)
-    return Comparison(
-        "standing" if kind == "standing" else "driving", verdict_of(differences), summary, runs, tuple(levels),
-        tuple(differences), (*remarks, *notes),
-    )  # fmt: skip
-
-
-def _left_out(one: Estimate) -> str:
-    others = f"; a difference in {', '.join(one.mixed_with)} may be in it" if one.mixed_with else ""
-    return f"{one.group.symbol}: not compared, {why_open(one)}{others}"
-
-
-def _with_interval(level: Level, ci95: tuple[float, float]) -> Level:
-    return Level(level.quantity, level.unit, level.group, level.value, ci95, 1, None)
-
-
-def _of_one(levels: Sequence[Level]) -> str:
-    one = levels[0]
-    ends = "" if one.ci95 is None else f" (95 %: {number(one.ci95[0], 4)} to {number(one.ci95[1], 4)})"
-    how = f"the mean of {one.runs} runs" if one.runs > 1 else "one run alone"
-    return f"{one.quantity} is {number(one.value, 4)} {one.unit}{ends}, {how}."
-
-
-def _of_levels(levels: Sequence[Level]) -> list[str]:
-    single = [one.group for one in levels if one.runs == 1]
-    if not single:
-        return []
-    return [f"{', '.join(single)}: one run, so the interval is of this run alone; how much runs differ is not known"]
 
 
 def _of_runs(runs: Sequence[StandingRun], labels: Sequence[str]) -> list[str]:
@@ -206,21 +145,19 @@ def _confounded(
 ) -> list[str]:
     """What else differs between the groups of named differences: battery voltage, and when they were recorded."""
     named = {frozenset((one.group, one.minus)) for one in found if one.named}
+    if not named:
+        return []
     remarks = []
-    voltages = np.array([np.nan if run.voltage_v is None else run.voltage_v for run in runs])
-    _, of_voltage = compare(labels, {Quantity("voltage", "V"): voltages})
+    _, of_voltage = compare(labels, {Quantity("voltage", "V"): np.array([run.voltage_v for run in runs])})
     shared = [one for one in of_voltage if one.named and frozenset((one.group, one.minus)) in named]
     if shared:
         pairs = ", ".join(f"{one.group} and {one.minus} ({number(abs(one.value))} V)" for one in shared)
         remarks.append(f"the battery voltage differs too between {pairs}")
     starts = np.array([one.channels["time_s"][0] for one in recordings])
-    if not named:
-        return remarks
+    in_time = np.array(labels)[np.argsort(starts)]
     if np.ptp(starts) == 0.0:
         remarks.append("the recordings do not say in which order the runs were made: a trend over them cannot be seen")
-    elif sum(np.array(labels)[np.argsort(starts)][1:] != np.array(labels)[np.argsort(starts)][:-1]) + 1 == len(
-        {*labels}
-    ):
+    elif np.count_nonzero(in_time[1:] != in_time[:-1]) + 1 == len({*labels}):
         remarks.append(
             "each group was recorded in one stretch: what changed between the stretches cannot be told from the group; "
             "interleave the runs"

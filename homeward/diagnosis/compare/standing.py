@@ -12,7 +12,7 @@ from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.read.channels import MOTION
 from homeward.diagnosis.read.columns import RecordingError
 from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.read.signals import WINDOW_S, Array, Unit, observed_of, usual_step_s, windows
+from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, usual_step_s, windows
 
 _STANDS_MPS = 0.01
 _STANDS_RADPS = 0.02
@@ -26,13 +26,12 @@ _STEADY = 0.2  # standard deviation of window means over their mean; a standing 
 class StandingRun:
     """What one run of a standing robot draws."""
 
-    name: str
     unit: Unit
     mean: float  # W, or A where only motor current was recorded
     ci95: tuple[float, float]  # of this run alone: how other runs differ is not in it
     change: float  # mean of the last third minus that of the first
     variation: float  # standard deviation of window means over their mean
-    voltage_v: float | None
+    voltage_v: float  # NaN where it was not recorded
 
     @property
     def unsteady(self) -> bool:
@@ -41,11 +40,7 @@ class StandingRun:
 
 
 def stands(recording: Recording) -> bool:
-    """Whether the recorded motion is zero throughout; a robot whose motion was not recorded is not said to stand.
-
-    Args:
-        recording: The recording.
-    """
+    """Whether the recorded motion is zero throughout; a robot whose motion was not recorded is not said to stand."""
     motion = [name for names in MOTION for name in names if name in recording.channels]
     speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
     turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
@@ -59,9 +54,6 @@ def standing_run(recording: Recording) -> StandingRun:
 
     The interval is Student's over the means of batches of eight autocorrelation times, two to ten of them (batch
     means; Schmeiser, Operations Research 30, 1982).
-
-    Args:
-        recording: A run in which the robot stands.
 
     Raises:
         RecordingError: Power or current is missing, constant or too short to average.
@@ -78,27 +70,18 @@ def standing_run(recording: Recording) -> StandingRun:
         )
     mean, third = float(observed.mean()), len(observed) // 3
     change = float(observed[-third:].mean() - observed[:third].mean())
-    voltage = recording.channels.get("voltage_v")
-    return StandingRun(
-        recording.name, unit, mean, _of_batches(values, mean), change,
-        float(values.std() / max(abs(mean), 1e-12)), None if voltage is None else float(np.nanmean(voltage)),
-    )  # fmt: skip
-
-
-def _of_batches(values: Array, mean: float) -> tuple[float, float]:
     memory = correlation_windows(values, np.zeros(len(values), dtype=np.intp))
     count = int(np.clip(len(values) // np.ceil(_BATCH_TIMES * memory), 2, _MOST_BATCHES))
-    return mean_interval([float(batch.mean()) for batch in np.array_split(values, count)], mean)
+    ci95 = mean_interval([float(batch.mean()) for batch in np.array_split(values, count)], mean)
+    voltage_v = float(np.nanmean(recording.channels["voltage_v"])) if "voltage_v" in recording.channels else np.nan
+    return StandingRun(unit, mean, ci95, change, float(values.std() / max(abs(mean), 1e-12)), voltage_v)
 
 
 def mean_interval(values: Sequence[float], mean: float | None = None) -> tuple[float, float]:
     """Student's 95 % interval of a mean of independent values: of runs, so that their spread counts (random effects).
 
     With one value per run the spread of the values holds both the error within runs and the differences between them.
-
-    Args:
-        values: At least two.
-        mean: Centre of the interval, the mean of the values if left out.
+    There are at least two; the interval is about their mean or the one that is given.
 
     >>> low, high = mean_interval([9.78, 9.77, 9.81])
     >>> round(low, 2), round(high, 2)

@@ -133,6 +133,4 @@ def _left(corrected: Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -
     most = dependences(corrected, runs, blocks, fold, seed)[0]
     if not most.found or most.channel.name == "time_s":
         return None
-    return Left(
-        most.channel.name, most.held_out_gain, locate(most, runs), propose(corrected, runs, blocks.channels, fold, seed)
-    )
+    return Left(most.channel.name, locate(most, runs), propose(corrected, runs, blocks.channels, fold, seed))

@@ -18,23 +18,17 @@ _OWN = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "time_s": SMO
 
 
 def doubted(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
-    """Sum over windows of the expected squared error of a prediction by errors that may look like a channel's doing.
+    """Sum over windows of the expected squared error of a prediction by errors that may look like `channel`'s doing.
 
     The error of a smoothed channel goes with the channel itself, as no smoother knows how its values are distributed.
     It lasts as long as the channel is smoothed over, and comes back where the same ground is driven again; and where
     the place tells a slope better than its own noisy channel does, a hidden one would stand for the slope itself.
-
-    Args:
-        fit: The model.
-        runs: The runs.
-        channel: On which the residual seems to depend.
     """
     total = 0.0
     for name in _OWN.get(channel, (channel,)):
-        if name not in SMOOTHED or not any(name in run.error for run in runs.signals):
-            continue
-        sides = [fit.parameters.predict(_moved(runs, name, sign), fit.theta) for sign in (1.0, -1.0)]
-        total += float(np.sum((sides[0] - sides[1]) ** 2)) / 4.0
+        if name in SMOOTHED and any(name in run.error for run in runs.signals):
+            sides = [fit.parameters.predict(_moved(runs, name, sign), fit.theta) for sign in (1.0, -1.0)]
+            total += float(np.sum((sides[0] - sides[1]) ** 2)) / 4.0
     return total
 
 

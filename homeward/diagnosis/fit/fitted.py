@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.fit.parameter_groups import Parameters
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Mask
 from homeward.physics import Robot
 
 if TYPE_CHECKING:
@@ -21,53 +20,40 @@ class Fitted(Protocol):
     """The refit, or the corrected model: what it predicts, how that depends on its numbers, its fit to a part."""
 
     @property
-    def parameters(self) -> Parameters:
-        """The groups and their bounds."""
-
+    def parameters(self) -> Parameters: ...  # the groups and their bounds
     @property
-    def groups(self) -> Refit:
-        """The fit of the groups, alone or together with effects."""
-
+    def groups(self) -> Refit: ...  # the fit of the groups, alone or together with effects
     @property
-    def beside(self) -> Array:
-        """Derivative of the prediction by the sizes of effects, shape (windows, sizes)."""
-
+    def beside(self) -> Array: ...  # (windows, sizes), derivative of the prediction by the sizes of effects
     @property
-    def theta(self) -> Array:
-        """Values of the parameters, shape (5,)."""
-
+    def theta(self) -> Array: ...  # (5,), values of the parameters
     @property
-    def robot(self) -> Robot:
-        """The robot with these parameters, without effects."""
-
+    def robot(self) -> Robot: ...  # with these parameters, without effects
     @property
-    def predicted(self) -> Array:
-        """Prediction for the windows it was fitted to, shape (windows,)."""
-
+    def predicted(self) -> Array: ...  # (windows,), for the windows it was fitted to
     @property
-    def jacobian(self) -> Array:
-        """Derivative of the prediction by its numbers, shape (windows, columns)."""
+    def jacobian(self) -> Array: ...  # (windows, columns), derivative of the prediction by its numbers
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest physical step of each column of the Jacobian, each of shape (columns,)."""
 
-    def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
+    def on(self, chosen: Mask, observed: Array) -> Array:
         """Prediction for all windows by a fit to the chosen ones only, shape (windows,)."""
 
 
-def excited(fit: Fitted, runs: Runs, share: float | Array = 1e-6) -> NDArray[np.bool_]:
+def excited(fit: Fitted, runs: Runs, share: float | Array = 1e-6) -> Mask:
     """Whether a plausible change of each number moves the prediction by this share, shape (columns,)."""
     norms = np.linalg.norm(fit.jacobian, axis=0)
-    moving: NDArray[np.bool_] = norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12)
+    moving: Mask = norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12)
     return moving
 
 
-def with_columns(fit: Fitted, chosen: NDArray[np.bool_], observed: Array, beside: Array) -> Array:
-    """As its fit to the chosen windows, with further columns of any size and sign beside it.
+def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> Array:
+    """Prediction, shape (windows,), by a fit of a model to the chosen windows, with columns of any size beside it.
 
     Args:
         fit: The model.
-        chosen: Windows to fit to.
+        chosen: Windows to fit to, shape (windows,).
         observed: What was recorded, shape (windows,).
         beside: The columns, shape (windows, any number).
     """
@@ -75,11 +61,6 @@ def with_columns(fit: Fitted, chosen: NDArray[np.bool_], observed: Array, beside
     low, high = fit.freedom()
     free = np.full(beside.shape[1], np.inf)
     part = columns[chosen]
-    weights = bounded(
-        part.T @ part,
-        part.T @ (observed - fit.predicted)[chosen],
-        np.concatenate([low, -free]),
-        np.concatenate([high, free]),
-    )
-    predicted: Array = fit.predicted + columns @ weights
-    return predicted
+    bounds = np.concatenate([low, -free]), np.concatenate([high, free])
+    weights = bounded(part.T @ part, part.T @ (observed - fit.predicted)[chosen], *bounds)
+    return np.asarray(fit.predicted + columns @ weights)

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.rules import FEWEST_BLOCKS
 
 _SHORTEST = 10  # windows
@@ -24,7 +23,7 @@ _BLOCK_FOLDS = 5
 _FEWEST_RUNS = 3
 
 
-def correlation_windows(residual: Array, run: NDArray[np.intp]) -> float:
+def correlation_windows(residual: Array, run: Index) -> float:
     """Integrated autocorrelation time of residuals, in windows, summed to the first lag without correlation.
 
     >>> rng = np.random.default_rng(0)
@@ -52,7 +51,7 @@ class Noise:
     long_run: float  # sqrt of the variance of a sum of n windows over n
 
 
-def noise_of(residual: Array, run: NDArray[np.intp], lags: Sequence[int] = (1, 2, 4, 8, 16)) -> Noise:
+def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)) -> Noise:
     """Noise of residuals from their increments, so that changes of level do not count as noise where they are few.
 
     The increments over k and 2 k windows of an autoregressive process have a ratio of variances of 1 + phi^k. Medians
@@ -77,14 +76,14 @@ def noise_of(residual: Array, run: NDArray[np.intp], lags: Sequence[int] = (1, 2
     return best
 
 
-def _spread(values: Array, run: NDArray[np.intp], lag: int) -> float:
+def _spread(values: Array, run: Index, lag: int) -> float:
     """Standard deviation of increments over a lag within runs, from their median size."""
     same = run[lag:] == run[:-lag]
     steps = np.abs(values[lag:] - values[:-lag])[same]
     return 1.4826 * float(np.median(steps)) if len(steps) else 0.0
 
 
-def cut_blocks(run: NDArray[np.intp], residual: Array | None = None) -> NDArray[np.intp]:
+def cut_blocks(run: Index, residual: Array | None = None) -> Index:
     """Block number of each window, shape (windows,): within one run, and long enough to outlast the residual's memory.
 
     Blocks are shortened where fewer than `FEWEST_BLOCKS` would remain.
@@ -102,13 +101,13 @@ def cut_blocks(run: NDArray[np.intp], residual: Array | None = None) -> NDArray[
     return block
 
 
-def cut_stretches(run: NDArray[np.intp]) -> NDArray[np.intp]:
+def cut_stretches(run: Index) -> Index:
     """Number within its run of the stretch of a few windows that each window lies in, shape (windows,)."""
     first = np.searchsorted(run, run)
     return (np.arange(len(run)) - first) // _STRETCH
 
 
-def cut_folds(runs: Runs, block: NDArray[np.intp]) -> tuple[NDArray[np.intp], Literal["run", "block"]]:
+def cut_folds(runs: Runs, block: Index) -> tuple[Index, Literal["run", "block"]]:
     """Fold of each window, shape (windows,): whole runs held out, or long stretches of fewer than three."""
     count = len(runs.signals)
     if count >= _FEWEST_RUNS:

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index, Mask
 
 _DRAWS = 2000
 _FEWEST_FOR_TREES = 60  # twice the smallest leaf: a split
@@ -41,13 +40,8 @@ class Gain:
     ci95: tuple[float, float]
 
 
-def held_out(predict: Callable[[NDArray[np.bool_]], Array], fold: NDArray[np.intp]) -> Array:
-    """Prediction of each window by a fit to the other folds, shape (windows,).
-
-    Args:
-        predict: Fits to the chosen windows and predicts all.
-        fold: Fold of each window.
-    """
+def held_out(predict: Callable[[Mask], Array], fold: Index) -> Array:
+    """Prediction of each window, shape (windows,), by `predict`, which fits to chosen windows: those of other folds."""
     predicted = np.empty(len(fold))
     for one in np.unique(fold):
         test = fold == one
@@ -56,19 +50,15 @@ def held_out(predict: Callable[[NDArray[np.bool_]], Array], fold: NDArray[np.int
 
 
 def black_box(
-    runs: Runs,
-    nominal: Array,
-    chosen: NDArray[np.bool_],
-    rng: np.random.Generator,
-    channels: Collection[str] | None = None,
+    runs: Runs, nominal: Array, chosen: Mask, rng: np.random.Generator, channels: Collection[str] | None = None
 ) -> Array:
     """Prediction for all windows by boosted trees on the same channels: how much there is to gain from them.
 
     Args:
         runs: The runs.
         nominal: What the refit predicts, one more feature, shape (windows,).
-        chosen: Windows to fit to.
-        rng: Source of the seed and of the windows that are taken where there are very many.
+        chosen: Windows to fit to, or to draw from where there are very many.
+        rng: Of the trees and of that draw.
         channels: Those that may be used; all by default.
     """
     used = [values for name, values in runs.context.items() if channels is None or name in channels]
@@ -79,43 +69,43 @@ def black_box(
     if len(rows) > _MOST_FOR_TREES:
         rows = np.sort(rng.choice(rows, _MOST_FOR_TREES, replace=False))
     trees = HistGradientBoostingRegressor(
-        max_iter=150,
-        max_leaf_nodes=15,
-        min_samples_leaf=30,
-        early_stopping=False,
+        max_iter=150, max_leaf_nodes=15, min_samples_leaf=30, early_stopping=False,
         random_state=int(rng.integers(2**31)),
-    )
+    )  # fmt: skip
     with threadpool_limits(1):  # its threads wait for each other busily, which a loaded machine makes very slow
         trees.fit(features[rows], (runs.observed - nominal)[rows])
         predicted: Array = nominal + trees.predict(features)
     return predicted
 
 
-def gain(observed: Array, before: Array, after: Array, block: NDArray[np.intp], seed: int) -> Gain:
+def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) -> Gain:
     """Share of the squared held-out error that a prediction takes from another, its interval by bootstrap over blocks.
 
     Args:
         observed: What was recorded, shape (windows,).
-        before: Predicted of what was held out by the plainer model.
-        after: By the other.
+        before, after: Predicted of what was held out, by the plainer model and by the other.
         block: Stretches that count as independent.
-        seed: Seed of the bootstrap.
+        seed: Of the bootstrap.
     """
-    sums = np.stack([np.bincount(block, (observed - one) ** 2) for one in (before, after)])
-    drawn = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
-    without, with_it = sums[:, drawn].sum(axis=2)
-    low, high = np.quantile(1.0 - with_it / np.maximum(without, 1e-300), [0.025, 0.975])
-    return Gain(1.0 - float(sums[1].sum() / max(sums[0].sum(), 1e-300)), (float(low), float(high)))
+    sums: Array = np.stack([np.bincount(block, (observed - one) ** 2) for one in (before, after)]).astype(np.float64)
+    interval = _interval(sums, seed, lambda drawn: 1.0 - drawn[1] / np.maximum(drawn[0], 1e-300))
+    return Gain(1.0 - float(sums[1].sum() / max(sums[0].sum(), 1e-300)), interval)
 
 
-def range_accuracy_pct(predicted: Array, runs: Runs, fold: NDArray[np.intp]) -> float | None:
+def _interval(sums: Array, seed: int, of: Callable[[Array], Array]) -> tuple[float, float]:
+    """95 % interval of what is made of sums over blocks, shape (sums, blocks), by bootstrap over the blocks."""
+    chosen = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
+    low, high = np.quantile(of(sums[:, chosen].sum(axis=2)), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def range_accuracy_pct(predicted: Array, runs: Runs, fold: Index) -> float | None:
     """Accuracy of the range that a model would have estimated for each held-out trip, in per cent, their mean.
 
     A model that predicts the energy of a trip 25 % too high estimates a range 20 % too short: 80 % accurate, as the
     paper counts its 66 to 91 %.
     """
-    recorded_j = np.bincount(fold, runs.observed * runs.duration_s)
-    predicted_j = np.bincount(fold, predicted * runs.duration_s)
+    recorded_j, predicted_j = (np.bincount(fold, power * runs.duration_s) for power in (runs.observed, predicted))
     counted = (recorded_j > 0.0) & (predicted_j > 0.0)
     if runs.unit == "A" or not counted.any():
         return None
@@ -124,12 +114,7 @@ def range_accuracy_pct(predicted: Array, runs: Runs, fold: NDArray[np.intp]) -> 
 
 
 def score(
-    predicted: Array,
-    runs: Runs,
-    block: NDArray[np.intp],
-    fold: NDArray[np.intp],
-    held_out_by: Literal["run", "block"],
-    seed: int = 0,
+    predicted: Array, runs: Runs, block: Index, fold: Index, held_out_by: Literal["run", "block"], seed: int = 0
 ) -> Arm:
     """Errors of a prediction; intervals by bootstrap over blocks."""
     error = predicted - runs.observed
@@ -137,30 +122,19 @@ def score(
     spread = runs.observed - runs.observed.mean()
     variance = float(spread @ spread)
     trip = runs.run if held_out_by == "run" else fold
+    drawn_j, missed_j = (np.bincount(trip, power * runs.duration_s) for power in (runs.observed, error))
+    counted = drawn_j > 0.0
+    of_trips = runs.unit == "W" and counted.any()
+    sums = np.stack([np.bincount(block, squared), np.bincount(block).astype(np.float64)])
     return Arm(
         float(np.sqrt(squared.mean())),
         1.0 - float(squared.sum()) / variance if variance > 0.0 else None,
-        _trip_energy_error_pct(error, runs, trip) if runs.unit == "W" else None,
-        _rmse_interval(squared, block, seed),
+        float(100.0 * np.mean(np.abs(missed_j[counted]) / drawn_j[counted])) if of_trips else None,
+        _interval(sums, seed, lambda drawn: np.sqrt(drawn[0] / drawn[1])),
     )
 
 
-def _trip_energy_error_pct(error_w: Array, runs: Runs, trip: NDArray[np.intp]) -> float | None:
-    drawn_j = np.bincount(trip, runs.observed * runs.duration_s)
-    missed_j = np.bincount(trip, error_w * runs.duration_s)
-    counted = drawn_j > 0.0
-    return float(100.0 * np.mean(np.abs(missed_j[counted]) / drawn_j[counted])) if counted.any() else None
-
-
-def _rmse_interval(squared: Array, block: NDArray[np.intp], seed: int) -> tuple[float, float]:
-    sums, counts = np.bincount(block, squared), np.bincount(block).astype(np.float64)
-    chosen = np.random.default_rng(seed).integers(len(sums), size=(_DRAWS, len(sums)))
-    draws = np.sqrt(sums[chosen].sum(axis=1) / counts[chosen].sum(axis=1))
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return float(low), float(high)
-
-
-def better(first: Array, second: Array, observed: Array, block: NDArray[np.intp]) -> float:
+def better(first: Array, second: Array, observed: Array, block: Index) -> float:
     """P-value of the hypothesis that `first` predicts no better than `second`, by paired squared errors over blocks."""
     difference = np.bincount(block, (second - observed) ** 2 - (first - observed) ** 2)
     spread = float(np.sqrt((difference**2).sum()))

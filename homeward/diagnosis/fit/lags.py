@@ -7,25 +7,16 @@ of power that does not change stays: it is named as any other fault of an instru
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.refit import standard_errors
-from homeward.diagnosis.read.signals import WINDOW_S, Signals, usual_step_s, windows
-from homeward.diagnosis.rules import (
-    CLEAR_DRIFT,
-    LAG_MUST_EXPLAIN,
-    LONGEST_CHANNEL_LAG_S,
-    LONGEST_DRIFT_S,
-    SHORTEST_CHANNEL_LAG_S,
-    SMALLEST_DRIFT_S,
-)
+from homeward.diagnosis.read.recordings import Recording
+from homeward.diagnosis.read.signals import WINDOW_S, Array, Signals, slope_of, usual_step_s, windows
 from homeward.physics import Robot
-
-Array = NDArray[np.float64]
 
 _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel
 _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
@@ -51,34 +42,29 @@ def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
     ])  # fmt: skip
 
 
-def late_slope(runs: Sequence[Signals], robot: Robot, slope: Callable[[int, Signals, float], Array]) -> float:
-    """Time by which the channel of slope is late in all runs, s; 0 where that does not matter.
-
-    Args:
-        runs: The runs.
-        robot: Their robot.
-        slope: Slope of a run, by its number, the part of it that is asked, and the time it is taken to be late.
-    """
+def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: Robot) -> float:
+    """Time by which the channel of slope is late in all runs of these recordings, s; 0 where that does not matter."""
     sloping = [index for index, run in enumerate(runs) if run.grade_rad.any()][:_MOST_RUNS]
     asked = [runs[index].only(np.arange(len(runs[index].time_s)) < _MOST_ASKED) for index in sloping]
     if not asked:
         return 0.0
 
     def error(late_s: float) -> Array:
-        return np.array([
-            _regression(run, drive_columns(run, robot, slope(index, run, late_s)))
-            for index, run in zip(sloping, asked, strict=True)
-        ])  # fmt: skip
+        left = []
+        for index, run in zip(sloping, asked, strict=True):
+            slope = slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
+            left.append(_regression(run, drive_columns(run, robot, np.zeros(1) if slope is None else slope)))
+        return np.array(left)
 
-    steps = np.arange(-LONGEST_CHANNEL_LAG_S, LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S)
+    steps = np.arange(-rules.LONGEST_CHANNEL_LAG_S, rules.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S)
     errors = {late: error(late) for late in steps.tolist()}
     best = min(errors, key=lambda late: float(errors[late].sum()))
     for late in (best + np.arange(-0.75, 1.0, _FINE_S)).tolist():
         errors.setdefault(late, error(late))
     best = min(errors, key=lambda late: float(errors[late].sum()))
-    if abs(best) < SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
+    if abs(best) < rules.SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
         return 0.0
-    return best if float(errors[best].sum()) < (1.0 - LAG_MUST_EXPLAIN) * _by_power(asked, robot) else 0.0
+    return best if float(errors[best].sum()) < (1.0 - rules.LAG_MUST_EXPLAIN) * _by_power(asked, robot) else 0.0
 
 
 def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
@@ -108,21 +94,14 @@ def _regression(run: Signals, columns: Array) -> float:
 
 def without_drift(runs: Sequence[Signals], robot: Robot) -> tuple[list[Signals], dict[str, float]]:
     """The runs with the clock of power set right where it drifts against that of motion; the drift of each, s."""
-    drifts: dict[str, float] = {}
-    right = []
-    for run in runs:
-        drift_s = _drift(run, robot)
-        if drift_s:
-            drifts[run.name] = drift_s
-            run = _early(run, drift_s * _since(run))
-        right.append(run)
-    return right, drifts
+    drifts = [_drift(run, robot) for run in runs]
+    right = [_early(run, drift_s * _since(run)) if drift_s else run for run, drift_s in zip(runs, drifts, strict=True)]
+    return right, {run.name: drift_s for run, drift_s in zip(runs, drifts, strict=True) if drift_s}
 
 
 def _since(run: Signals) -> Array:
     """Share of the run's duration that has passed."""
-    since: Array = (run.time_s - run.time_s[0]) / max(float(np.ptp(run.time_s)), 1e-9)
-    return since
+    return np.asarray((run.time_s - run.time_s[0]) / max(float(np.ptp(run.time_s)), 1e-9))
 
 
 def _drift(run: Signals, robot: Robot) -> float:
@@ -143,7 +122,7 @@ def _drift(run: Signals, robot: Robot) -> float:
         left = run.observed - late @ weights
         return late, weights, float(left @ left)
 
-    drifts = np.arange(-LONGEST_DRIFT_S, LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
+    drifts = np.arange(-rules.LONGEST_DRIFT_S, rules.LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
     starts = [(lag, drift) for drift in drifts for lag in {0.0, -drift / 2.0}]
     lag_s, drift_s = min(starts, key=lambda one: fit(*one)[2])
     error_s = np.inf
@@ -155,9 +134,9 @@ def _drift(run: Signals, robot: Robot) -> float:
         left = run.observed - design @ found
         lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
         error_s = float(standard_errors(design, left, stretch.astype(np.intp))[-1])
-    if error_s > abs(drift_s) / CLEAR_DRIFT or not SMALLEST_DRIFT_S < abs(drift_s) < LONGEST_DRIFT_S:
+    if error_s > abs(drift_s) / rules.CLEAR_DRIFT or not rules.SMALLEST_DRIFT_S < abs(drift_s) < rules.LONGEST_DRIFT_S:
         return 0.0
     # The pace of a noisy channel is noise that many a lag seems to explain: the power itself must follow better.
     without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)
     with_it = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
-    return drift_s if with_it < (1.0 - LAG_MUST_EXPLAIN) * without else 0.0
+    return drift_s if with_it < (1.0 - rules.LAG_MUST_EXPLAIN) * without else 0.0

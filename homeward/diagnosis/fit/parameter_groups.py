@@ -8,20 +8,23 @@ current at rest. Losses are therefore kept as the robot file has them and the re
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.fit.replay import Runs, predict, thrust_n_per_a
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.fit.replay import WithEffects as WithEffects
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.physics import Robot
 from homeward.physics.model import rolling_force
 
 IDLE, SAMPLE, ROLLING, DRAG, MASS = range(5)
 """Indices of theta."""
+
+_IDLE_PARTS = ("sensing_idle_w", "communication_w", "controller_w")
+_SAMPLE_PARTS = ("sensing_j_per_sample", "computer_j_per_sample")
 
 
 @dataclass(frozen=True)
@@ -34,15 +37,22 @@ class Group:
     measured: bool
 
 
-@dataclass(frozen=True)
-class WithEffects:
-    """What a prediction adds to the robot: effects by id, and what the drive met or its instruments did."""
-
-    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    headwind_mps: Sequence[Array] | None = None  # an array per run
-    lag_s: float = 0.0
-    speed_factors: Sequence[float] | None = None  # true over recorded speed, a number per run
-    roughness: Array | None = None  # of the ground, (windows,)
+GROUPS = {
+    "W": (
+        Group("idle_power", "P_anc, idle part", "W", False),
+        Group("sample_energy", "P_anc, per sample", "J", False),
+        Group("rolling", "C_rr m / Gamma", "kg", True),
+        Group("drag", "c / Gamma", "N s^2/m^2", True),
+        Group("mass", "m / Gamma", "kg", True),
+    ),
+    "A": (
+        Group("rest_current", "current at rest", "A", False),
+        Group("rolling", "C_rr m / ((1 - eta3) k)", "kg A/N", True),
+        Group("drag", "c / ((1 - eta3) k)", "A s^2/m^2", True),
+        Group("mass", "m / ((1 - eta3) k)", "kg A/N", True),
+    ),
+}
+"""By unit of what was observed."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +75,8 @@ class Parameters:
     def robot(self, theta: Array) -> Robot:
         """The robot with these parameters."""
         idle, sample, rolling, drag, mass = theta.tolist()
-        robot = dataclasses.replace(
-            self.nominal,
-            mass_kg=mass,
-            rolling_resistance=float(np.clip(rolling / mass, 1e-9, 1.0)),
-            drag_ns2_per_m2=drag,
-        )
+        resistance = float(np.clip(rolling / mass, 1e-9, 1.0))
+        robot = dataclasses.replace(self.nominal, mass_kg=mass, rolling_resistance=resistance, drag_ns2_per_m2=drag)
         return robot if len(self.groups) == 4 else with_ancillary(robot, idle, sample)
 
     def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:
@@ -79,10 +85,9 @@ class Parameters:
         if extra.effects:
             robot = with_effects_of(robot, extra.effects)
         rest_current_a = float(theta[0]) if runs.unit == "A" else 0.0
-        return predict(runs, robot, rest_current_a, extra.headwind_mps, extra.lag_s, extra.speed_factors,
-                       extra.roughness)  # fmt: skip
+        return predict(runs, robot, rest_current_a, extra)
 
-    def active(self) -> NDArray[np.intp]:
+    def active(self) -> Index:
         """Indices of theta that the groups stand for."""
         return np.array([0, 2, 3, 4] if len(self.groups) == 4 else [0, 1, 2, 3, 4])
 
@@ -101,19 +106,13 @@ def with_ancillary(robot: Robot, idle_w: float, sample_j: float) -> Robot:
     """The robot with another idle ancillary power and energy per sample, shared out as before."""
     idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w
     sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
-    changes: dict[str, Any] = {}
     if idle_w == idle and sample_j == sample:
         return robot
+    changes: dict[str, Any] = {"controller_w": idle_w, "sensing_j_per_sample": sample_j}
     if idle > 0.0:
-        for name in ("sensing_idle_w", "communication_w", "controller_w"):
-            changes[name] = getattr(robot, name) * idle_w / idle
-    else:
-        changes["controller_w"] = idle_w
+        changes |= {name: getattr(robot, name) * idle_w / idle for name in _IDLE_PARTS}
     if sample > 0.0:
-        for name in ("sensing_j_per_sample", "computer_j_per_sample"):
-            changes[name] = getattr(robot, name) * sample_j / sample
-    else:
-        changes["sensing_j_per_sample"] = sample_j
+        changes |= {name: getattr(robot, name) * sample_j / sample for name in _SAMPLE_PARTS}
     return dataclasses.replace(robot, **changes)
 
 
@@ -141,34 +140,15 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     ])  # fmt: skip
     low = np.array([0.0, 0.0, 1e-3 * rolling, 0.0, robot.mass_kg / 5])
     high = np.array([most, most_sample, robot.mass_kg, most_drag, robot.mass_kg * 5])
-    drive = 1.0 / per
-    groups: tuple[Group, ...]
-    if runs.unit == "W":
-        groups = (
-            Group("idle_power", "P_anc, idle part", "W", False),
-            Group("sample_energy", "P_anc, per sample", "J", False),
-            Group("rolling", "C_rr m / Gamma", "kg", True),
-            Group("drag", "c / Gamma", "N s^2/m^2", True),
-            Group("mass", "m / Gamma", "kg", True),
-        )
-        return Parameters(robot, groups, start, low, high, scale, np.array([1.0, 1.0, drive, drive, drive]), known)
-    groups = (
-        Group("rest_current", "current at rest", "A", False),
-        Group("rolling", "C_rr m / ((1 - eta3) k)", "kg A/N", True),
-        Group("drag", "c / ((1 - eta3) k)", "A s^2/m^2", True),
-        Group("mass", "m / ((1 - eta3) k)", "kg A/N", True),
-    )
-    return Parameters(robot, groups, start, low, high, scale, np.array([1.0, drive, drive, drive]), known)
+    groups = GROUPS[runs.unit]
+    to_group = np.where([group.measured for group in groups], 1.0 / per, 1.0)
+    return Parameters(robot, groups, start, low, high, scale, to_group, known)
 
 
 def derivatives(problem: Parameters, theta: Array, predicted: Array, predict: Callable[[Array], Array]) -> list[Array]:
-    """Derivative of a prediction by each group in units of `scale`, by a small step within the bounds.
+    """Derivative of `predict` by each group in units of `scale`, by a small step within the bounds from theta.
 
-    Args:
-        problem: The fitted parameters.
-        theta: Where to differentiate.
-        predicted: What `predict` gives there, shape (windows,).
-        predict: Prediction as a function of theta.
+    There it gives `predicted`, shape (windows,).
     """
     columns = []
     for index in problem.active():

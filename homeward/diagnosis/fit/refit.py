@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
@@ -19,7 +18,7 @@ from homeward.diagnosis.fit.doubt import reliability
 from homeward.diagnosis.fit.fitted import Fitted, excited
 from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.rules import COLLINEAR, NOISE_ONLY, RELIABLE
 from homeward.physics import Robot
 
@@ -51,7 +50,7 @@ class Refit:
     theta: Array  # (5,)
     predicted: Array  # (windows,)
     jacobian: Array  # (windows, groups), per unit of `scale`; 0 for groups that are held
-    held: NDArray[np.bool_]  # (groups,): those that stay as the robot file has them
+    held: Mask  # (groups,): those that stay as the robot file has them
 
     @property
     def robot(self) -> Robot:
@@ -69,39 +68,48 @@ class Refit:
         return np.empty((len(self.predicted), 0))
 
     @property
-    def at_bound(self) -> NDArray[np.bool_]:
+    def at_bound(self) -> Mask:
         """Groups at a bound of what is physical, shape (groups,); a power or drag of zero is a value like any other."""
         problem, active = self.parameters, self.parameters.active()
         theta, scale = self.theta[active], 1e-9 * self.parameters.scale[active]
         low, high = problem.low[active], problem.high[active]
-        at_bound: NDArray[np.bool_] = (theta >= high - scale) | ((theta <= low + scale) & (low > 0.0))
+        at_bound: Mask = (theta >= high - scale) | ((theta <= low + scale) & (low > 0.0))
         return at_bound
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest step from theta that is physical, in units of `scale`, each of shape (groups,)."""
-        problem = self.parameters
-        active = problem.active()
+        problem, active = self.parameters, self.parameters.active()
         scale = problem.scale[active]
         return (problem.low - self.theta)[active] / scale - 1e-12, (problem.high - self.theta)[active] / scale + 1e-12
 
     def moved(self, step: Array) -> Array:
         """Theta after a step in units of `scale`, within its bounds."""
-        problem = self.parameters
+        problem, active = self.parameters, self.parameters.active()
         theta = self.theta.copy()
-        active = problem.active()
         theta[active] += step * problem.scale[active]
         return np.clip(theta, problem.low, problem.high)
 
-    def fitted_to(self, chosen: NDArray[np.bool_], observed: Array) -> Refit:
+    def step(self, jacobian: Array, residual: Array) -> Array:
+        """Best step of theta in units of `scale`, within the bounds, for these windows."""
+        problem, active = self.parameters, self.parameters.active()
+        # Normal equations through a triangle: a few rows whatever the length of the recording.
+        triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
+        weak = _WEAK_PRIOR * max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
+        start = (problem.start - self.theta)[active] / problem.scale[active]
+        matrix = np.vstack([triangle[:, :-1], weak * np.eye(len(active))])
+        target = np.concatenate([triangle[:, -1], weak * start])
+        return np.asarray(lsq_linear(matrix, target, self.freedom(), method="bvls").x)
+
+    def fitted_to(self, chosen: Mask, observed: Array) -> Refit:
         """The same fitted to the chosen windows only, linearised at this fit."""
-        step = _solve(self.parameters, self.theta, self.jacobian[chosen], (observed - self.predicted)[chosen])
+        step = self.step(self.jacobian[chosen], (observed - self.predicted)[chosen])
         return dataclasses.replace(self, theta=self.moved(step), predicted=self.predicted + self.jacobian @ step)
 
     def replayed(self, runs: Runs) -> Array:
         """Prediction by a replay with these parameters, shape (windows,)."""
         return self.parameters.predict(runs, self.theta)
 
-    def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
+    def on(self, chosen: Mask, observed: Array) -> Array:
         """Prediction for all windows by parameters fitted on the chosen ones only, shape (windows,)."""
         return self.fitted_to(chosen, observed).predicted
 
@@ -112,50 +120,29 @@ def refit(runs: Runs, robot: Robot) -> Refit:
     return _fit(problem, runs, np.zeros(len(problem.active()), np.bool_))
 
 
-def holding(fit: Refit, runs: Runs, held: NDArray[np.bool_]) -> Refit:
+def holding(fit: Refit, runs: Runs, held: Mask) -> Refit:
     """The same fit with some groups, shape (groups,), as the robot file has them."""
     return _fit(fit.parameters, runs, held)
 
 
-def _fit(problem: Parameters, runs: Runs, held: NDArray[np.bool_]) -> Refit:
+def _fit(problem: Parameters, runs: Runs, held: Mask) -> Refit:
     theta = np.clip(problem.start, problem.low, problem.high)
-    best: tuple[float, Refit] | None = None
+    best, least = None, np.inf
     for _ in range(_ITERATIONS):
-        predicted, jacobian = _linearised(problem, runs, theta)
+        predicted = problem.predict(runs, theta)
+        jacobian = np.column_stack(derivatives(problem, theta, predicted, lambda moved: problem.predict(runs, moved)))
         jacobian[:, held] = 0.0
         residual = runs.observed - predicted
         error = float(residual @ residual)
-        if best is not None and error >= best[0] * (1.0 - 1e-10):
+        if best is not None and error >= least * (1.0 - 1e-10):
             break
-        best = error, Refit(problem, theta, predicted, jacobian, held)
-        theta = best[1].moved(_solve(problem, theta, jacobian, residual))
+        best, least = Refit(problem, theta, predicted, jacobian, held), error
+        theta = best.moved(best.step(jacobian, residual))
     assert best is not None
-    return best[1]
+    return best
 
 
-def _linearised(problem: Parameters, runs: Runs, theta: Array) -> tuple[Array, Array]:
-    predicted = problem.predict(runs, theta)
-    columns = derivatives(problem, theta, predicted, lambda moved: problem.predict(runs, moved))
-    return predicted, np.column_stack(columns)
-
-
-def _solve(problem: Parameters, theta: Array, jacobian: Array, residual: Array) -> Array:
-    """Step of theta in units of `scale`, within the bounds."""
-    active = problem.active()
-    scale = problem.scale[active]
-    # Normal equations through a triangle: a few rows whatever the length of the recording.
-    triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
-    weak = _WEAK_PRIOR * max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
-    start = (problem.start - theta)[active] / scale
-    matrix = np.vstack([triangle[:, :-1], weak * np.eye(len(active))])
-    target = np.concatenate([triangle[:, -1], weak * start])
-    low = (problem.low - theta)[active] / scale - 1e-12
-    high = (problem.high - theta)[active] / scale + 1e-12
-    step: Array = lsq_linear(matrix, target, (low, high), method="bvls").x
-    return step
-
-
-def estimates(model: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[Estimate]:
+def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     """Value and interval of each group, or why there is none.
 
     Args:
@@ -195,39 +182,33 @@ def estimates(model: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[Estima
     return result
 
 
-def _status(fit: Refit, runs: Runs, j: int, excited: NDArray[np.bool_]) -> tuple[Status, tuple[str, ...]]:
+def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tuple[str, ...]]:
     if not excited[j]:
         return "not excited", ()
+    groups, column = fit.parameters.groups, fit.jacobian[:, j]
     others = np.flatnonzero(excited & (np.arange(len(excited)) != j))
-    column = fit.jacobian[:, j]
-    weights: Array = np.zeros(len(others))
-    if len(others):
-        weights = np.linalg.lstsq(fit.jacobian[:, others], column, rcond=None)[0].astype(np.float64)
-    own = column - fit.jacobian[:, others] @ weights
-    mixed = _share_named(fit, j, others, weights)
+    beside = fit.jacobian[:, others]
+    weights = np.linalg.lstsq(beside, column, rcond=None)[0] if len(others) else np.zeros(0)
+    own = column - beside @ weights
+    size = np.abs(weights) * np.linalg.norm(beside, axis=0)
+    mixed = tuple(groups[o].symbol for o in others[size > 0.2 * np.linalg.norm(column)])
     if own @ own < COLLINEAR * (column @ column):
         return "confounded", mixed
     same_run = runs.run[1:] == runs.run[:-1]
-    if fit.parameters.groups[j].measured and same_run.any():
+    if groups[j].measured and same_run.any():
         lagged = float((own[1:] * own[:-1])[same_run].mean() / (own * own).mean())
         if lagged < NOISE_ONLY and own @ own < 0.01 * (column @ column):
             return "confounded", mixed
     return "fitted", ()
 
 
-def _share_named(fit: Refit, j: int, others: NDArray[np.intp], weights: Array) -> tuple[str, ...]:
-    size = np.abs(weights) * np.linalg.norm(fit.jacobian[:, others], axis=0)
-    largest = 0.2 * np.linalg.norm(fit.jacobian[:, j])
-    return tuple(fit.parameters.groups[o].symbol for o, s in zip(others, size, strict=True) if s > largest)
-
-
-def standard_errors(jacobian: Array, residual: Array, block: NDArray[np.intp]) -> Array:
+def standard_errors(jacobian: Array, residual: Array, block: Index) -> Array:
     """Standard errors of the parameters, from their `covariance`."""
     errors: Array = np.sqrt(np.maximum(np.diag(covariance(jacobian, residual, block)), 0.0))
     return errors
 
 
-def covariance(jacobian: Array, residual: Array, block: NDArray[np.intp]) -> Array:
+def covariance(jacobian: Array, residual: Array, block: Index) -> Array:
     """Covariance of the parameters by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
     count, blocks = jacobian.shape[1], int(block.max()) + 1
     if count == 0:

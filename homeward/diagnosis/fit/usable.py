@@ -10,11 +10,11 @@ import numpy as np
 from homeward.diagnosis.fit.lags import late_slope, without_drift
 from homeward.diagnosis.fit.replay import average as average_runs
 from homeward.diagnosis.fit.replay import predict
-from homeward.diagnosis.read.channels import MOTION, POWER
+from homeward.diagnosis.read.channels import lacking
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
 from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.read.signals import Signals, gaps, known, signals, slope_if_late, usual_step_s
+from homeward.diagnosis.read.signals import Signals, gaps, known, signals, usual_step_s
 from homeward.diagnosis.rules import RIGHT_ROBOT
 from homeward.physics import Robot
 
@@ -36,53 +36,43 @@ class Finding:
 
 
 def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
-    """Check each recording and bring the usable ones into one form.
+    """Check each recording of a robot and bring the usable ones into one form.
 
-    Power is preferred: where some runs hold power and others only motor current, the latter are set aside.
-
-    Args:
-        recordings: Runs of one robot.
-        robot: The robot file: its top speed and power tell a wrong unit from a fast drive.
+    Power is preferred: where some runs hold power and others only motor current, the latter are set aside. Top speed
+    and power by the robot file tell a wrong unit from a fast drive.
     """
     findings: list[Finding] = []
-    kept: list[Signals] = []
-    sources: list[Recording] = []
+    kept: list[tuple[Recording, Signals]] = []
     seen: dict[str, str] = {}
     for given in recordings:
-        if given.sha256 in seen:
-            findings.append(Finding(given.name, f"is the same as {seen[given.sha256]}", refused=True))
-            continue
-        seen[given.sha256] = given.name
-        lacks = _lacks(given)
-        if lacks is not None:
-            findings.append(Finding(given.name, lacks, refused=True))
+        same = f"is the same as {seen[given.sha256]}" if given.sha256 in seen else None
+        seen.setdefault(given.sha256, given.name)
+        if refused := same or _lacks(given):
+            findings.append(Finding(given.name, refused, refused=True))
             continue
         recording, error = without_faults(given, robot)
         findings += [Finding(recording.name, note) for note in recording.notes]
         run = signals(recording, robot, error=error)
-        fault = _fault(run, robot)
-        if fault is not None:
+        if fault := _fault(run, robot):
             findings.append(Finding(recording.name, fault, refused=True))
             continue
         findings += [Finding(recording.name, text) for text in _remarks(given, run, robot)]
-        kept.append(run)
-        sources.append(recording)
-    if len({run.unit for run in kept}) > 1:
-        current = [run for run in kept if run.unit == "A"]
+        kept.append((recording, run))
+    if len({run.unit for _, run in kept}) > 1:
+        current = [run for _, run in kept if run.unit == "A"]
         findings += [Finding(r.name, "has motor current only, while other runs have power", True) for r in current]
-        kept = [run for run in kept if run.unit == "W"]
-        sources = [one for one in sources if one.name in {run.name for run in kept}]
-    kept, said = _set_right(kept, sources, robot)
-    return kept, findings + said
+        kept = [pair for pair in kept if pair[1].unit == "W"]
+    if not kept:
+        return [], findings
+    runs, said = _set_right([run for _, run in kept], [recording for recording, _ in kept], robot)
+    return runs, findings + said
 
 
 def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
     """The runs without what only their drive shows: a late or tilted slope, a clock that drifts, another robot."""
     said: list[Finding] = []
-    if not runs:
-        return runs, said
     first = runs[0].name
-    late_s = late_slope(runs, robot, lambda index, part, late: slope_if_late(sources[index], part, robot, late))
+    late_s = late_slope(runs, sources, robot)
     if late_s:
         runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
         when = "late" if late_s > 0.0 else "early"
@@ -99,20 +89,25 @@ def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) 
         way = "back" if drift_s > 0.0 else "ahead"
         text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is set right"
         said.append(Finding(name, text))
-    if runs[0].unit == "W" or robot.traction_n_per_a > 0.0:
-        expected = float(np.sum(predict(average_runs(runs), robot)))
-        ratio = float(np.sum(average_runs(runs).observed)) / expected if expected > 0.0 else 1.0
-        if not 1.0 / RIGHT_ROBOT < ratio < RIGHT_ROBOT:
-            text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
-            said.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
+    ratio = _over_expected(runs, robot)
+    if not 1.0 / RIGHT_ROBOT < ratio < RIGHT_ROBOT:
+        text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
+        said.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
     return runs, said
+
+
+def _over_expected(signals: Sequence[Signals], robot: Robot) -> float:
+    """What runs draw, over what the robot file says; 1 where it says nothing."""
+    runs = average_runs(signals)
+    told = runs.unit == "W" or robot.traction_n_per_a > 0.0
+    expected = float(np.sum(predict(runs, robot))) if told else 0.0
+    return float(np.sum(runs.observed)) / expected if expected > 0.0 else 1.0
 
 
 def _lacks(recording: Recording) -> str | None:
     """What a recording must have and has not, or None."""
-    for what, sets in (("motion", MOTION), ("power", POWER)):
-        if not any(all(name in recording.channels for name in names) for names in sets):
-            return f"has no {what} channel ({' or '.join(' + '.join(names) for names in sets)})"
+    if lacks := lacking(recording.channels):
+        return f"has no {lacks}"
     missing = 1.0 - float(known(recording).mean())
     if missing > _MOST_MISSING:
         return f"motion or power is missing in {missing:.0%} of the samples"
@@ -141,14 +136,7 @@ def _fault(run: Signals, robot: Robot) -> str | None:
             f"drives at {quick:.3g} m/s, while {robot.name} reaches {robot.max_speed_mps:g} m/s: "
             f"another robot or another unit{guess}"
         )
-    return _wrong_scale(run, robot)
-
-
-def _wrong_scale(run: Signals, robot: Robot) -> str | None:
-    if run.unit == "A" and robot.traction_n_per_a == 0.0:
-        return None
-    expected = float(np.mean(predict(average_runs([run]), robot)))
-    ratio = float(np.mean(run.observed)) / expected if expected > 0.0 else 1.0
+    ratio = _over_expected([run], robot)
     for factor, unit in ((1e3, "milliwatts or milliamperes"), (1e-3, "kilowatts or kiloamperes")):
         if ratio > 0.0 and abs(np.log(ratio / factor)) < np.log(_UNIT_RATIO):
             return f"draws {ratio:.3g} times what {robot.name} should: this looks like {unit}"

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+Sets = tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -20,43 +29,58 @@ class Channel:
     high: float
     mistaken: tuple[tuple[str, float], ...] = ()
 
+    def impossible(self, values: Array) -> Mask:
+        """Values beyond the limits."""
+        return (values < self.low) | (values > self.high)
 
-_TO_RAD = 0.017453292519943295
+
+_SPEED = ("km/h", 1 / 3.6), ("mm/s", 1e-3)
+_DEGREES, _PER_CENT = ("degrees", 0.017453292519943295), ("per cent", 1e-2)
+_MM, _MA = (("millimetres", 1e-3),), (("milliamperes", 1e-3),)
+_SMALLER_S = ("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)
 
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (
-        Channel("time_s", "s", "time, increasing", -1e11, 1e11,
-                (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))),
-        Channel("speed_mps", "m/s", "ground speed, negative in reverse", -70.0, 70.0,
-                (("km/h", 1 / 3.6), ("mm/s", 1e-3))),
-        Channel("wheel_left_mps", "m/s", "speed of the left wheels", -70.0, 70.0,
-                (("km/h", 1 / 3.6), ("mm/s", 1e-3))),
-        Channel("wheel_right_mps", "m/s", "speed of the right wheels", -70.0, 70.0,
-                (("km/h", 1 / 3.6), ("mm/s", 1e-3))),
+        Channel("time_s", "s", "time, increasing", -1e11, 1e11, _SMALLER_S),
+        Channel("speed_mps", "m/s", "ground speed, negative in reverse", -70.0, 70.0, _SPEED),
+        Channel("wheel_left_mps", "m/s", "speed of the left wheels", -70.0, 70.0, _SPEED),
+        Channel("wheel_right_mps", "m/s", "speed of the right wheels", -70.0, 70.0, _SPEED),
         Channel("yaw_rate_radps", "rad/s", "turning rate, positive to the left", -20.0, 20.0,
-                (("degrees per second", _TO_RAD),)),
-        Channel("grade_rad", "rad", "slope angle along the way, positive uphill", -0.8, 0.8,
-                (("degrees", _TO_RAD), ("per cent", 1e-2))),
-        Channel("elevation_m", "m", "height above any datum", -500.0, 9000.0, (("millimetres", 1e-3),)),
-        Channel("distance_m", "m", "distance driven since the start", -1e7, 1e7, (("millimetres", 1e-3),)),
-        Channel("heading_rad", "rad", "heading, counter-clockwise, wrapped or not", -1e4, 1e4, (("degrees", _TO_RAD),)),
+                (("degrees per second", _DEGREES[1]),)),
+        Channel("grade_rad", "rad", "slope angle along the way, positive uphill", -0.8, 0.8, (_DEGREES, _PER_CENT)),
+        Channel("elevation_m", "m", "height above any datum", -500.0, 9000.0, _MM),
+        Channel("distance_m", "m", "distance driven since the start", -1e7, 1e7, _MM),
+        Channel("heading_rad", "rad", "heading, counter-clockwise, wrapped or not", -1e4, 1e4, (_DEGREES,)),
         Channel("power_w", "W", "power drawn from the battery", -5e5, 5e5, (("milliwatts", 1e-3),)),
         Channel("voltage_v", "V", "battery voltage", 0.0, 1500.0, (("millivolts", 1e-3),)),
-        Channel("current_a", "A", "battery current, discharge positive", -1500.0, 1500.0, (("milliamperes", 1e-3),)),
-        Channel("motor_left_a", "A", "current of the left motors", -1500.0, 1500.0, (("milliamperes", 1e-3),)),
-        Channel("motor_right_a", "A", "current of the right motors", -1500.0, 1500.0, (("milliamperes", 1e-3),)),
+        Channel("current_a", "A", "battery current, discharge positive", -1500.0, 1500.0, _MA),
+        Channel("motor_left_a", "A", "current of the left motors", -1500.0, 1500.0, _MA),
+        Channel("motor_right_a", "A", "current of the right motors", -1500.0, 1500.0, _MA),
         Channel("sensing_hz", "Hz", "samples per second of the sensors", 0.0, 1e5),
-        Channel("soc", "1", "state of charge, 0 to 1", -0.05, 1.05, (("per cent", 1e-2),)),
+        Channel("soc", "1", "state of charge, 0 to 1", -0.05, 1.05, (_PER_CENT,)),
         Channel("temperature_c", "degC", "ambient temperature", -70.0, 90.0),
         Channel("payload_kg", "kg", "mass carried beside the robot's own", 0.0, 1e5, (("grams", 1e-3),)),
-        Channel("base_distance_m", "m", "distance from the base station", 0.0, 1e6, (("millimetres", 1e-3),)),
+        Channel("base_distance_m", "m", "distance from the base station", 0.0, 1e6, _MM),
     )
 }  # fmt: skip
 """The schema, by column name."""
 
-MOTION = (("speed_mps",), ("wheel_left_mps", "wheel_right_mps"))
+MOTION: Sets = (("speed_mps",), ("wheel_left_mps", "wheel_right_mps"))
 """Sets of channels that say how the robot moved; one is needed."""
 
-POWER = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor_right_a"))
+POWER: Sets = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor_right_a"))
 """Sets of channels that say what it drew, the most telling first; one is needed."""
+
+
+def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:
+    """The first set of channels that is there, () where none is."""
+    return next((names for names in sets if all(name in present for name in names)), ())
+
+
+def lacking(present: Collection[str]) -> str | None:
+    """What is needed of motion and power and not there, such as "motion channel (speed_mps or ...)", or None."""
+    for what, sets in (("motion", MOTION), ("power", POWER)):
+        if not first_set(sets, present):
+            return f"{what} channel ({' or '.join(' + '.join(names) for names in sets)})"
+    return None

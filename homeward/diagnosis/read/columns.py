@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,14 @@ class Source:
 
     terms: tuple[tuple[str, float], ...]
     offset: float = 0.0
-    whole_seconds: bool = field(default=False, repr=False)  # time stamps that repeat within a second
+
+    def of(self, values: Mapping[str, Any] | pd.DataFrame) -> Any:
+        """The channel, of the kind that the columns are."""
+        (first, scale), *others = self.terms
+        total = values[first] * scale + self.offset
+        for column, factor in others:
+            total = total + values[column] * factor
+        return total
 
 
 @dataclass(frozen=True)
@@ -37,6 +46,7 @@ class Columns:
     separator: str = ","
     header: tuple[str, ...] = ()  # names of the columns of files without a line of names
     sample_hz: float | None = None  # of files without time stamps
+    stamp: str | None = None  # column of time stamps that repeat within a second
 
     def file_columns(self) -> list[str]:
         """Names of the columns that are read from the file."""
@@ -55,21 +65,75 @@ class Columns:
         if self.sample_hz is not None:
             channels["time_s"] = table.index.to_series() / self.sample_hz
         for channel, source in self.sources.items():
-            if source.whole_seconds:
-                channels[channel] = _spread(table[source.terms[0][0]])
-                continue
-            total = table[source.terms[0][0]] * source.terms[0][1] + source.offset
-            for column, factor in source.terms[1:]:
-                total = total + table[column] * factor
-            channels[channel] = total
-        for channel, value in self.constants.items():
-            channels[channel] = pd.Series(value, index=table.index)
-        return pd.DataFrame(channels)
+            of_stamps = channel == "time_s" and self.stamp is not None
+            channels[channel] = _spread(table[self.stamp]) if of_stamps else source.of(table)
+        return pd.DataFrame(channels).assign(**self.constants)
 
 
-def shipped_columns() -> list[str]:
-    """Names of the mapping files that ship with the package."""
-    return sorted(p.name.removesuffix(".toml") for p in _folder().iterdir() if p.name.endswith(".toml"))
+def shipped(folder: Traversable) -> list[str]:
+    """Names of the mapping files in a folder of the package."""
+    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def read_mapping(what: str, mapping: str | Path, folder: Traversable, known: set[str]) -> dict[str, Any]:
+    """What a mapping file holds, by shipped name or path.
+
+    Args:
+        what: Kind of mapping, for messages.
+        mapping: Name or path.
+        folder: Where those that ship are.
+        known: Entries that it may have, beside `description` and `source`.
+
+    Raises:
+        RecordingError: Unknown name, unreadable file or an unknown entry.
+    """
+    names = shipped(folder)
+    path = folder / f"{mapping}.toml" if str(mapping) in names else Path(mapping)
+    if not path.is_file():
+        raise RecordingError(
+            f"{what} {str(mapping)!r} is neither a file nor one that ships with the package ({', '.join(names)})"
+        )
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise RecordingError(f"{mapping}: not a readable TOML file: {error}") from error
+    known = known | {"description", "source"}
+    for key in sorted(data.keys() - known):
+        hint = "; a bag takes a mapping of topics" if key == "columns" else ""
+        raise RecordingError(f"{mapping}: {key} is not a known entry; known: {', '.join(sorted(known))}{hint}")
+    return data
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def source_of(where: str, entry: Any, key: str) -> Source:
+    """Source by an entry of a mapping file: one name, or a table of names, factors and an offset.
+
+    Args:
+        where: Place of the entry, for messages.
+        entry: The entry.
+        key: What the names are of: "column" or "field".
+
+    Raises:
+        RecordingError: The entry is something else.
+    """
+    if isinstance(entry, str):
+        return Source(((entry, 1.0),))
+    wanted = f"write the name of a {key}, or {{ {key} = NAME, factor = NUMBER, offset = NUMBER }}"
+    if not isinstance(entry, dict) or entry.keys() - {key, f"{key}s", "factor", "factors", "offset"}:
+        raise RecordingError(f"{where} = {entry!r} is not understood; {wanted}")
+    names = entry.get(f"{key}s", [entry.get(key)])
+    names = names if isinstance(names, list) else [None]
+    factors: Any = entry.get("factors", [entry.get("factor", 1.0)] * len(names))
+    listed = isinstance(factors, list) and len(names) == len(factors) > 0
+    if not listed or not all(isinstance(name, str) for name in names):
+        raise RecordingError(f"{where} needs one {key} and one factor each; {wanted}")
+    offset = entry.get("offset", 0.0)
+    if not all(map(_is_number, [*factors, offset])):
+        raise RecordingError(f"{where} has a factor or offset that is not a number; {wanted}")
+    return Source(tuple(zip(names, map(float, factors), strict=True)), float(offset))
 
 
 def load_columns(mapping: str | Path | Columns) -> Columns:
@@ -90,31 +154,11 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     """
     if isinstance(mapping, Columns):
         return mapping
-    shipped = _folder() / f"{mapping}.toml"
-    path = shipped if str(mapping) in shipped_columns() else Path(mapping)
-    if not path.is_file():
-        known = ", ".join(shipped_columns())
-        raise RecordingError(
-            f"mapping {str(mapping)!r} is neither a file nor one that ships with the package ({known})"
-        )
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise RecordingError(f"{mapping}: not a readable TOML file: {error}") from error
-    return _parse(str(mapping), data)
-
-
-def _folder() -> Any:
-    return files("homeward.diagnosis.read") / "maps"
-
-
-def _parse(name: str, data: dict[str, Any]) -> Columns:
-    known = {"columns", "constants", "separator", "header", "sample_hz", "description", "source"}
-    for key in data.keys() - known:
-        raise RecordingError(f"{name}: {key} is not a known entry; known: {', '.join(sorted(known))}")
-    columns, constants = data.get("columns"), data.get("constants", {})
+    known = {"columns", "constants", "separator", "header", "sample_hz"}
+    data = read_mapping("mapping", mapping, files("homeward.diagnosis.read") / "maps", known)
+    name, columns, constants = str(mapping), data.get("columns"), data.get("constants", {})
     header, sample_hz = data.get("header", []), data.get("sample_hz")
-    if sample_hz is not None and (isinstance(sample_hz, bool) or not isinstance(sample_hz, int | float)):
+    if sample_hz is not None and not _is_number(sample_hz):
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not a number")
     if sample_hz is not None and not 0.0 < sample_hz < 1e6:
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not between 0 and 1e6")
@@ -126,39 +170,24 @@ def _parse(name: str, data: dict[str, Any]) -> Columns:
         if channel not in CHANNELS:
             raise RecordingError(f"{name}: {channel} is not a channel; channels: {', '.join(CHANNELS)}")
     for channel, value in constants.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if not _is_number(value):
             raise RecordingError(f"{name}: constants.{channel} = {value!r} is not a number")
-    sources = {channel: _source(f"{name}: columns.{channel}", entry) for channel, entry in columns.items()}
-    if any(source.whole_seconds for channel, source in sources.items() if channel != "time_s"):
-        raise RecordingError(f"{name}: whole_seconds is for time_s only")
-    numbers = {k: float(v) for k, v in constants.items()}
-    return Columns(name, sources, numbers, str(data.get("separator", ",")), tuple(header), sample_hz)
-
-
-def _source(where: str, entry: Any) -> Source:
-    if isinstance(entry, str):
-        return Source(((entry, 1.0),))
-    wanted = "write a column name, or { column = NAME, factor = NUMBER, offset = NUMBER }"
-    if not isinstance(entry, dict) or entry.keys() - {
-        "column",
-        "columns",
-        "factor",
-        "factors",
-        "offset",
-        "whole_seconds",
-    }:
-        raise RecordingError(f"{where} = {entry!r} is not understood; {wanted}")
-    names = entry.get("columns", [entry.get("column")])
-    factors = entry.get("factors", [entry.get("factor", 1.0)] * len(names))
-    numbers = [*factors, entry.get("offset", 0.0)]
-    whole_seconds = entry.get("whole_seconds", False)
-    if whole_seconds not in (False, True) or (whole_seconds and entry.keys() != {"column", "whole_seconds"}):
-        raise RecordingError(f"{where} = {entry!r} is not understood; write {{ column = NAME, whole_seconds = true }}")
-    if not all(isinstance(column, str) for column in names) or len(names) != len(factors):
-        raise RecordingError(f"{where} needs one column name and one factor each; {wanted}")
-    if any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
-        raise RecordingError(f"{where} has a factor or offset that is not a number; {wanted}")
-    return Source(tuple(zip(names, map(float, factors), strict=True)), float(numbers[-1]), whole_seconds)
+    sources, stamp = {}, None
+    for channel, entry in columns.items():
+        where = f"{name}: columns.{channel}"
+        if isinstance(entry, dict) and "whole_seconds" in entry:
+            column = {key: value for key, value in entry.items() if key != "whole_seconds"}
+            spread = entry["whole_seconds"]
+            if spread not in (False, True) or (spread and column.keys() != {"column"}):
+                raise RecordingError(
+                    f"{where} = {entry!r} is not understood; write {{ column = NAME, whole_seconds = true }}"
+                )
+            if spread and channel != "time_s":
+                raise RecordingError(f"{name}: whole_seconds is for time_s only")
+            entry, stamp = column, column["column"] if spread else stamp
+        sources[channel] = source_of(where, entry, "column")
+    numbers = {channel: float(value) for channel, value in constants.items()}
+    return Columns(name, sources, numbers, str(data.get("separator", ",")), tuple(header), sample_hz, stamp)
 
 
 def _spread(stamps: pd.Series[Any]) -> pd.Series[Any]:

@@ -9,25 +9,13 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
+from homeward.diagnosis.read.channels import Array, Index, Mask
+from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.signals import speed_of
-from homeward.diagnosis.rules import (
-    AT_THE_START_S,
-    CHARGES_S,
-    HELD,
-    HELD_SMOOTH,
-    MOST_SPIKES,
-    RESET_M,
-    SPIKE,
-    SPIKE_BEYOND,
-    ZERO_ERROR,
-)
 from homeward.physics import Robot
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
 _MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad", "elevation_m")
@@ -42,17 +30,13 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
     """The recording without what is no reading, with a note for each kind of fault; power set aside is NaN.
 
     With it the standard deviation of the error of each channel that was interpolated between readings.
-
-    Args:
-        recording: The recording.
-        robot: Its robot, for what standing is.
     """
     channels, notes = dict(recording.channels), list(recording.notes)
     error: dict[str, float] = {}
-    empty = [name for name, values in channels.items() if not np.isfinite(values).any()]
-    for name in empty:
-        del channels[name]
-        notes.append(f"{name} holds no values and is left out")
+    for name, values in recording.channels.items():
+        if not np.isfinite(values).any():
+            del channels[name]
+            notes.append(f"{name} holds no values and is left out")
     for name in _JUMPY:
         if name in channels:
             bad = _spikes(channels[name])
@@ -64,20 +48,16 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
     charging = _charging(channels, robot)
     if charging.any():
         seconds = float(charging.mean()) * recording.duration_s
-        for name in _drawn(channels):
+        for name in channels.keys() & set(_DRAWN):
             channels[name] = np.where(charging, np.nan, channels[name])
         notes.append(f"power flows back for {seconds:.3g} s while the robot stands: charging is left out")
     for name in (*_MOVED, *_DRAWN):
-        if name not in channels:
-            continue
-        fresh = _updates(channels[name])
+        fresh = _updates(channels[name]) if name in channels else None
         if fresh is None:
             continue
         period_s = recording.duration_s / len(fresh)
         if name in _DRAWN:
-            kept = np.full(len(recording), np.nan)
-            kept[fresh] = channels[name][fresh]
-            channels[name] = kept
+            channels[name] = np.where(np.isin(np.arange(len(recording)), fresh), channels[name], np.nan)
             notes.append(f"{name} is held for {period_s:.2g} s at a time: only fresh readings count")
         elif _smooth(channels[name][fresh]):
             time_s = channels["time_s"]
@@ -85,34 +65,27 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
             error[_TELLS.get(name, name)] = float(np.sqrt(np.mean(np.diff(channels[name][fresh]) ** 2) / 6.0))
             channels[name] = np.interp(time_s, time_s[fresh], channels[name][fresh])
             notes.append(f"{name} is held for {period_s:.2g} s at a time: values between are interpolated")
-    resets = int((np.diff(channels.get("distance_m", np.zeros(1))) < -RESET_M).sum())
+    resets = int((np.diff(channels.get("distance_m", np.zeros(1))) < -rules.RESET_M).sum())
     if resets:
         notes.append(f"distance_m falls back {resets} times: the counter was reset, and is not used")
     return dataclasses.replace(recording, channels=channels, notes=tuple(notes)), error
 
 
-def _drawn(channels: dict[str, Array]) -> list[str]:
-    return [name for name in _DRAWN if name in channels]
-
-
 def _spikes(values: Array) -> Mask:
     """Samples far off both their neighbours and beyond what all others reach."""
-    none = np.zeros(len(values), dtype=bool)
+    spikes = np.zeros(len(values), dtype=bool)
     known = np.flatnonzero(np.isfinite(values))
     if len(known) < _FEWEST_UPDATES:
-        return none
+        return spikes
     one = values[known]
     beside = np.pad(one, 1, mode="reflect")
     before, after = one - beside[:-2], one - beside[2:]
     off = np.where(np.sign(before) == np.sign(after), np.minimum(np.abs(before), np.abs(after)), 0.0)
-    usual = 1.4826 * float(np.median(np.abs(np.diff(one, 2)))) / np.sqrt(6.0)
-    suspect = off > SPIKE * usual
-    if not 0 < suspect.sum() <= MOST_SPIKES * len(one):
-        return none
-    middle = float(np.median(one))
-    reach = float(np.max(np.abs(one[~suspect] - middle)))
-    none[known[suspect & (np.abs(one - middle) > SPIKE_BEYOND * reach)]] = True
-    return none
+    suspect = off > rules.SPIKE * white_noise(one)
+    if 0 < suspect.sum() <= rules.MOST_SPIKES * len(one):
+        beyond = np.abs(one - np.median(one))
+        spikes[known[suspect & (beyond > rules.SPIKE_BEYOND * np.max(beyond[~suspect]))]] = True
+    return spikes
 
 
 def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mask:
@@ -120,35 +93,33 @@ def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mas
     time_s = channels["time_s"]
     moves = np.abs(np.nan_to_num(speed_of(channels))) > _STANDS * robot.max_speed_mps
     starts_s = time_s[1:][moves[1:] & ~moves[:-1]]
-    near = np.zeros(len(time_s), dtype=bool)
-    with_one = 0
+    near, with_one = np.zeros(len(time_s), dtype=bool), 0
     for start_s in starts_s.tolist():
-        around = np.abs(time_s - start_s) <= AT_THE_START_S
+        around = np.abs(time_s - start_s) <= rules.AT_THE_START_S
         with_one += bool((spikes & around).any())
         near |= around
-    return near if 2 * with_one > len(starts_s) else np.zeros(len(time_s), dtype=bool)
+    return near & (2 * with_one > len(starts_s))
 
 
 def _charging(channels: dict[str, Array], robot: Robot) -> Mask:
     """Samples of a standing robot into whose battery power flows, for some seconds on end."""
     time_s = channels["time_s"]
+    charging = np.zeros(len(time_s), dtype=bool)
     drawn = channels.get("power_w", channels.get("current_a"))
     if drawn is None:
-        return np.zeros(len(time_s), dtype=bool)
-    speed = speed_of(channels)
-    stands = np.abs(speed) < _STANDS * robot.max_speed_mps
+        return charging
+    stands = np.abs(speed_of(channels)) < _STANDS * robot.max_speed_mps
     driving = drawn[~stands & np.isfinite(drawn)]
     usual = float(driving.mean()) if len(driving) else 0.0
-    back = stands & (drawn < -ZERO_ERROR * max(usual, 0.0))
+    back = stands & (drawn < -rules.ZERO_ERROR * max(usual, 0.0))
     edges = np.flatnonzero(np.diff(back.astype(np.int8), prepend=0, append=0))
-    charging = np.zeros(len(time_s), dtype=bool)
     for first, after in zip(edges[::2], edges[1::2], strict=True):
-        if time_s[after - 1] - time_s[first] >= CHARGES_S:
+        if time_s[after - 1] - time_s[first] >= rules.CHARGES_S:
             charging[first:after] = True
     return charging
 
 
-def _updates(values: Array) -> NDArray[np.intp] | None:
+def _updates(values: Array) -> Index | None:
     """Samples at which a held channel is fresh, or None where it is not held.
 
     A held channel changes at most every other sample and at even distances.
@@ -163,18 +134,18 @@ def _updates(values: Array) -> NDArray[np.intp] | None:
         return None
     whole = np.maximum(np.rint(apart / usual), 1.0)
     off = np.abs(apart - whole * usual)
-    if float((off <= (_JITTER * usual if usual > 2 else 0.0)).mean()) < HELD:
+    if float((off <= (_JITTER * usual if usual > 2 else 0.0)).mean()) < rules.HELD:
         return None
     # Where the reading repeats itself by chance, as at rest, it was fresh all the same.
     spans = zip(change[:-1], change[1:], whole.astype(int), strict=True)
     between = [np.linspace(a, b, times, endpoint=False) for a, b, times in spans]
     before, after = np.arange(change[0], -1, -usual)[:0:-1], np.arange(change[-1], int(known.sum()), usual)
     fresh = np.rint(np.concatenate([before, *between, after])).astype(np.intp)
-    samples: NDArray[np.intp] = np.flatnonzero(known)[np.unique(fresh)]
+    samples: Index = np.flatnonzero(known)[np.unique(fresh)]
     return samples
 
 
 def _smooth(fresh: Array) -> bool:
     """Whether held values follow each other closely enough to tell what lies between."""
     centred = fresh - fresh.mean()
-    return float(centred[1:] @ centred[:-1]) > HELD_SMOOTH * float(centred @ centred)
+    return float(centred[1:] @ centred[:-1]) > rules.HELD_SMOOTH * float(centred @ centred)

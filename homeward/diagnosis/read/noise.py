@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 from scipy.optimize import minimize_scalar
 
+from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.rules import SMOOTHED_AT_ONCE
-
-Array = NDArray[np.float64]
 
 _LOG_RATIOS = (-12.0, 26.0)  # of the noise's variance over that of the differences
 _PRECISE = 0.05  # of the logarithm of a ratio of variances: 5 %

@@ -8,23 +8,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Signals, gaps
 from homeward.diagnosis.rules import ALIKE, CLEAR_TILT, CLOSED
-
-Array = NDArray[np.float64]
 
 _PLACES = 40  # along the way, compared out and home
 _FEWEST_PLACES = 8
 
 
 def tilt(run: Signals) -> tuple[float, float] | None:
-    """Angle by which the slope sensor of a run reads too much, and its standard error, rad; None where no way tells.
-
-    Args:
-        run: A run with a distance from base and slopes from a sensor that turns with the robot.
-    """
+    """Angle by which the slope sensor of a run reads too much, and its standard error, rad; None where no way tells."""
     if "place_m" not in run.context or "grade_rad" not in run.context or len(gaps(run.time_s)):
         return None
     steps_m = run.speed_mps[:-1] * np.diff(run.time_s)

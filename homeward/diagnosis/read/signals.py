@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from homeward.diagnosis.read.channels import Array as Array
+from homeward.diagnosis.read.channels import Index, Mask
 from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.slope import slope_along
 from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, RESET_M, SAME_ODOMETER, STRAIGHT
 from homeward.physics import Robot
 
-Array = NDArray[np.float64]
 Unit = Literal["W", "A"]
 
 _GAP_FACTOR = 10.0  # a step longer than this many usual steps is a gap
@@ -34,11 +34,8 @@ _REACH_S = 3.0  # at top speed
 _CREEPS = 0.02  # of the top speed
 _PARTS = 10  # of the way: that all agree by chance has a probability of 2^-9
 _FEWEST_TO_SMOOTH = 50  # samples
-_ARRAYS = (
-    "time_s", "speed_mps", "accel_mps2", "grade_rad", "sensing_hz", "yaw_rate_radps", "temperature_c",
-    "base_distance_m", "direction", "observed",
-)  # fmt: skip
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
+_CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
 
 
 @dataclass(frozen=True)
@@ -68,11 +65,13 @@ class Signals:
     at_terminals: bool = False  # whether `observed` is voltage times current: what a battery loses inside is not in it
     error: Mapping[str, float] = field(default_factory=dict)  # standard deviation of a channel's error over windows
 
-    def only(self, chosen: NDArray[np.bool_]) -> Signals:
+    def only(self, chosen: Mask) -> Signals:
         """The run with these samples only."""
         if chosen.all():
             return self
-        arrays = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        arrays: dict[str, Any] = {
+            name: values[chosen] for name, values in vars(self).items() if isinstance(values, np.ndarray)
+        }
         return replace(self, **arrays, context={name: values[chosen] for name, values in self.context.items()})
 
 
@@ -90,35 +89,25 @@ def signals(
         error: Standard deviations over windows of the errors of channels, as far as they are known before.
     """
     given = recording.channels
-    speed, (observed, unit) = speed_of(given), observed_of(given)
-    good = np.isfinite(speed)
+    good = np.isfinite(speed_of(given))
     kept = {name: values[good] for name, values in given.items()}
-    speed, observed, time_s = speed[good], observed[good], kept["time_s"]
+    (observed, unit), time_s = observed_of(kept), kept["time_s"]
     error = dict(error or {})
+    speed = speed_of(kept)
     scale = _odometer_scale(kept, speed, time_s)
-    speed = speed / (1.0 + scale)
-    speed = _at_rest(_without_noise("speed_mps", speed, time_s, error), robot, error)
-    filled = []
-    for name in _FILLED:
-        values = kept.get(name)
-        if values is not None and np.isnan(values).any():
-            kept[name] = _interpolated(values, time_s)
-            filled.append(name)
+    speed = _without_noise("speed_mps", speed / (1.0 + scale), time_s, error)
+    slowest = max(_CREEPS * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0))
+    speed = np.where(np.abs(speed) < slowest, 0.0, speed)  # a noisy sensor never shows a robot at rest
+    filled = [name for name in _FILLED if name in kept and np.isnan(kept[name]).any()]
+    kept |= {name: _interpolated(kept[name], time_s) for name in filled}
     nothing = np.zeros(len(time_s))
     turning, yaw_rate = _turning(kept, time_s, robot, error)
-    context: dict[str, Array] = {
-        name: kept[name]
-        for name in ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
-        if name in kept
-    }
-    context |= turning
     accel = np.gradient(speed, time_s) if len(time_s) > 1 else nothing
     direction = _direction(kept, speed, time_s, robot)
+    context = {name: kept[name] for name in _CONTEXT if name in kept} | turning
     if "base_distance_m" in kept and len(time_s) > 1:
-        along = direction[:-1] * np.abs(speed[:-1]) * steps_s(time_s)
-        context["place_m"] = kept["base_distance_m"][0] + np.concatenate(([0.0], np.cumsum(along)))
-    context["accel_mps2"] = accel
-    context["speed_mps"] = speed
+        context["place_m"] = kept["base_distance_m"][0] + path_m(direction * np.abs(speed), time_s)
+    context |= {"accel_mps2": accel, "speed_mps": speed}
     grade = slope_of(kept, speed, time_s, robot, slope_late_s, error)
     if grade is not None:
         context["grade_rad"] = grade
@@ -137,15 +126,12 @@ def speed_of(given: Mapping[str, Array]) -> Array:
     """Recorded speed, or the mean of the wheels'."""
     if "speed_mps" in given:
         return given["speed_mps"]
-    mean: Array = (given["wheel_left_mps"] + given["wheel_right_mps"]) / 2.0
-    return mean
+    return np.asarray((given["wheel_left_mps"] + given["wheel_right_mps"]) / 2.0)
 
 
-def known(recording: Recording) -> NDArray[np.bool_]:
+def known(recording: Recording) -> Mask:
     """Samples with motion and power, shape (n,)."""
-    observed, _ = observed_of(recording.channels)
-    both: NDArray[np.bool_] = np.isfinite(speed_of(recording.channels)) & np.isfinite(observed)
-    return both
+    return np.isfinite(speed_of(recording.channels)) & np.isfinite(observed_of(recording.channels)[0])
 
 
 def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> float:
@@ -170,17 +156,10 @@ def _direction(kept: Mapping[str, Array], speed: Array, time_s: Array, robot: Ro
     place_m = kept.get("base_distance_m")
     if place_m is None or len(time_s) < 2:
         return np.where(speed < 0.0, -1.0, 1.0)
-    path_m = np.concatenate(([0.0], np.cumsum(np.abs(speed[:-1]) * steps_s(time_s))))
+    driven_m = path_m(np.abs(speed), time_s) + 1e-9 * np.arange(len(speed))  # interpolation needs it to grow
     reach_m = _REACH_S * robot.max_speed_mps
-    path_m += 1e-9 * np.arange(len(path_m))  # interpolation needs it to grow
-    ahead, behind = (np.interp(path_m + sign * reach_m, path_m, place_m) for sign in (1.0, -1.0))
+    ahead, behind = (np.interp(driven_m + sign * reach_m, driven_m, place_m) for sign in (1.0, -1.0))
     return np.where(ahead < behind, -1.0, 1.0)
-
-
-def _at_rest(speed: Array, robot: Robot, error: Mapping[str, float]) -> Array:
-    """The speed with what is too slow to be driving set to zero: a noisy sensor never shows a robot at rest."""
-    slowest = max(_CREEPS * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0))
-    return np.where(np.abs(speed) < slowest, 0.0, speed)
 
 
 def observed_of(given: Mapping[str, Array]) -> tuple[Array, Unit]:
@@ -223,44 +202,30 @@ def _straight(rate: Array, time_s: Array, error: float) -> Array:
 
 
 def slope_of(
-    kept: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot, late_s: float, error: dict[str, float]
-) -> Array | None:
+    given: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot, late_s: float,
+    error: dict[str, float] | None = None,
+) -> Array | None:  # fmt: skip
     """Slope angle along forward travel, rad, shape (n,), from grade or elevation; None where neither tells it.
 
     Args:
-        kept: Channels, shape (n,) each.
-        speed: Speed, negative in reverse.
-        time_s: Time.
+        given: Channels of a recording, shape (samples,) each, with its `time_s`.
+        speed, time_s: Speed, negative in reverse, and its time, shape (n,).
         robot: The robot, for how far it drives in a window.
         late_s: Time by which the channel is late.
-        error: Where to note the standard deviation of its error over windows.
+        error: Where to note the standard deviation of its error over windows; without it noise gets less care.
     """
-    if "grade_rad" in kept:
-        grade = np.interp(time_s + late_s, time_s, kept["grade_rad"])
-        return _without_noise("grade_rad", grade, time_s, error)
-    if "elevation_m" not in kept or len(time_s) < 2:
+    name = "grade_rad" if "grade_rad" in given else "elevation_m"
+    if name not in given or len(time_s) < 2:
         return None
-    elevation = np.interp(time_s + late_s, time_s, _interpolated(kept["elevation_m"], time_s))
-    found = slope_along(elevation, speed, steps_s(time_s), robot.max_speed_mps * WINDOW_S)
+    values: Array = np.interp(time_s + late_s, given["time_s"], _interpolated(given[name], given["time_s"]))
+    if name == "grade_rad":
+        return values if error is None else _without_noise(name, values, time_s, error)
+    found = slope_along(values, speed, steps_s(time_s), robot.max_speed_mps * WINDOW_S, kinks=error is not None)
     if found is None:
         return None
-    error["grade_rad"] = found[1]
+    if error is not None:
+        error["grade_rad"] = found[1]
     return found[0]
-
-
-def slope_if_late(recording: Recording, run: Signals, robot: Robot, late_s: float) -> Array:
-    """Slope of a run if its channel were late by this time, without much care for its noise, rad, shape (n,)."""
-    time_s = recording.channels["time_s"]
-    if "grade_rad" in recording.channels:
-        grade = _interpolated(recording.channels["grade_rad"], time_s)
-        late: Array = np.interp(run.time_s + late_s, time_s, grade)
-        return late
-    if "elevation_m" not in recording.channels:
-        return np.zeros(len(run.time_s))
-    elevation = _interpolated(recording.channels["elevation_m"], time_s)
-    elevation = np.interp(run.time_s + late_s, time_s, elevation)
-    found = slope_along(elevation, run.speed_mps, steps_s(run.time_s), robot.max_speed_mps * WINDOW_S, False)
-    return np.zeros(len(run.time_s)) if found is None else found[0]
 
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:
@@ -283,46 +248,47 @@ def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, flo
 
 
 def _interpolated(values: Array, time_s: Array) -> Array:
-    known = np.isfinite(values)
-    return np.interp(time_s, time_s[known], values[known]) if known.any() else np.zeros(len(values))
+    good = np.isfinite(values)
+    return np.interp(time_s, time_s[good], values[good]) if good.any() else np.zeros(len(values))
 
 
 @dataclass(frozen=True)
 class Windows:
     """Bounds of the averaging windows of one run; none reaches across a gap."""
 
-    start: NDArray[np.intp]  # (windows,), first sample
-    keep: NDArray[np.bool_]  # (windows,), filled at least half
+    start: Index  # (windows,), first sample
+    keep: Mask  # (windows,), filled at least half
 
     def means(self, values: Array) -> Array:
         """Mean of each kept window, NaN left out of none: a window with a NaN is NaN."""
         counts = np.diff(np.append(self.start, len(values)))
-        averages: Array = (np.add.reduceat(values, self.start) / counts)[self.keep]
-        return averages
+        return np.asarray((np.add.reduceat(values, self.start) / counts)[self.keep])
 
     def samples(self, means: Array, count: int) -> Array:
         """For each of `count` samples the value of its window, or of the kept one before it; the reverse of `means`."""
         window = np.searchsorted(self.start, np.arange(count), side="right") - 1
-        values: Array = means[np.maximum(np.cumsum(self.keep)[window] - 1, 0)]
-        return values
+        return np.asarray(means[np.maximum(np.cumsum(self.keep)[window] - 1, 0)])
 
 
 def usual_step_s(time_s: Array) -> float:
     """Median time between samples, s."""
-    return float(np.median(np.diff(time_s)))
+    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
 
 
 def steps_s(time_s: Array) -> Array:
     """Time between samples, s, shape (n - 1,); of a gap a usual step, as what was driven in it is not known."""
-    steps = np.diff(time_s)
-    usual = float(np.median(steps)) if len(steps) else 0.0
+    steps, usual = np.diff(time_s), usual_step_s(time_s)
     return np.where(steps > _GAP_FACTOR * usual, usual, steps)
 
 
-def gaps(time_s: Array) -> NDArray[np.intp]:
+def path_m(speed: Array, time_s: Array) -> Array:
+    """Way driven until each sample, m, shape (n,)."""
+    return np.concatenate(([0.0], np.cumsum(speed[:-1] * steps_s(time_s))))
+
+
+def gaps(time_s: Array) -> Index:
     """Indices of samples after which the recording has a gap."""
-    steps = np.diff(time_s)
-    return np.flatnonzero(steps > _GAP_FACTOR * np.median(steps))
+    return np.flatnonzero(np.diff(time_s) > _GAP_FACTOR * usual_step_s(time_s))
 
 
 def windows(time_s: Array, window_s: float) -> Windows:

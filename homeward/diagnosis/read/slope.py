@@ -7,12 +7,10 @@ it as closely as its noise allows; it may bend freely where the robot turns back
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.noise import smoothed
 from homeward.diagnosis.rules import PLATEAUS
-
-Array = NDArray[np.float64]
 
 _STEEPEST = 1.0  # rise over run: no ground robot climbs it
 _FEWEST = 8  # heights, for a level, a slope, and how both vary

@@ -126,10 +126,7 @@ def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
     file holds.
     """
     rest_current_a = float(told.theta[IDLE]) if runs.unit == "A" else 0.0
-    met = told.met
-    return told.reading + predict(
-        runs, robot, rest_current_a, met.headwind_mps, met.lag_s, met.speed_factors, met.roughness
-    )
+    return told.reading + predict(runs, robot, rest_current_a, told.met)
 
 
 def _unless_equal(before: float, after: float) -> float:

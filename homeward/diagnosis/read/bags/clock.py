@@ -8,9 +8,10 @@ linear in between. Nothing is carried across a gap: there the value is missing.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
-Array = NDArray[np.float64]
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.read.signals import usual_step_s
 
 _GAP = 5.0  # usual steps between samples, beyond which nothing is known in between
 _FASTEST_S = 0.02  # a finer clock says no more about energy
@@ -21,11 +22,6 @@ def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:
     known = np.isfinite(values)
     times, first = np.unique(time_s[known], return_index=True)
     return times, values[known][first]
-
-
-def usual_step_s(time_s: Array) -> float:
-    """Median time between samples, s."""
-    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
 
 
 def slower(*times: Array) -> Array:
@@ -57,18 +53,12 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     half = np.minimum(half, np.minimum(clock_s - time_s[0], time_s[-1] - clock_s))  # as far as the channel goes
     inside = half >= 0.0
     half = np.maximum(half, 0.0)
-    steps = np.diff(time_s)
-    integral = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)))
-
-    def until(at_s: Array) -> tuple[Array, NDArray[np.intp]]:
-        segment = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, len(steps) - 1)
-        past = at_s - time_s[segment]
-        slope = (values[segment + 1] - values[segment]) / steps[segment]
-        return integral[segment] + (values[segment] + 0.5 * slope * past) * past, segment
-
-    (before, first), (after, last) = until(clock_s - half), until(clock_s + half)
+    start, end, steps = clock_s - half, clock_s + half, np.diff(time_s)
+    integral = make_interp_spline(time_s, values, k=1).antiderivative()
     wide = half > 0.0
-    means = np.where(wide, (after - before) / np.where(wide, 2.0 * half, 1.0), np.interp(clock_s, time_s, values))
+    means = np.interp(clock_s, time_s, values)
+    means[wide] = (integral(end[wide]) - integral(start[wide])) / (2.0 * half[wide])
     gap = np.concatenate(([0], np.cumsum(steps > _GAP * max(usual_step_s(time_s), tick_s))))
-    result: Array = np.where(inside & (gap[last + 1] == gap[first]), means, np.nan)
+    first, last = (np.clip(np.searchsorted(time_s, at, side="right"), 1, len(steps)) for at in (start, end))
+    result: Array = np.where(inside & (gap[last] == gap[first - 1]), means, np.nan)
     return result

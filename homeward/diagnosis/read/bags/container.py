@@ -16,14 +16,10 @@ from homeward.diagnosis.read.bags.salvage import Remains
 from homeward.diagnosis.read.columns import RecordingError
 
 
-class Bag:
-    """A bag that is open for reading.
+class Bag(contextlib.ExitStack):
+    """A bag that is open for reading until it is left.
 
-    Attributes:
-        path: The file or folder.
-        ros1: Whether messages are in the format of ROS 1.
-        connections: Its topics; one topic may have several.
-        notes: What reading left out.
+    `connections` are its topics, of which one may have several; `notes` say what reading left out.
     """
 
     def __init__(self, path: Path) -> None:
@@ -32,31 +28,17 @@ class Bag:
         Raises:
             RecordingError: Nothing in it can be read.
         """
-        self.path = path
+        super().__init__()
+        self.path, self.ros1 = path, path.suffix in (".bag", ".active")
         self.notes: list[str] = []
-        self.ros1 = path.suffix in (".bag", ".active")
-        self._readers: list[Any] = []
-        self._stack = contextlib.ExitStack()
         try:
             self._readers = self._opened()
+            self.connections = [connection for reader in self._readers for connection in reader.connections]
+            if not any(connection.msgcount for connection in self.connections):
+                raise RecordingError("; ".join(["holds no message that can be read", *self.notes]))
         except BaseException:
             self.close()
             raise
-        self.connections = [connection for reader in self._readers for connection in reader.connections]
-        if not sum(connection.msgcount for connection in self.connections):
-            self.close()
-            raise RecordingError(f"{path}: holds no message that can be read{'; ' if self.notes else ''}"
-                                 f"{'; '.join(self.notes)}")  # fmt: skip
-
-    def __enter__(self) -> Bag:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close all files."""
-        self._stack.close()
 
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
         """Messages of some topics with the time of receipt, ns; a file that breaks off ends there, with a note."""
@@ -83,7 +65,7 @@ class Bag:
             except Exception as error:  # as below
                 self.notes.append(f"cannot be read as a whole ({_first_line(error)}), so its files are read one by one")
             else:
-                self._stack.callback(reader.close)
+                self.callback(reader.close)
                 return [reader]
         elif self.path.is_dir():
             self.notes.append("has no metadata.yaml: the recorder was stopped before it ended the bag")
@@ -98,13 +80,12 @@ class Bag:
             reader.open()
         except Exception as error:  # a cut file raises anything, from ReaderError to TypeError
             remains = Remains(file)
-            count = sum(connection.msgcount for connection in remains.connections)
-            left = f"{count} messages could be read"
+            left = f"{sum(connection.msgcount for connection in remains.connections)} messages could be read"
             if file.suffix == ".db3":
                 left = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
             self.notes.append(f"{file.name} is cut off or damaged ({_first_line(error)}): {left}")
             return remains
-        self._stack.callback(reader.close)
+        self.callback(reader.close)
         return reader
 
 

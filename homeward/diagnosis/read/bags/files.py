@@ -22,10 +22,9 @@ def storage_files(path: Path) -> list[Path]:
 
 
 def sha256(path: Path) -> str:
-    """Digest of a bag: of its file or, for a folder, of all that hold messages, one after the other."""
+    """Digest of a file or, for a folder, of all that hold messages, one after the other."""
     digest = hashlib.sha256()
     for file in storage_files(path):
         with file.open("rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
+            hashlib.file_digest(stream, lambda: digest)
     return digest.hexdigest()

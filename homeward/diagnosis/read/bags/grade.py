@@ -15,9 +15,8 @@ Axes as in REP 103: x forward, y left, z up.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from homeward.diagnosis.read.channels import Array
 
 GRAVITY_MPS2 = 9.80665  # standard gravity
 _ORIENTATION_S = 1.0
@@ -27,12 +26,7 @@ _UNIT = 0.05
 
 
 def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
-    """Grade from quaternions, rad, or None where there are none or they never leave the plane.
-
-    Args:
-        time_s: Increasing, shape (n,).
-        quaternion: x, y, z, w, shape (4, n).
-    """
+    """Grade from quaternions x, y, z, w, shape (4, n), rad, or None where there are none or they stay in the plane."""
     length = np.linalg.norm(quaternion, axis=0)
     good = np.abs(length - 1.0) < _UNIT
     if good.mean() < 0.5:
@@ -45,16 +39,11 @@ def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
 
 
 def heading(quaternion: Array) -> Array | None:
-    """Direction of the robot's forward axis, rad counter-clockwise, not wrapped, or None where it is never given.
-
-    Args:
-        quaternion: x, y, z, w in the order of time, shape (4, n).
-    """
+    """Direction of the robot's forward axis, rad counter-clockwise, not wrapped, from quaternions as above, or None."""
     x, y, z, w = quaternion
     if not np.any(np.abs(z) > _PLANAR) or (np.abs(np.linalg.norm(quaternion, axis=0) - 1.0) > _UNIT).any():
         return None
-    turned: Array = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    return turned
+    return np.asarray(np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))))
 
 
 def from_acceleration(time_s: Array, forward_mps2: Array, motion_s: Array, speed_mps: Array) -> Array | None:

@@ -25,10 +25,7 @@ class WrongField(ValueError):
     """A field that the message does not have; the message says what it has."""
 
 
-Decode = Callable[[bytes], Any]
-
-
-def decoder(connection: Connection, ros1: bool) -> Decode:
+def decoder(connection: Connection, ros1: bool) -> Callable[[bytes], Any]:
     """What turns the content of a topic's messages into objects.
 
     The bag's own definition comes first. Bags of ROS 2 before Iron in sqlite3 have none: then those of the standard
@@ -114,11 +111,13 @@ def getter(path: str) -> Callable[[Any], float]:
         for name, key in steps:
             if name:
                 if not hasattr(value, name):
-                    raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(_fields(value))}")
+                    fields = [one for one in getattr(value, "__dataclass_fields__", {}) if not one.startswith("_")]
+                    raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}")
                 value = getattr(value, name)
                 continue
-            place = int(key) if key.isdigit() else _place(message, key)
-            if not 0 <= place < len(value):
+            names = list(getattr(message, "name", ()))
+            place = int(key) if key.isdigit() else names.index(key) if key in names else len(value)
+            if place >= len(value):
                 return float(np.nan)
             value = value[place]
         try:
@@ -127,12 +126,3 @@ def getter(path: str) -> Callable[[Any], float]:
             raise WrongField(f"{path!r} is not a number but {type(value).__name__}") from None
 
     return get
-
-
-def _place(message: Any, key: str) -> int:
-    names = list(getattr(message, "name", ()))
-    return names.index(key) if key in names else -1
-
-
-def _fields(value: Any) -> list[str]:
-    return [name for name in getattr(value, "__dataclass_fields__", {}) if not name.startswith("_")]

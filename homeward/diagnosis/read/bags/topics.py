@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -13,8 +12,8 @@ from typing import Any
 from rosbags.interfaces import Connection
 
 from homeward.diagnosis.read.bags.messages import WrongField, getter
-from homeward.diagnosis.read.channels import CHANNELS, MOTION, POWER
-from homeward.diagnosis.read.columns import RecordingError, Source
+from homeward.diagnosis.read.channels import CHANNELS, MOTION, POWER, first_set
+from homeward.diagnosis.read.columns import RecordingError, Source, read_mapping, shipped, source_of
 
 ORIENTATION, ACCELERATION = "orientation", "acceleration"
 """Entries that are no channels: a quaternion and a vector of specific force, from which the grade follows."""
@@ -22,35 +21,25 @@ ORIENTATION, ACCELERATION = "orientation", "acceleration"
 IMU, BATTERY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/BatteryState"
 
 _KEYS = ("name", "type", "except", "stamp")
+_FOLDER = files("homeward.diagnosis.read.bags") / "maps"
 
 
 @dataclass(frozen=True)
 class Topic:
-    """What to take from the topics whose name and type fit.
+    """What to take from the topics whose name and type fit."""
 
-    Attributes:
-        pattern: Name as in a shell, such as `*/odometry/filtered`.
-        kind: Message type such as `nav_msgs/msg/Odometry`, or "" for any.
-        refused: Pattern of names that do not fit after all, or "".
-        on_receipt: Whether to take the time of receipt although there is a header.
-        sources: Fields of each channel, with factors to SI.
-        vectors: Paths of `ORIENTATION` and `ACCELERATION`.
-    """
-
-    pattern: str
-    kind: str
-    refused: str
-    on_receipt: bool
-    sources: dict[str, Source]
-    vectors: dict[str, str]
+    pattern: str  # of the name as in a shell, such as */odometry/filtered
+    kind: str  # of message, such as nav_msgs/msg/Odometry, or "" for any
+    refused: str  # pattern of names that do not fit after all, or ""
+    on_receipt: bool  # whether to take the time of receipt although there is a header
+    sources: dict[str, Source]  # fields of each channel, with factors to SI
+    vectors: dict[str, str]  # paths of ORIENTATION and ACCELERATION
 
     def fits(self, connection: Connection) -> bool:
         """Whether a topic of a bag is meant."""
-        return (
-            fnmatchcase(connection.topic, self.pattern)
-            and (not self.kind or connection.msgtype == self.kind)
-            and not (self.refused and fnmatchcase(connection.topic, self.refused))
-        )
+        name = connection.topic
+        wanted = fnmatchcase(name, self.pattern) and not fnmatchcase(name, self.refused)
+        return wanted and self.kind in ("", connection.msgtype)
 
     def paths(self) -> list[str]:
         """Paths of all numbers that are read from a message."""
@@ -82,16 +71,15 @@ class Topics:
     def value(self, connections: Sequence[Connection]) -> tuple[bool, bool, int]:
         """How much of a bag the mapping covers: power, motion, number of channels."""
         given = {name for name in (*CHANNELS, ORIENTATION, ACCELERATION) if self.candidates(name, connections)}
-        power, motion = (any(set(names) <= given for names in sets) for sets in (POWER, MOTION))
-        return power, motion, len(given)
+        return first_set(POWER, given) != (), first_set(MOTION, given) != (), len(given)
 
 
 def shipped_topics() -> list[str]:
     """Names of the topic mappings that ship with the package."""
-    return sorted(entry.name.removesuffix(".toml") for entry in _folder().iterdir() if entry.name.endswith(".toml"))
+    return shipped(_FOLDER)
 
 
-def load_topics(mapping: str | Path | Topics) -> Topics:
+def load_topics(mapping: str | Path) -> Topics:
     """Load a topic mapping by shipped name or from a TOML file.
 
     The file has tables `[[topics]]`, the preferred first. In each: `name`, a pattern as in a shell; optionally `type`,
@@ -105,39 +93,16 @@ def load_topics(mapping: str | Path | Topics) -> Topics:
     >>> load_topics("turtlebot").topics[0].sources["current_a"]
     Source(terms=(('current', -1.0),), offset=0.0)
     """
-    if isinstance(mapping, Topics):
-        return mapping
-    path = _folder() / f"{mapping}.toml" if str(mapping) in shipped_topics() else Path(mapping)
-    if not path.is_file():
-        known = ", ".join(shipped_topics())
-        raise RecordingError(
-            f"topic mapping {str(mapping)!r} is neither a file nor one that ships with the package ({known})"
-        )
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise RecordingError(f"{mapping}: not a readable TOML file: {error}") from error
-    return _parse(str(mapping), data)
+    entries = read_mapping("topic mapping", mapping, _FOLDER, {"topics"}).get("topics")
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+        raise RecordingError(f"{mapping}: needs at least one table [[topics]]")
+    topics = tuple(_topic(f"{mapping}: topics[{i}]", entry) for i, entry in enumerate(entries))
+    return Topics(str(mapping), topics)
 
 
 def best_topics(connections: Sequence[Connection]) -> Topics:
     """The mapping that ships and covers most of a bag; between equals the first by name."""
     return max((load_topics(name) for name in shipped_topics()), key=lambda one: one.value(connections))
-
-
-def _folder() -> Any:
-    return files("homeward.diagnosis.read.bags") / "maps"
-
-
-def _parse(name: str, data: dict[str, Any]) -> Topics:
-    known = {"topics", "description", "source"}
-    for key in data.keys() - known:
-        hint = "; a bag takes a mapping of topics" if key == "columns" else ""
-        raise RecordingError(f"{name}: {key} is not a known entry; known: {', '.join(sorted(known))}{hint}")
-    entries = data.get("topics")
-    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
-        raise RecordingError(f"{name}: needs at least one table [[topics]]")
-    return Topics(name, tuple(_topic(f"{name}: topics[{i}]", entry) for i, entry in enumerate(entries)))
 
 
 def _topic(where: str, entry: dict[str, Any]) -> Topic:
@@ -153,7 +118,7 @@ def _topic(where: str, entry: dict[str, Any]) -> Topic:
                 raise RecordingError(f"{where}.{key} = {value!r} is not the path of a field")
             vectors[key] = value
         elif key in CHANNELS and key != "time_s":
-            sources[key] = _source(f"{where}.{key}", value)
+            sources[key] = source_of(f"{where}.{key}", value, "field")
         elif key not in _KEYS:
             raise RecordingError(
                 f"{where}: {key} is not a channel; channels: {', '.join(list(CHANNELS)[1:])}, "
@@ -166,19 +131,3 @@ def _topic(where: str, entry: dict[str, Any]) -> Topic:
         except WrongField as error:
             raise RecordingError(f"{where}: {error}") from None
     return topic
-
-
-def _source(where: str, entry: Any) -> Source:
-    if isinstance(entry, str):
-        return Source(((entry, 1.0),))
-    wanted = "write the path of a field, or { field = PATH, factor = NUMBER, offset = NUMBER }"
-    if not isinstance(entry, dict) or entry.keys() - {"field", "fields", "factor", "factors", "offset"}:
-        raise RecordingError(f"{where} = {entry!r} is not understood; {wanted}")
-    paths = entry.get("fields", [entry.get("field")])
-    factors = entry.get("factors", [entry.get("factor", 1.0)] * len(paths))
-    numbers = [*factors, entry.get("offset", 0.0)]
-    if not all(isinstance(path, str) for path in paths) or len(paths) != len(factors):
-        raise RecordingError(f"{where} needs one field and one factor each; {wanted}")
-    if any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
-        raise RecordingError(f"{where} has a factor or offset that is not a number; {wanted}")
-    return Source(tuple(zip(paths, map(float, factors), strict=True)), float(numbers[-1]))
