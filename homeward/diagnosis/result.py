@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from homeward.diagnosis.explain.places import Place
 from homeward.diagnosis.fit.held_out import Arm
@@ -14,7 +14,7 @@ from homeward.diagnosis.fit.held_out import Arm
 SCHEMA = 2
 
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
-VERDICTS = ("no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable")
+VERDICTS = get_args(Verdict)
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,8 @@ class Diagnosis:
     def to_json(self) -> str:
         """Text of diagnosis.json: valid JSON, with null for what the channels do not allow."""
         data = dataclasses.asdict(self)
-        data = {"schema": data.pop("schema"), **data}
-        return json.dumps(_without_nan(data), indent=2, allow_nan=False) + "\n"
+        text = json.dumps({"schema": data.pop("schema"), **data})
+        return json.dumps(json.loads(text, parse_constant=lambda nan: None), indent=2) + "\n"
 
     @classmethod
     def from_json(cls, text: str) -> Diagnosis:
@@ -147,57 +147,22 @@ class Diagnosis:
             data = json.loads(text)
             if data["schema"] != SCHEMA or data["verdict"] not in VERDICTS:
                 raise ValueError(f"not a diagnosis of schema {SCHEMA}: {data['schema']!r}, {data['verdict']!r}")
-            return cls(**{
-                **data,
-                "recordings": tuple(RecordingInfo(**one) for one in data["recordings"]),
-                "parameters_off": tuple(
-                    ParameterOff(**{**one, "ci95": _pair(one["ci95"])}) for one in data["parameters_off"]
-                ),
-                "missing_physics": tuple(_missing(one) for one in data["missing_physics"]),
-                "where": tuple(Place(**one) for one in data["where"]),
-                "fit": None if data["fit"] is None else _fit(data["fit"]),
-                "products": tuple(
-                    Product(tuple(one["of"]), _value(one["value"])) for one in data["products"]
-                ),
-                "range": None if data["range"] is None else Range(
-                    **{**data["range"], "ci95": _pair(data["range"]["ci95"])}
-                ),
-                "file": None if data["file"] is None else Handed(**data["file"]),
-            })  # fmt: skip
-        except (KeyError, TypeError, AttributeError, IndexError) as error:
+            found: Diagnosis = _read(cls, data)
+        except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"not a diagnosis of schema {SCHEMA}: {error!r}") from error
+        return found
 
 
-def _pair(values: Any) -> Any:
-    low, high = values
-    return low, high
-
-
-def _fit(data: dict[str, Any]) -> Fit:
-    arms = {name: Arm(**{**arm, "rmse_ci95": _pair(arm["rmse_ci95"])}) for name, arm in data["arms"].items()}
-    return Fit(**{**data, "arms": arms})
-
-
-def _value(data: dict[str, Any]) -> Value:
-    return Value(**{**data, "ci95": _pair(data["ci95"])})
-
-
-def _missing(data: dict[str, Any]) -> MissingPhysics:
-    parameters = {name: _value(value) for name, value in data["parameters"].items()}
-    return MissingPhysics(**{
-        **data,
-        "parameters": parameters,
-        "where": tuple(Place(**one) for one in data["where"]),
-        "evidence": Evidence(**data["evidence"]),
-        "confused_with": tuple(data["confused_with"]),
-    })  # fmt: skip
-
-
-def _without_nan(data: Any) -> Any:
-    if isinstance(data, float):
-        return data if math.isfinite(data) else None
-    if isinstance(data, dict):
-        return {key: _without_nan(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_without_nan(value) for value in data]
+def _read(kind: Any, data: Any) -> Any:
+    """Data from JSON as the type that an annotation names: records, and tuples, mappings or options of them."""
+    if dataclasses.is_dataclass(kind):
+        kinds = get_type_hints(kind)
+        return kind(**{name: _read(kinds[name], value) for name, value in data.items()})  # type: ignore[operator]
+    inner = get_args(kind)
+    if get_origin(kind) is UnionType:
+        return None if data is None else _read(inner[0], data)
+    if get_origin(kind) is tuple:
+        return tuple(_read(inner[0], one) for one in data)
+    if get_origin(kind) is dict:
+        return {name: _read(inner[1], one) for name, one in data.items()}
     return data

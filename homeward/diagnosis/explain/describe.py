@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.naming import Named
-from homeward.diagnosis.explain.places import Location, Place, at_work, condition_of, places_of, stretch_words
+from homeward.diagnosis.explain.places import WHOLE_RUN, Location, Place, at_work, condition_of, places_of
 from homeward.diagnosis.explain.residual_test import CHANNELS
 from homeward.diagnosis.explain.witnesses import Witnessed
 from homeward.diagnosis.fit.replay import Runs
@@ -22,14 +22,7 @@ from homeward.diagnosis.result import Evidence, MissingPhysics
 def missing_physics(
     corrected: Corrected, named: Sequence[Named], runs: Runs, to_tell_apart: Sequence[str]
 ) -> tuple[MissingPhysics, ...]:
-    """Each named effect with its fitted parameters, places and evidence.
-
-    Args:
-        corrected: The fitted model.
-        named: Its effects, in the same order.
-        runs: The runs.
-        to_tell_apart: For each effect the drive that would separate it from its rivals.
-    """
+    """Each named effect with its fitted parameters, places, evidence, and the drive that tells it from its rivals."""
     return tuple(
         _of(
             one.term.hypothesis,
@@ -47,7 +40,7 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
     """Where an effect was at work, stretch by stretch, each with its condition in plain words."""
     if term.axis == "time":
         on = None if term.schedule is None else term.schedule.level > 0
-        return stretch_words(places_of(contribution, runs, "", on), runs)
+        return places_of(contribution, runs, None, on)
     channels = {channel.name: channel for channel in CHANNELS}
     told = (condition_of(channels[name], contribution, runs) for name in term.hypothesis.channels)
     words = next((one for one in told if one is not None), None)
@@ -59,7 +52,7 @@ def witnessed(found: Witnessed, runs: Runs) -> MissingPhysics:
     return _of(
         found.hypothesis,
         parameters=dict(found.parameters),
-        where=stretch_words(places_of(found.contribution, runs, "", found.contribution != 0.0), runs),
+        where=places_of(found.contribution, runs, None, found.contribution != 0.0),
         evidence=Evidence(found.proof.delta_bic, found.proof.held_out_gain, found.proof.p_value),
         confused_with=found.rivals,
         to_tell_apart=f"{found.hypothesis.measurement[0].upper()}{found.hypothesis.measurement[1:]}."
@@ -83,13 +76,15 @@ def condition(found: Sequence[Place]) -> str:
     """One phrase for all the places of an effect."""
     if not found:
         return "nowhere"
-    conditions = [key for key, _ in groupby(sorted(place.condition for place in found))]
-    if len(conditions) == 1:
-        return conditions[0]
-    largest = max(found, key=lambda place: place.share_of_excess)
-    more = len(found) - 1
-    name = largest.recording.rsplit("/", 1)[-1]
-    return f"{largest.condition} in {name} and in {more} more stretch{'es' if more > 1 else ''} of time"
+    return found[0].condition if len({place.condition for place in found}) == 1 else largest(found)
+
+
+def largest(found: Sequence[Place]) -> str:
+    """The place that holds most, and how many more there are."""
+    first, more = max(found, key=lambda place: place.share_of_excess), len(found) - 1
+    name = PurePath(first.recording).name
+    start = f"all through {name}" if first.condition == WHOLE_RUN else f"{first.condition} in {name}"
+    return start + (f" and in {more} more stretch{'es' if more > 1 else ''} of time" if more else "")
 
 
 def total_share(contribution: Array, runs: Runs) -> float:

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from homeward.diagnosis.explain.menu import KNOWN_MASS, Course
-from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, WithEffects
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, WithEffects, derivatives
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.read.signals import Array, Unit
-
-_SMALL_STEP = 1e-4
 
 
 class Drive:
@@ -22,15 +20,7 @@ class Drive:
 
     def by_group(self) -> list[Array]:
         """What each group adds per unit of its scale, shape (samples,) each."""
-        problem, theta = self.fit.parameters, self.fit.theta
-        columns = []
-        for index in problem.active():
-            step = _SMALL_STEP * problem.scale[index]
-            step = -step if theta[index] + step > problem.high[index] else step
-            moved = theta.copy()
-            moved[index] += step
-            columns.append((self.predict(moved) - self.plain) / (step / problem.scale[index]))
-        return columns
+        return derivatives(self.fit.parameters, self.fit.theta, self.plain, self.predict)
 
     def there(self, what: str | None) -> Array | float:
         """How much of the load, the ground or the route of the recordings is there, shape (samples,)."""

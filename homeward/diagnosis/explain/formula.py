@@ -15,10 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
-from threadpoolctl import threadpool_limits
 
-from homeward.diagnosis.explain.dimensionless import constants
-from homeward.diagnosis.explain.formulas import Candidate, Library, candidates
+from homeward.diagnosis.explain.dimensionless import Library, candidates, constants
 from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.fit.fitted import Fitted, excited, with_columns
 from homeward.diagnosis.fit.folds import correlation_windows, noise_of
@@ -65,12 +63,10 @@ class Empirical:
         parts = []
         for one in self.terms:
             unit = "" if one.unit == "1" else f" {one.unit}"
-            parts.append(
-                f"{'-' if one.coefficient < 0.0 else '+'} {abs(one.coefficient):.3g}{unit} {one.text}".rstrip()
-            )
-        return (
-            f"{self.symbol} = {' '.join(parts).removeprefix('+ ').replace('- ', '-', 1 if parts[0][0] == '-' else 0)}"
-        )
+            sign = "-" if one.coefficient < 0.0 else "+"
+            parts.append(f"{sign} {abs(one.coefficient):.3g}{unit} {one.text}".rstrip())
+        formula = " ".join(parts)
+        return f"{self.symbol} = {formula.removeprefix('+ ') if formula[0] == '+' else formula.replace('- ', '-', 1)}"
 
 
 def propose(
@@ -89,57 +85,37 @@ def propose(
         fold: What is held out together, shape (windows,).
         seed: Seed of placebos and intervals.
     """
-    with threadpool_limits(1):  # the threads of many small products wait for each other busily
-        return _propose(fit, runs, block, fold, seed)
-
-
-def _propose(fit: Fitted, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.intp], seed: int) -> Empirical | None:
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
-    chosen: list[Candidate] = []
-    p_values: list[float] = []
-    paid = 0.0
+    chosen: list[int] = []
+    p_value = paid = 0.0
     while len(chosen) < _MOST_TERMS:
-        scores = search.scores(library.everything, chosen)
-        best = _best(scores)
+        scores = search.scores(library.parts, chosen)
+        best = int(np.argmax(scores))
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
-        pays = _pays(before, after, runs) - library.cost()[best[0]][best[1:]]
+        pays = _pays(before, after, runs) - float(library.cost[best])
         gained = gain(runs.observed, before, after, block, seed)
         if pays < VERY_STRONG or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
-        p_value = _placebo_p_value(search, chosen, scores[best[0]][best[1:]], seed)
-        if p_value > 1.0 / (PLACEBOS + 1):
+        p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), seed)
+        if p_value_of_term > 1.0 / (PLACEBOS + 1):
             break
-        chosen.append(best)
-        p_values.append(p_value)
-        paid += pays
+        chosen, paid, p_value = [*chosen, best], paid + pays, max(p_value, p_value_of_term)
     if not chosen:
         return None
     chosen, alternatives = _reconsidered(search, chosen)
     columns = library.columns(chosen)
     gained = gain(runs.observed, search.held_out([]), search.held_out(chosen), block, seed)
-    sizes, intervals = _coefficients(fit, runs, block, columns)
+    sizes, errors = _coefficients(fit, runs, block, columns)
     terms = tuple(
-        EmpiricalTerm(library.text(one), size, wide, library.bases[one[0]].unit, others)
-        for one, size, wide, others in zip(chosen, sizes, intervals, alternatives, strict=True)
+        EmpiricalTerm(library.texts[one], size, (size - error, size + error), library.units[one], others)
+        for one, size, error, others in zip(chosen, sizes.tolist(), errors.tolist(), alternatives, strict=True)
     )
     texts = " ".join(one.text for one in terms)
     return Empirical(
         "P" if runs.unit == "W" else "I", terms, constants(texts, fit.parameters.nominal, runs), columns,
-        columns * np.array(sizes), paid, gained.share, gained.ci95, max(p_values),
+        columns * sizes, paid, gained.share, gained.ci95, p_value,
     )  # fmt: skip
-
-
-def _reconsidered(search: Search, chosen: list[Candidate]) -> tuple[list[Candidate], list[tuple[str, ...]]]:
-    """Each term chosen anew beside the others, as the first had to stand in for the second; and what does as well."""
-    left = search.runs.observed - search.held_out(chosen)
-    judge = replace(search, memory=correlation_windows(left, search.runs.run))
-    final, alternatives = list(chosen), []
-    for index in range(len(final)):
-        scores = judge.scores(search.library.everything, final[:index] + final[index + 1 :])
-        final[index] = _best(scores)
-        alternatives.append(_alternatives(search.library, scores, final[index]))
-    return final, alternatives
 
 
 @dataclass(frozen=True)
@@ -152,126 +128,68 @@ class Search:
     fold: NDArray[np.intp]
     memory: float | None = None  # of what is left, in windows; by default that of the refit's residual
 
-    def scores(self, everything: Array, present: Sequence[Candidate]) -> list[Array]:
-        """Evidence for each candidate beside the refit and the terms present, a (factors, factors) array per base.
+    def scores(self, parts: Array, present: Sequence[int]) -> Array:
+        """Evidence for each candidate beside the refit and the terms present, shape (candidates,).
 
-        Every product of a candidate with anything is a product of two factors under a weight, so that one product of
-        matrices serves all pairs of factors.
-
-        Args:
-            everything: Values of bases and factors, shape (windows, bases + factors).
-            present: Terms that are in the model already.
+        `parts` is what candidates are products of, as the library has it or shifted in time.
         """
         residual = self.runs.observed - self.fit.predicted
-        memory = self.memory or noise_of(residual, self.runs.run).memory
-        effective = max(len(residual) / memory, 2.0)
         thin = slice(None, None, -(-len(residual) // _MOST_SEARCHED))
-        bases, values = np.split(everything[thin], [len(self.library.bases)], axis=1)
         beside = np.column_stack([self.fit.jacobian, self.library.columns(present)])[thin]
         norms = np.linalg.norm(beside, axis=0)
-        beside, target, fold = beside[:, norms > 0.0] / norms[norms > 0.0], residual[thin], self.fold[thin]
-        parts = [np.flatnonzero(fold == one) for one in np.unique(fold)]
-        known = [
-            _Known(beside[rows].T @ beside[rows], beside[rows].T @ target[rows], float(target[rows] @ target[rows]))
-            for rows in parts
-        ]
-        plain = sum(_known_error(known, index) for index in range(len(parts)))
-        scores = []
-        for base, cost in zip(bases.T, self.library.cost(), strict=True):
-            sums = [_sums(values[rows], base[rows], beside[rows], target[rows]) for rows in parts]
-            error = np.sum([_error(known, sums, index) for index in range(len(parts))], axis=0)
-            ratio = np.log(max(plain, 1e-300) / np.maximum(error, 1e-300))
-            scores.append(effective * ratio - np.log(effective) - cost)
+        known = np.column_stack([beside[:, norms > 0.0] / norms[norms > 0.0], residual[thin]])
+        folds = [self.fold[thin] == one for one in np.unique(self.fold)]
+        without, with_it = _squared_errors([
+            (known[one].T @ known[one], *self.library.products(parts[thin][one], known[one])) for one in folds
+        ])  # fmt: skip
+        effective = max(len(residual) / (self.memory or noise_of(residual, self.runs.run).memory), 2.0)
+        scores: Array = effective * np.log(without / with_it) - np.log(effective) - self.library.cost
         return scores
 
-    def held_out(self, present: Sequence[Candidate]) -> Array:
+    def held_out(self, present: Sequence[int]) -> Array:
         """Held-out predictions of the refit with these terms, within the bounds of what is physical."""
         columns = self.library.columns(present)
         return held_out(lambda chosen: with_columns(self.fit, chosen, self.runs.observed, columns), self.fold)
 
 
-@dataclass(frozen=True)
-class _Known:
-    """Products, over one fold, of what is in the model already and the target."""
+def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float, Array]:
+    """Squared error on each fold of fits to the others, without a candidate and with each, shape (candidates,).
 
-    gram: Array  # (known, known)
-    moment: Array  # (known,)
-    power: float
+    What a candidate adds is what the other columns do not say of it (Frisch & Waugh, Econometrica 1, 1933).
 
-
-@dataclass(frozen=True)
-class _Sums:
-    """Products, over one fold, of every candidate of a base; shape (factors, factors)."""
-
-    power: Array
-    moment: Array
-    beside: Array  # (factors, factors, known)
-
-
-def _sums(values: Array, base: Array, beside: Array, target: Array) -> _Sums:
-    weights = np.column_stack([base * target, base[:, None] * beside])
-    # One product of matrices for all weights is several times faster than one for each.
-    weighted = (values[:, None, :] * weights[:, :, None]).reshape(len(values), -1)
-    moments = (values.T @ weighted).reshape(values.shape[1], weights.shape[1], values.shape[1])
-    squared = values * values
-    power = squared.T @ (squared * (base * base)[:, None])
-    return _Sums(power, moments[:, 0], np.moveaxis(moments[:, 1:], 1, -1))
+    Args:
+        folds: Products of what is known, the target last, (known, known), squares of candidates, (candidates,), and
+            their products with what is known, (candidates, known).
+    """
+    gram, square, beside = (np.array(one) for one in zip(*folds, strict=True))
+    without, with_it = 0.0, np.zeros(square.shape[1])
+    for test in range(len(folds)):
+        rest, power, moment = (np.delete(one, test, axis=0).sum(axis=0) for one in (gram, square, beside))
+        inverse = np.linalg.inv(rest[:-1, :-1] + _RIDGE * np.eye(len(rest) - 1))
+        weights, said = inverse @ rest[:-1, -1], moment[:, :-1] @ inverse
+        own = power - (said * moment[:, :-1]).sum(axis=1)
+        seen = own > 1e-6 * np.maximum(power, 1e-300)  # else what is in the model says the same
+        size = np.where(seen, (moment[:, -1] - moment[:, :-1] @ weights) / np.where(seen, own, 1.0), 0.0)
+        plain = np.append(-weights, 1.0)
+        left = plain + np.pad(said * size[:, None], ((0, 0), (0, 1)))  # of the target, less size times the candidate
+        without += max(float(plain @ gram[test] @ plain), 0.0)
+        squared = ((left @ gram[test]) * left - 2.0 * size[:, None] * beside[test] * left).sum(axis=1)
+        with_it += np.maximum(squared + size**2 * square[test], 0.0)
+    return max(without, 1e-300), np.maximum(with_it, 1e-300)
 
 
-def _known_error(known: Sequence[_Known], test: int) -> float:
-    gram, moment, here = _rest(known, test)
-    weights = np.linalg.solve(gram, moment)
-    error = here.power - 2.0 * float(weights @ here.moment) + float(weights @ here.gram @ weights)
-    return max(error, 0.0)
-
-
-def _rest(known: Sequence[_Known], test: int) -> tuple[Array, Array, _Known]:
-    others = [one for index, one in enumerate(known) if index != test] or list(known)
-    gram = sum((one.gram for one in others), np.zeros_like(known[0].gram))
-    moment = sum((one.moment for one in others), np.zeros_like(known[0].moment))
-    return gram + _RIDGE * np.eye(len(gram)), moment, known[test]
-
-
-def _error(known: Sequence[_Known], sums: Sequence[_Sums], test: int) -> Array:
-    """Squared error on one fold of fits to the others, for every candidate of a base, by block elimination."""
-    gram, moment, here = _rest(known, test)
-    others = [one for index, one in enumerate(sums) if index != test] or list(sums)
-    power = np.sum([one.power for one in others], axis=0)
-    own_moment = np.sum([one.moment for one in others], axis=0)
-    beside = np.sum([one.beside for one in others], axis=0)
-    inverse = np.linalg.inv(gram)
-    taken = beside @ inverse
-    left = power - (taken * beside).sum(axis=-1)
-    seen = left > 1e-6 * np.maximum(power, 1e-300)  # else what is in the model says the same
-    size = np.where(seen, (own_moment - taken @ moment) / np.where(seen, left, 1.0), 0.0)
-    weights = inverse @ moment - taken * size[..., None]
-    mine = sums[test]
-    error: Array = (
-        here.power
-        - 2.0 * (weights @ here.moment + size * mine.moment)
-        + ((weights @ here.gram) * weights).sum(axis=-1)
-        + 2.0 * size * (weights * mine.beside).sum(axis=-1)
-        + size**2 * mine.power
-    )
-    return np.maximum(error, 0.0)
-
-
-def _best(scores: Sequence[Array]) -> Candidate:
-    base = int(np.argmax([score.max() for score in scores]))
-    first, second = np.unravel_index(int(np.argmax(scores[base])), scores[base].shape)
-    return base, int(first), int(second)
-
-
-def _alternatives(library: Library, scores: Sequence[Array], best: Candidate) -> tuple[str, ...]:
-    """Other candidates that the data do not separate from the best, best first."""
-    least = scores[best[0]][best[1:]] - VERY_STRONG
-    close: list[tuple[float, str]] = [
-        (-float(score[first, second]), library.text((base, int(first), int(second))))
-        for base, score in enumerate(scores)
-        for first, second in zip(*np.nonzero(score > least), strict=True)
-        if (base, first, second) != best
-    ]
-    return tuple(text for _, text in sorted(close)[:_MOST_ALTERNATIVES])
+def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
+    """Each term chosen anew beside the others, as the first had to stand in for the second; and what does as well."""
+    left = search.runs.observed - search.held_out(chosen)
+    judge = replace(search, memory=correlation_windows(left, search.runs.run))
+    final, alternatives = list(chosen), []
+    for index in range(len(final)):
+        scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])
+        best_first = np.argsort(-scores, kind="stable").tolist()
+        final[index] = best_first[0]
+        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - VERY_STRONG]
+        alternatives.append(tuple(search.library.texts[one] for one in close[:_MOST_ALTERNATIVES]))
+    return final, alternatives
 
 
 def _pays(before: Array, after: Array, runs: Runs) -> float:
@@ -281,24 +199,17 @@ def _pays(before: Array, after: Array, runs: Runs) -> float:
     return float(independent * np.log(max(without, 1e-300) / max(with_it, 1e-300)) - np.log(independent))
 
 
-def _placebo_p_value(search: Search, present: Sequence[Candidate], score: float, seed: int) -> float:
+def _placebo_p_value(search: Search, present: Sequence[int], score: float, seed: int) -> float:
     """Share of searches, this one among them, that find as good a term among channels shifted in time."""
-    rng = np.random.default_rng(seed)
-    as_good = 1
-    for _ in range(PLACEBOS):
-        shifted = shifted_in_time(search.library.everything, rng)
-        as_good += max(float(one.max()) for one in search.scores(shifted, present)) >= score
-    return as_good / (PLACEBOS + 1)
+    rng, parts = np.random.default_rng(seed), search.library.parts
+    found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(PLACEBOS)]
+    return (1 + sum(one >= score for one in found)) / (PLACEBOS + 1)
 
 
-def _coefficients(
-    fit: Fitted, runs: Runs, block: NDArray[np.intp], columns: Array
-) -> tuple[list[float], list[tuple[float, float]]]:
-    """Coefficient of each term fitted together with the groups, and its interval clustered by block."""
-    everywhere = np.ones(len(runs.observed), dtype=bool)
-    predicted = with_columns(fit, everywhere, runs.observed, columns)
+def _coefficients(fit: Fitted, runs: Runs, block: NDArray[np.intp], columns: Array) -> tuple[Array, Array]:
+    """Coefficient of each term fitted together with the groups, and half its interval clustered by block."""
+    predicted = with_columns(fit, np.ones(len(runs.observed), np.bool_), runs.observed, columns)
     design = np.column_stack([fit.jacobian[:, excited(fit, runs)], columns])
-    weights = np.linalg.lstsq(design, predicted - fit.predicted, rcond=None)[0][-columns.shape[1] :]
+    sizes = np.asarray(np.linalg.lstsq(design, predicted - fit.predicted, rcond=None)[0][-columns.shape[1] :])
     errors = standard_errors(design, runs.observed - predicted, block)[-columns.shape[1] :]
-    width = float(student.ppf(0.975, max(int(block.max()) + 1 - design.shape[1], 1))) * errors
-    return weights.tolist(), [(float(w - d), float(w + d)) for w, d in zip(weights, width, strict=True)]
+    return sizes, float(student.ppf(0.975, max(int(block.max()) + 1 - design.shape[1], 1))) * errors

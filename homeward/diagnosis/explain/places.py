@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,11 +57,13 @@ def locate(dependence: Dependence, runs: Runs) -> Location:
     channel = dependence.channel
     values = np.nan_to_num(runs.context[channel.name])
     inside = known & ((np.abs(values) if channel.magnitude else values) > limit if above else values < limit)
-    condition = f"{channel.above if above else channel.below} {_plain(limit)} {channel.unit}".strip()
+    condition = _words(channel, above, limit)
     outside = np.delete(np.arange(len(weight)), np.s_[split:] if above else np.s_[:split])
     rest = np.average(dependence.effect[outside], weights=weight[outside])
     excess = np.where(known, dependence.effect[dependence.bin] - rest, 0.0) * dependence.weight
-    return Location(condition, inside, excess, _places(condition, inside, excess, runs))
+    return Location(
+        condition, inside, excess, _cut(inside, _shares(excess, runs) * inside, runs, condition, pause_s=np.inf)
+    )
 
 
 def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
@@ -69,16 +71,12 @@ def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
 
     Meant is the side that is clearly the exception or else the one where more is drawn than the model says.
     """
-    total = weight.sum()
-    best, split, above = -1.0, 1, True
-    for k in range(1, len(effect)):
-        low, high = weight[:k].sum(), weight[k:].sum()
-        difference = np.average(effect[k:], weights=weight[k:]) - np.average(effect[:k], weights=weight[:k])
-        between = low * high / total * difference**2
-        if between > best:
-            exception = min(low, high) < _CLEAR_MINORITY * total
-            best, split, above = between, k, bool(high < low if exception else difference > 0.0)
-    return split, above
+    low, below = np.cumsum(weight), np.cumsum(weight * effect)
+    high, total = low[-1] - low[:-1], low[-1]
+    difference = (below[-1] - below[:-1]) / high - below[:-1] / low[:-1]
+    k = int(np.argmax(low[:-1] * high * difference**2))
+    exception = min(low[k], high[k]) < _CLEAR_MINORITY * total
+    return k + 1, bool(high[k] < low[k] if exception else difference[k] > 0.0)
 
 
 def _plain(value: float) -> str:
@@ -87,80 +85,56 @@ def _plain(value: float) -> str:
     >>> _plain(0.20417), _plain(412.0), _plain(-0.0)
     ('0.2', '410', '0')
     """
-    if value == 0.0:
-        return "0"
-    digits = 1 - int(np.floor(np.log10(abs(value))))
-    rounded = round(float(value), digits)
-    return f"{rounded:.{max(digits, 0)}f}".rstrip("0").rstrip(".") if digits > 0 else f"{rounded:.0f}"
+    return np.format_float_positional(value + 0.0, precision=2, unique=False, fractional=False, trim="-")
 
 
 def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
     """The stretches of each run that lie furthest from the level of all runs."""
     effect, number = dependence.effect, dependence.bin
     weight = np.bincount(number, minlength=len(effect)).astype(np.float64)
-    middle = _weighted_median(effect, weight)
+    middle = float(np.quantile(effect, 0.5, weights=weight, method="inverted_cdf"))
     spread = effect - middle
     far = np.abs(spread) > 0.5 * np.max(np.abs(spread))
     rest = np.average(effect[~far], weights=weight[~far]) if (~far).any() else middle
     excess = (effect - rest)[number] * dependence.weight
     inside = far[number]
-    return Location("in some stretches of time", inside, excess, _stretches(inside, excess, runs))
+    return Location("in some stretches of time", inside, excess, _cut(inside, _shares(excess, runs), runs, None))
 
 
-def _weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    heap = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(heap, heap[-1] / 2.0)])
-
-
-def _stretches(inside: NDArray[np.bool_], excess: Array, runs: Runs) -> tuple[Place, ...]:
-    whole = float(np.abs(excess * runs.duration_s).sum()) or 1.0
-    places = []
-    for run, name in enumerate(runs.names):
-        here = np.flatnonzero(runs.run == run)
-        changes = np.flatnonzero(np.diff(inside[here].astype(int), prepend=0, append=0))
-        for first, after in zip(changes[::2], changes[1::2], strict=True):
-            part = here[first:after]
-            share = float(np.abs(excess * runs.duration_s)[part].sum()) / whole
-            places.append(Place(name, float(runs.time_s[part[0]]), float(runs.time_s[part[-1]]), "", share))
-    return stretch_words(tuple(places), runs)
-
-
-def stretch_words(places: tuple[Place, ...], runs: Runs) -> tuple[Place, ...]:
-    """The places with when they lie in their run as their condition."""
-    first_s, last_s, step_s = {}, {}, {}
-    for run, name in enumerate(runs.names):
-        here = np.flatnonzero(runs.run == run)
-        first_s[name], last_s[name] = float(runs.time_s[here[0]]), float(runs.time_s[here[-1]])
-        step_s[name] = float(runs.duration_s[here[0]])
-    told = []
-    for place in places:
-        origin_s, edge_s = first_s[place.recording], 1.01 * step_s[place.recording]
-        from_start, to_end = place.start_s - origin_s <= edge_s, last_s[place.recording] - place.end_s <= edge_s
-        start, end = _plain(place.start_s - origin_s), _plain(place.end_s - origin_s)
-        if from_start and to_end:
-            words = WHOLE_RUN
-        elif to_end:
-            words = f"after {start} s"
-        elif from_start:
-            words = f"before {end} s"
-        else:
-            words = f"from {start} to {end} s"
-        told.append(dataclasses.replace(place, condition=words))
-    return tuple(told)
-
-
-def _places(condition: str, inside: NDArray[np.bool_], excess: Array, runs: Runs) -> tuple[Place, ...]:
-    """First to last moment under the condition in each recording, and its share of the excess of all."""
-    energy = np.abs(excess * runs.duration_s)
-    whole = float(energy.sum()) or 1.0
-    places = []
-    for run, name in enumerate(runs.names):
+def stretches(inside: NDArray[np.bool_], runs: Runs, pause_s: float = 0.0) -> Iterator[tuple[int, slice]]:
+    """Run and windows of each stretch; one goes on over pauses that are shorter than this."""
+    for run in range(len(runs.signals)):
         here = np.flatnonzero(inside & (runs.run == run))
-        if len(here):
-            start_s, end_s = float(runs.time_s[here[0]]), float(runs.time_s[here[-1]])
-            places.append(Place(name, start_s, end_s, condition, float(energy[here].sum()) / whole))
+        ends = np.flatnonzero((np.diff(here) > 1) & (np.diff(runs.time_s[here]) >= pause_s))
+        for part in np.split(here, ends + 1) if len(here) else ():
+            yield run, slice(int(part[0]), int(part[-1]) + 1)
+
+
+def _shares(excess: Array, runs: Runs) -> Array:
+    """Share of each window in the energy (or charge) of an excess, shape (windows,)."""
+    energy = np.abs(excess * runs.duration_s)
+    return np.asarray(energy / (float(energy.sum()) or 1.0))
+
+
+def _cut(
+    inside: NDArray[np.bool_], share: Array, runs: Runs, condition: str | None, pause_s: float = 0.0, edge: float = 0.0
+) -> tuple[Place, ...]:
+    """Each stretch with its share of the excess; from the middle of its first window or, if `edge` is 1, its start."""
+    half_s, places = edge * runs.duration_s / 2.0, []
+    for run, part in stretches(inside, runs, pause_s):
+        start_s, end_s = float((runs.time_s - half_s)[part][0]), float((runs.time_s + half_s)[part][-1])
+        words = _when(start_s, end_s, runs, runs.run == run) if condition is None else condition
+        places.append(Place(runs.names[run], start_s, end_s, words, float(share[part].sum())))
     return tuple(places)
+
+
+def _when(start_s: float, end_s: float, runs: Runs, here: NDArray[np.bool_]) -> str:
+    """When a stretch lies in its run, in words."""
+    time_s, edge_s = runs.time_s[here], 1.01 * float(runs.duration_s[here][0])
+    start, end = _plain(start_s - time_s[0]), _plain(end_s - time_s[0])
+    if start_s - time_s[0] <= edge_s:
+        return WHOLE_RUN if time_s[-1] - end_s <= edge_s else f"before {end} s"
+    return f"after {start} s" if time_s[-1] - end_s <= edge_s else f"from {start} to {end} s"
 
 
 def at_work(contribution: Array) -> NDArray[np.bool_]:
@@ -171,42 +145,15 @@ def at_work(contribution: Array) -> NDArray[np.bool_]:
 
 
 def places_of(
-    contribution: Array, runs: Runs, condition: str, inside: NDArray[np.bool_] | None = None
+    contribution: Array, runs: Runs, condition: str | None, inside: NDArray[np.bool_] | None = None
 ) -> tuple[Place, ...]:
-    """Stretches in which an effect was at work, with its condition in words and each one's share of its energy.
+    """Stretches in which an effect was at work, each with its share of the effect's energy.
 
-    Args:
-        contribution: What it adds, shape (windows,).
-        runs: The runs.
-        condition: The condition in words.
-        inside: When it was at work; where it adds a good part of its usual peak, if left out.
+    Without a condition in words, the words say when in its run a stretch lies; without `inside`, shape (windows,), the
+    effect is at work where its contribution, shape (windows,), is a good part of its usual peak.
     """
-    size = np.abs(contribution)
-    if inside is None:
-        inside = at_work(contribution)
-    energy = size * runs.duration_s
-    whole = float(energy.sum()) or 1.0
-    places = []
-    for run, name in enumerate(runs.names):
-        here = np.flatnonzero(runs.run == run)
-        starts_s = runs.time_s[here] - runs.duration_s[here] / 2.0
-        for first, after in _joined(inside[here], runs.time_s[here]):
-            part = here[first:after]
-            end_s = float(runs.time_s[part[-1]] + runs.duration_s[part[-1]] / 2.0)
-            places.append(Place(name, float(starts_s[first]), end_s, condition, float(energy[part].sum()) / whole))
-    return tuple(places)
-
-
-def _joined(inside: NDArray[np.bool_], time_s: Array) -> list[tuple[int, int]]:
-    """First window and the one after the last of each stretch; pauses of no consequence do not end one."""
-    changes = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
-    joined: list[tuple[int, int]] = []
-    for first, after in zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True):
-        if joined and time_s[first] - time_s[joined[-1][1] - 1] < _PAUSE_S:
-            joined[-1] = (joined[-1][0], after)
-        else:
-            joined.append((first, after))
-    return joined
+    inside = at_work(contribution) if inside is None else inside
+    return _cut(inside, _shares(contribution, runs), runs, condition, _PAUSE_S, edge=1.0)
 
 
 def condition_of(channel: Channel, contribution: Array, runs: Runs) -> str | None:
@@ -219,14 +166,15 @@ def condition_of(channel: Channel, contribution: Array, runs: Runs) -> str | Non
     known = np.isfinite(values)
     if inside[known].all() or not inside[known].any():
         return None
-    best, words = 0.0, None
-    limits = np.unique(np.quantile(values[known], np.linspace(0.01, 0.99, 99)))
-    for limit in (limits[1:] + limits[:-1]) / 2.0:
-        for above in (True, False):
-            meant = values > limit if above else values < limit
-            both = float((meant & inside & known).sum())
-            score = 2.0 * both / max(float((meant & known).sum() + (inside & known).sum()), 1.0)
-            if score > best:
-                best = score
-                words = f"{channel.above if above else channel.below} {_plain(float(limit))} {channel.unit}".strip()
-    return words if best > _TELLING else None
+    values, inside = values[known], inside[known]
+    quantiles = np.unique(np.quantile(values, np.linspace(0.01, 0.99, 99)))
+    best, limit, above = 0.0, 0.0, True
+    for middle in ((quantiles[1:] + quantiles[:-1]) / 2.0).tolist():
+        for side, meant in ((True, values > middle), (False, values < middle)):
+            score = 2.0 * float((meant & inside).sum()) / float(meant.sum() + inside.sum())
+            best, limit, above = max((best, limit, above), (score, middle, side), key=lambda one: one[0])
+    return _words(channel, above, limit) if best > _TELLING else None
+
+
+def _words(channel: Channel, above: bool, limit: float) -> str:
+    return f"{channel.above if above else channel.below} {_plain(limit)} {channel.unit}".strip()

@@ -32,13 +32,7 @@ class Joint:
 
 
 def joint(model: Refit | Corrected, runs: Runs, block: NDArray[np.intp]) -> Joint:
-    """Joint covariance of the fitted groups and sizes, clustered by block; groups that are held are left out.
-
-    Args:
-        model: The fit.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
-    """
+    """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,); held groups are left out."""
     groups, problem = model.groups, model.parameters
     free = np.flatnonzero(~groups.held)
     active, to_group = problem.active()[free], problem.to_group[free]
@@ -59,12 +53,8 @@ def products(model: Corrected, runs: Runs, block: NDArray[np.intp]) -> tuple[Pro
     """Products of which the recordings determine no factor alone.
 
     A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two numbers
-    of one effect that stand in for each other: what is known is the power that they make together.
-
-    Args:
-        model: The model with the effects, in which groups are held that the recordings leave open.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
+    of one effect that stand in for each other: what is known is the power that they make together. Windows of
+    different `block`, shape (windows,), count as independent.
     """
     known = joint(model, runs, block)
     return (*_with_groups(model, known, runs), *_powers(model, known, runs))
@@ -87,16 +77,16 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             if cosine > ENTWINED and scales > ENTWINED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
-                half = 1.96 * assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0)))
-                value = assumed * float(model.values[number])
+                error = assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0)))
                 unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
-                found.append(Product((group.symbol, name), Value(value, (value - half, value + half), unit)))
+                found.append(_product((group.symbol, name), assumed * float(model.values[number]), error, unit))
     return found
 
 
 def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     """Mean power of each effect of which two numbers stand in for each other."""
-    correlation = kept.covariance / np.maximum(_outer_deviation(kept), 1e-300)
+    deviation = np.sqrt(np.maximum(np.diag(kept.covariance), 0.0))
+    correlation = kept.covariance / np.maximum(np.outer(deviation, deviation), 1e-300)
     first = len(kept.names) - len(model.model.unknowns)
     found = []
     for index, term in enumerate(model.model.terms):
@@ -106,15 +96,14 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])
-        half = 1.96 * float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
+        error = float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
         names = tuple(dict.fromkeys(kept.names[at] for pair in pairs for at in pair))
-        found.append(Product(names, Value(mean, (mean - half, mean + half), runs.unit)))
+        found.append(_product(names, mean, error, runs.unit))
     return found
 
 
-def _outer_deviation(one: Joint) -> Array:
-    deviation = np.sqrt(np.maximum(np.diag(one.covariance), 0.0))
-    return np.outer(deviation, deviation)
+def _product(of: tuple[str, ...], value: float, error: float, unit: str) -> Product:
+    return Product(of, Value(value, (value - 1.96 * error, value + 1.96 * error), unit))
 
 
 @dataclass(frozen=True)
@@ -128,13 +117,7 @@ class Spread:
 
 
 def spread(left: Array, runs: Runs, memory_windows: float) -> Spread:
-    """Spread of what a model leaves, between runs and within them (one-way random effects, by moments).
-
-    Args:
-        left: What is left, shape (windows,).
-        runs: The runs.
-        memory_windows: Correlation time of what is left, in windows.
-    """
+    """Spread of what a model leaves, (windows,), between and within runs (one-way random effects, by moments)."""
     count = np.bincount(runs.run)
     mean = np.bincount(runs.run, left) / count
     within = float(np.sqrt(np.mean((left - mean[runs.run]) ** 2)))
@@ -157,27 +140,20 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
         runs: The runs.
         seed: Seed of the bootstrap.
     """
-    path_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
-    drawn_j = float((runs.observed * runs.duration_s).sum())
-    if runs.unit == "A" or path_m.sum() <= 0.0 or drawn_j <= 0.0:
+    path_m, drawn_j = np.abs(runs.context["speed_mps"]) * runs.duration_s, runs.observed * runs.duration_s
+    if runs.unit == "A" or path_m.sum() <= 0.0 or drawn_j.sum() <= 0.0:
         return None
     before, after = robots
     piece = runs.run if len(runs.signals) > 2 else np.cumsum(runs.duration_s) // 60.0
     number = np.unique(piece, return_inverse=True)[1]
-    energy_j, way_m = (np.bincount(number, one) for one in (runs.observed * runs.duration_s, path_m))
+    energy_j, way_m = (np.bincount(number, one) for one in (drawn_j, path_m))
     drawn = np.random.default_rng(seed).integers(len(way_m), size=(_DRAWS, len(way_m)))
     energies, ways = energy_j[drawn].sum(axis=1), way_m[drawn].sum(axis=1)
     ranges = after.usable_energy_j * ways[energies > 0.0] / energies[energies > 0.0]
     low, high = np.quantile(ranges, [0.025, 0.975]).tolist()
-    of_file = [
+    nominal_m, file_m = (
         float(robot.usable_energy_j * path_m.sum() / max(float((one * runs.duration_s).sum()), 1e-9))
         for robot, one in zip(robots, predictions, strict=True)
-    ]
-    return Range(
-        recorded_m=float(after.usable_energy_j * path_m.sum() / drawn_j),
-        ci95=(low, high),
-        nominal_m=of_file[0],
-        file_m=of_file[1],
-        d_max_nominal_m=float(d_max(before)),
-        d_max_file_m=float(d_max(after)),
     )
+    recorded_m = float(after.usable_energy_j * path_m.sum() / drawn_j.sum())
+    return Range(recorded_m, (low, high), nominal_m, file_m, float(d_max(before)), float(d_max(after)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -96,27 +95,22 @@ def _numbers(model: Corrected, index: int) -> dict[str, float]:
 def written(robot: Robot, told: Said, unit: Unit) -> Robot:
     """Robot as its file has it after a fit: the fitted groups, with losses as assumed, and the effects.
 
-    Args:
-        robot: Robot as its file has it now.
-        told: What a file can say; groups that the fit holds stay as they are.
-        unit: Of what was recorded: motor current tells nothing of ancillary power.
+    Groups that the fit holds stay as they are, and ancillary power where motor current was recorded.
     """
     idle_w, sample_j, rolling_kg, drag, mass_kg = told.theta.tolist()
     if told.effects:
-        robot = with_effects_of(
-            robot, {name: {key: _round(value) for key, value in one.items()} for name, one in told.effects.items()}
-        )
+        rounded = {name: {key: _round(value) for key, value in one.items()} for name, one in told.effects.items()}
+        robot = with_effects_of(robot, rounded)
     if unit == "W":
         robot = with_ancillary(robot, idle_w, sample_j)
     elif thrust_n_per_a(robot) == 0.0:
         return robot
-    fitted = {
-        "mass_kg": mass_kg,
-        "drag_ns2_per_m2": drag,
-        "rolling_resistance": float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0)),
-    }
-    changed: dict[str, Any] = {name: _unless_equal(getattr(robot, name), value) for name, value in fitted.items()}
-    return dataclasses.replace(robot, **changed)
+    return dataclasses.replace(
+        robot,
+        mass_kg=_unless_equal(robot.mass_kg, mass_kg),
+        drag_ns2_per_m2=_unless_equal(robot.drag_ns2_per_m2, drag),
+        rolling_resistance=_unless_equal(robot.rolling_resistance, float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0))),
+    )
 
 
 def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
@@ -147,14 +141,13 @@ def of_capacity(robot: Robot, factor: float) -> Robot:
 
 def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:
     """Comment for each field of the robot file that was changed: what it was, and under which assumption it holds."""
+    weighed = any(one.group.name == "mass" and one.fitted is not None for one in estimates)
     held = {
-        "rolling_resistance": "from C_rr m / Gamma, losses kept as assumed",
+        "rolling_resistance": f"from C_rr m / Gamma, {'' if weighed else 'mass and '}losses kept as assumed",
         "mass_kg": "from m / Gamma, losses kept as assumed",
         "drag_ns2_per_m2": "from c / Gamma, losses kept as assumed",
         "rated_energy_j": "from the recorded state of charge against the energy drawn",
     }
-    if not any(one.group.name == "mass" and one.fitted is not None for one in estimates):
-        held["rolling_resistance"] = "from C_rr m / Gamma, mass and losses kept as assumed"
     changed = {}
     for field in dataclasses.fields(Robot):
         old, new = getattr(before, field.name), getattr(after, field.name)

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from markupsafe import Markup
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from plotly.subplots import make_subplots
 
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
@@ -74,7 +76,7 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Sh
         here = runs.run == run
         since_s = runs.time_s[here] - runs.time_s[here][0]
         lines = {name: _thinned(everything[name][here]) for name in _LINES if name in everything}
-        limits = _limits(list(lines.values()))
+        limits = _limits(np.concatenate(list(lines.values())))
         ends = _worst_stretch(since_s, squared[here])
         choices.append(Shown(shown, runs.names[run], *ends, round(float(since_s[-1]), 1), *limits))
         for row in range(1, len(panels) + 1):
@@ -92,11 +94,12 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Sh
     return embedded(figure, "time", top=34), choices
 
 
-def _limits(lines: Sequence[NDArray[np.float32]]) -> tuple[float, float]:
-    """Range of the vertical axis: all values and zero, with a margin."""
-    low, high = min(float(np.min(lines)), 0.0), max(float(np.max(lines)), 0.0)
-    margin = 0.04 * max(high - low, 1e-9)
-    return round(low - margin, 3), round(high + margin, 3)
+def _limits(values: NDArray[np.floating], beyond: float = 0.0, margin: float = 0.04) -> tuple[float, float]:
+    """Range of the vertical axis: all values but this share at either end, and zero, with a margin."""
+    low, high = np.quantile(values, [beyond, 1.0 - beyond]).tolist()
+    low, high = min(low, 0.0), max(high, 0.0)
+    wider = margin * max(high - low, 1e-9)
+    return round(low - wider, 3), round(high + wider, 3)
 
 
 def _worst_stretch(time_s: Array, squared: Array) -> tuple[float, float]:
@@ -114,36 +117,35 @@ def _add_places(
 ) -> None:
     """Shade stretches of one run, by the name of what is there."""
     low, high = limits
-    for (label, stretches), colour in zip(places.items(), _AT_WORK, strict=False):
+    for (label, found), colour in zip(places.items(), _AT_WORK, strict=False):
         figure.add_scatter(
-            x=[x for start, end in stretches for x in (start, start, end, end, None)],
-            y=[low, high, high, low, None] * len(stretches), name=label, mode="none",
+            x=[x for start, end in found for x in (start, start, end, end, None)],
+            y=[low, high, high, low, None] * len(found), name=label, mode="none",
             fill="toself", fillcolor=colour, hoverinfo="skip", visible=shown == 0, meta=shown,
-            showlegend=row == 1 and bool(stretches), legendgroup=label, row=row, col=1,
+            showlegend=row == 1 and bool(found), legendgroup=label, row=row, col=1,
         )  # fmt: skip
 
 
 def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[Stretch]]:
     """Where in a run each named effect is at work, or else where the mismatch was located; since its start."""
-    runs = evidence.runs
-    here = np.flatnonzero(runs.run == run)
-    origin_s = float(runs.time_s[here[0]])
-    if analysis.diagnosis.missing_physics:
-        return {
-            f"at work: {one.name}": [
-                (round(place.start_s - origin_s, 1), round(place.end_s - origin_s, 1))
-                for place in one.where
-                if place.recording == runs.names[run]
-            ]
-            for one in analysis.diagnosis.missing_physics
-        }
-    if evidence.location is None:
-        return {}
-    changes = np.flatnonzero(np.diff(evidence.location.inside[here].astype(int), prepend=0, append=0))
-    starts_s = runs.time_s[here] - runs.duration_s[here] / 2.0 - origin_s
-    ends_s = np.append(starts_s[1:], starts_s[-1] + runs.duration_s[here[-1]])
-    edges = np.round([starts_s[changes[::2]], ends_s[changes[1::2] - 1]], 1)
-    return {f"located: {evidence.location.condition}": [(start, end) for start, end in edges.T.tolist()]}
+    runs, location = evidence.runs, evidence.location
+    origin_s = float(runs.time_s[runs.run == run][0])
+    found = {
+        f"at work: {one.name}": [
+            (place.start_s, place.end_s) for place in one.where if place.recording == runs.names[run]
+        ]
+        for one in analysis.diagnosis.missing_physics
+    }
+    if not found and location is not None:
+        half_s = runs.duration_s / 2.0
+        found[f"located: {location.condition}"] = [
+            (float((runs.time_s - half_s)[part][0]), float((runs.time_s + half_s)[part][-1]))
+            for _, part in stretches(location.inside & (runs.run == run), runs)
+        ]
+    return {
+        label: [(round(start - origin_s, 1), round(end - origin_s, 1)) for start, end in ends]
+        for label, ends in found.items()
+    }
 
 
 def _thinned(values: Array) -> NDArray[np.float32]:
@@ -195,9 +197,7 @@ def _condition_figure(
     values = _values(shown, runs)
     dots = np.flatnonzero(known)
     dots = dots[:: -(-len(dots) // _MOST_DOTS)]
-    centre = _means(values[known], shown.bin[known])
-    mean, error = _means(residual[known], shown.bin[known]), _standard_errors(residual, shown.bin, evidence.block)
-    order = np.argsort(centre)
+    bins = _means(values[known], residual[known], shown.bin[known], evidence.block[known])
     in_time = shown.channel.name == "time_s"
     figure = go.Figure()
     figure.add_scatter(
@@ -205,67 +205,49 @@ def _condition_figure(
         marker={"size": 4, "color": _NOMINAL, "opacity": 0.45},
     )  # fmt: skip
     figure.add_scatter(
-        x=_rounded(centre[order]), y=_rounded(mean[order]), name="mean, 95 %",
+        x=_rounded(bins["centre"]), y=_rounded(bins["mean"]), name="mean, 95 %",
         mode="markers" if in_time else "lines+markers",
         line={"color": colour, "width": 2.5}, marker={"size": 7, "color": colour},
-        error_y={"type": "data", "array": _rounded(1.96 * error[order]), "color": colour, "thickness": 1.5},
+        error_y={"type": "data", "array": _rounded(1.96 * bins["error"]), "color": colour, "thickness": 1.5},
     )  # fmt: skip
     if in_time:
-        ends = np.array([(values[shown.bin == one][0], values[shown.bin == one][-1]) for one in order])
+        ends = np.array([(values[shown.bin == one][0], values[shown.bin == one][-1]) for one in bins.index])
         figure.add_scatter(
             x=[x for start, end in ends.tolist() for x in (start, end, None)],
-            y=[y for level in mean[order].tolist() for y in (level, level, None)],
+            y=[y for level in bins["mean"] for y in (level, level, None)],
             mode="lines", line={"color": colour, "width": 2.5}, hoverinfo="skip",
         )  # fmt: skip
     figure.add_hline(y=0.0, line={"color": _INK, "width": 1})
+    # One range for both residuals, so that they can be compared; the outermost windows may lie beyond it.
+    limits = _limits(np.concatenate([one[known] for one in pair]), beyond=0.005, margin=0.15)
     unit = f", {shown.channel.unit}" if shown.channel.unit else ""
     label = "time, runs end to end, s" if in_time else f"{shown.channel.label}{unit}".replace("^2", "²")
     figure.update_layout(showlegend=False)
     figure.update_xaxes(title_text=label, fixedrange=True)
-    figure.update_yaxes(title_text=f"recorded minus simulated, {runs.unit}", range=_range(pair, known), fixedrange=True)
+    figure.update_yaxes(title_text=f"recorded minus simulated, {runs.unit}", range=limits, fixedrange=True)
     return embedded(figure, name)
 
 
 def _values(shown: Dependence, runs: Runs) -> Array:
     if shown.channel.name == "time_s":
-        last = np.flatnonzero(np.diff(runs.run, append=-1))
-        first = np.concatenate(([0], last[:-1] + 1))
-        before_s = np.concatenate(([0.0], np.cumsum(runs.time_s[last] - runs.time_s[first])[:-1])) - runs.time_s[first]
-        laid_out: Array = runs.time_s + before_s[runs.run]
-        return laid_out
+        steps_s = np.diff(runs.time_s, prepend=0.0)
+        return np.cumsum(np.where(np.diff(runs.run, prepend=-1) == 0, steps_s, 0.0))
     values = runs.context[shown.channel.name]
     return np.abs(values) if shown.channel.magnitude else values
 
 
-def _rounded(values: Array) -> NDArray[np.float32]:
+def _rounded(values: Array | pd.Series) -> NDArray[np.float32]:
     """Values as few bytes of the page."""
     return np.round(values, 4).astype(np.float32)
 
 
-def _means(values: Array, number: NDArray[np.intp]) -> Array:
-    """Mean of the values under each number, shape (numbers,)."""
-    means: Array = np.bincount(number, values) / np.maximum(np.bincount(number), 1)
-    return means
-
-
-def _standard_errors(residual: Array, number: NDArray[np.intp], block: NDArray[np.intp]) -> Array:
-    """Standard error of the mean residual under each number, clustered by block, shape (numbers,)."""
-    known = number >= 0
-    residual, number, block = residual[known], number[known], block[known]
-    bins = int(number.max()) + 1
-    sums = np.bincount(
-        block * bins + number, residual - _means(residual, number)[number], (int(block.max()) + 1) * bins
-    )
-    spread: Array = np.sqrt((sums.reshape(-1, bins) ** 2).sum(axis=0))
-    return spread / np.maximum(np.bincount(number), 1)
-
-
-def _range(pair: Sequence[Array], known: NDArray[np.bool_]) -> list[float]:
-    """One range for both residuals, so that they can be compared; the outermost windows may lie beyond it."""
-    both = np.concatenate([residual[known] for residual in pair])
-    low, high = np.quantile(both, [0.005, 0.995]).tolist()
-    margin = 0.15 * max(high - low, 1e-9)
-    return [min(low - margin, 0.0), max(high + margin, 0.0)]
+def _means(values: Array, residual: Array, number: NDArray[np.intp], block: NDArray[np.intp]) -> pd.DataFrame:
+    """For each bin the mean of a channel, in order, and that of the residual with its error clustered by block."""
+    bins = pd.DataFrame({"centre": values, "mean": residual}).groupby(number).mean()
+    off = pd.Series(residual - bins["mean"].to_numpy()[np.searchsorted(bins.index, number)])
+    squares = off.groupby([number, block]).sum() ** 2
+    bins["error"] = np.sqrt(squares.groupby(level=0).sum()) / off.groupby(number).size()
+    return bins.sort_values("centre")
 
 
 def embedded(figure: go.Figure, name: str, top: int = 8) -> Markup:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 PAPER_ACCURACY = "66 to 91 %"
 """What the paper claims for the range that its model estimates."""
@@ -19,6 +20,19 @@ ARMS: Mapping[str, str] = {
     "placebo": "what was found missing, shifted in time: what chance gains",
 }
 """The arms of the comparison in the order in which they are shown, in words."""
+
+
+def templates(autoescape: bool = True) -> Environment:
+    """The templates beside this file, with filters for numbers and names; pages escape what others have named."""
+    environment = Environment(
+        loader=PackageLoader("homeward.diagnosis.tell"), autoescape=autoescape, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {
+        "number": number, "decimal": decimal, "typeset": typeset, "as": format,
+        "file_name": lambda path: PurePath(path).name, "percent": lambda share: f"{decimal(100.0 * share, 0)} %",
+    }  # fmt: skip
+    return environment
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -44,13 +44,7 @@ def determined(
     """The fits with each group that the recordings leave open held as the robot file has it.
 
     One group after the other is held, first that whose assumed value the recordings mind least: of two that cannot be
-    told apart, the other is then determined.
-
-    Args:
-        fit: The refit.
-        corrected: The model with the named effects, where there is one.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
+    told apart, the other is then determined. Windows of different `block`, shape (windows,), count as independent.
     """
     nothing = np.zeros(len(fit.held), np.bool_)
     plain = _determined(lambda held: holding(fit, runs, held), nothing, runs, block)
@@ -93,7 +87,8 @@ def _determined(
             continue
         at_bound = np.array([one.status == "at bound" for one in told])
         candidates = (is_open | _alike(model, is_open & at_bound)) & ~held
-        fits = [(fit_holding(one), one) for one in _each_held(candidates, held)]
+        each = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
+        fits = [(fit_holding(one), one) for one in each]
         model, held = min(fits, key=lambda fit: float(np.sum((runs.observed - fit[0].predicted) ** 2)))
 
 
@@ -102,10 +97,6 @@ def _alike(model: Refit | Corrected, chosen: NDArray[np.bool_]) -> NDArray[np.bo
     columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
     alike: NDArray[np.bool_] = ((columns.T @ columns)[:, chosen] ** 2 > ALIKE_COLUMNS).any(axis=1)
     return alike
-
-
-def _each_held(candidates: NDArray[np.bool_], held: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
-    return [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
 
 
 def hand_over(
@@ -132,8 +123,8 @@ def hand_over(
         arms: What `nominal` (where the file predicts what was recorded) and `refit` predict of what was held out.
         runs: The runs.
         fold: What is held out together, shape (windows,).
-        trip: What counts as one trip, shape (windows,).
-        seed: Seed of the bootstrap over trips.
+        trip: What counts as one trip, for a bootstrap from `seed`, shape (windows,).
+        seed: Of that bootstrap.
         named: Whether power shows an effect.
     """
     nominal, (plain, model) = arms.get("nominal"), models
@@ -145,35 +136,30 @@ def hand_over(
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, None, Handed("nominal", why))
-    told = ""
+    told = "a robot file cannot say when what is missing is at work; " if named else ""
     if model is not None:
         after = _held_out(robot, model, runs, fold)
         worse = worse_than(arms["refit"], after, runs, trip, seed)
         if not worse:
             why = "replayed as written it predicts what was held out better than the refit"
-            return _handed(robot, model, runs, after, Handed("corrected", why))
+            changed, by_file = _filed(robot, model, runs)
+            return Handover(changed, after, by_file, Handed("corrected", why))
         told = f"with what is missing, as far as a robot file can say it, {worse}; "
-    elif named:
-        told = "a robot file cannot say when what is missing is at work; "
     after = _held_out(robot, plain, runs, fold)
     worse = worse_than(nominal, after, runs, trip, seed)
     if worse:
         return Handover(robot, nominal, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
     why = f"{told}replayed as written it predicts what was held out better than the file that was given"
-    return _handed(robot, plain, runs, after, Handed("refit", why))
+    changed, by_file = _filed(robot, plain, runs)
+    return Handover(changed, after, by_file, Handed("refit", why))
 
 
 def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
-    """Why a prediction of what was held out is to be preferred to another, in words; empty where it is not.
+    """Why to prefer the prediction `before` of what was held out to `after`, shape (windows,) each, or nothing.
 
-    Args:
-        before: The prediction that has to be beaten, shape (windows,).
-        after: The other.
-        runs: The runs.
-        trip: What counts as one trip, shape (windows,).
-        seed: Seed of the bootstrap over trips.
+    The interval of what trips are off by is by bootstrap; `trip` says what counts as one, shape (windows,).
     """
-    errors = _rmse(after, runs), _rmse(before, runs)
+    errors = [float(np.sqrt(np.mean((one - runs.observed) ** 2))) for one in (after, before)]
     if errors[0] >= errors[1]:
         return f"the held-out error would be {errors[0]:.4g} {runs.unit} instead of {errors[1]:.4g}"
     misses = [np.abs(np.bincount(trip, (one - runs.observed) * runs.duration_s)) for one in (after, before)]
@@ -189,19 +175,11 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], 
 
 def _held_out(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:
     """What the file of each fold's fit predicts of that fold, shape (windows,)."""
-
-    def replay_file(chosen: NDArray[np.bool_]) -> Array:
-        told = said(model.fitted_to(chosen, runs.observed), runs)
-        return replayed(written(robot, told, runs.unit), told, runs)
-
-    return held_out(replay_file, fold)
+    return held_out(lambda chosen: _filed(robot, model.fitted_to(chosen, runs.observed), runs)[1], fold)
 
 
-def _handed(robot: Robot, model: Refit | Corrected, runs: Runs, after: Array, handed: Handed) -> Handover:
+def _filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:
+    """A fit as a robot file, and what that predicts."""
     told = said(model, runs)
-    robot_file = written(robot, told, runs.unit)
-    return Handover(robot_file, after, replayed(robot_file, told, runs), handed)
-
-
-def _rmse(predicted: Array, runs: Runs) -> float:
-    return float(np.sqrt(np.mean((predicted - runs.observed) ** 2)))
+    robot = written(robot, told, runs.unit)
+    return robot, replayed(robot, told, runs)

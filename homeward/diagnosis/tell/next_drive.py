@@ -58,14 +58,9 @@ def candidate(fit: Refit, runs: Runs, term: Term) -> Candidate:
 def gains(
     fit: Refit, runs: Runs, left: Array, candidates: Sequence[Candidate], groups: Sequence[str] = ()
 ) -> dict[str, float]:
-    """Rise of the log-determinant of the information by each drive of the menu.
+    """Rise of the log-determinant of the information on candidates and named groups by each drive of the menu.
 
-    Args:
-        fit: The refit.
-        runs: The recordings at hand.
-        left: What the best model leaves, shape (windows,).
-        candidates: Effects to tell apart.
-        groups: Names of groups to determine; the others are a nuisance.
+    `left` is what the best model leaves, shape (windows,); groups that are not named are a nuisance.
     """
     names = [group.name for group in fit.parameters.groups]
     of_interest = np.array([name in groups for name in names] + [True] * len(candidates))
@@ -77,10 +72,7 @@ def gains(
     for manoeuvre in MENU:
         added = responses(fit, runs, manoeuvre, candidates) / noise_w
         if candidates and not added[:, len(names) :].any():
-            found[manoeuvre.id] = (
-                0.0  # a drive without the effect may settle the groups, but nobody would call it a test
-            )
-            continue
+            added = 0.0 * added  # it may settle the groups, but nobody would call a drive without the effect a test
         after = before + windows_a_second * added.T @ added
         found[manoeuvre.id] = _determinant(after, of_interest) - _determinant(before, of_interest)
     return found
@@ -93,14 +85,7 @@ def _determinant(information: Array, of_interest: NDArray[np.bool_]) -> float:
 
 
 def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, candidates: Sequence[Candidate]) -> Array:
-    """What the groups (per unit of `scale`) and the candidates add on a drive, shape (samples, groups + candidates).
-
-    Args:
-        fit: The refit.
-        runs: The recordings at hand.
-        manoeuvre: The drive.
-        candidates: Effects to tell apart.
-    """
+    """What the groups (per unit of `scale`) and the candidates add on a drive, shape (samples, groups + candidates)."""
     usual_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
     drive = Drive(fit, manoeuvre.course(fit.parameters.nominal), runs.unit, usual_c)
     added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in candidates]
@@ -110,29 +95,19 @@ def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, candidates: Sequence
 def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequence[Term]) -> str:
     """The drive or, where no drive of the menu does, the measurement that separates an effect from its rivals.
 
-    Without rivals: the drive that would determine its size best.
-
-    Args:
-        fit: The refit.
-        runs: The recordings at hand.
-        left: What the best model leaves, shape (windows,).
-        first: The effect.
-        rivals: What the recordings cannot separate from it.
+    Without rivals: the drive that would determine its size best. `left` is what the best model leaves, (windows,).
     """
     candidates = [candidate(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, left, [one for one in candidates if one.size != 0.0]))
     worthwhile = gain >= (_SEPARATES if rivals else MEASURES)
-    advice = best.sentence if worthwhile else _measured(first, rivals).measurement
+    # Where a measurement has to tell: of a fault of the instrument before that of physics.
+    measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
+    advice = best.sentence if worthwhile else measured.measurement
     name = first.hypothesis.name
     if not rivals:
         return f"To measure {name} better, {advice}."
     others = " and ".join(rival.hypothesis.name for rival in rivals)
     return f"To tell {name} from {others}, {advice}."
-
-
-def _measured(first: Term, rivals: Sequence[Term]) -> Hypothesis:
-    """Which of the effects to measure: a fault of the instrument before physics."""
-    return min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
 
 
 def _best(found: Mapping[str, float]) -> tuple[Manoeuvre, float]:
@@ -155,8 +130,8 @@ def next_experiment(
         fit: The refit.
         runs: The recordings at hand.
         left: What the best model leaves, shape (windows,).
-        estimates: What the recordings say of each group.
-        named: Each named effect with its rivals.
+        estimates: Of each group.
+        named: Each effect with its rivals.
         unexplained: Where the mismatch sits, if nothing explains it.
         enough: Whether the recordings are long enough for a test.
     """

@@ -5,13 +5,11 @@ from __future__ import annotations
 import hashlib
 import platform
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import plotly.offline
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from homeward.diagnosis.evidence import Analysis, Evidence
@@ -24,7 +22,7 @@ from homeward.diagnosis.rules import FALSE_ALARM_RATE, SMALLEST_GAIN, VERY_STRON
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
-from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, decimal, labels, number, typeset
+from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, labels, templates
 from homeward.files import write_whole
 
 _VERDICT_WORDS = {
@@ -84,22 +82,18 @@ def corrected_toml(analysis: Analysis) -> str:
 
 def report_html(analysis: Analysis) -> str:
     """The report as one page that needs no network; everything that was recorded or named by others is escaped."""
-    environment = Environment(
-        loader=PackageLoader("homeward.diagnosis.tell"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
     names = labels([one.path for one in diagnosis.recordings] + [one.recording for one in analysis.findings])
-    environment.filters |= {
-        "number": number, "decimal": decimal, "typeset": typeset, "sign": _sign,
-        "label": lambda path: names.get(path, path), "percent": lambda share: f"{decimal(100.0 * share, 0)} %",
-    }  # fmt: skip
+    environment = templates()
+    environment.filters["label"] = lambda path: names.get(path, path)
     shared = {
         "diagnosis": diagnosis,
         "verdict": _VERDICT_WORDS[diagnosis.verdict],
         "findings": _by_text(analysis),
         "evidence": evidence,
         "where": _where(analysis),
+        "condition": condition,
+        "most_places": _MOST_PLACES,
         "versions": _versions(),
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
         "plotly": "" if evidence is None else Markup(plotly.offline.get_plotlyjs()),
@@ -129,10 +123,6 @@ def _proof(analysis: Analysis, evidence: Evidence) -> dict[str, object]:
     }
 
 
-def _sign(value: float) -> str:
-    return f"{'+' if value > 0 else ''}{number(value)}"
-
-
 def _by_text(analysis: Analysis) -> dict[tuple[bool, str], list[str]]:
     """The recordings under each finding, those set aside first."""
     grouped: dict[tuple[bool, str], list[str]] = {}
@@ -141,39 +131,15 @@ def _by_text(analysis: Analysis) -> dict[tuple[bool, str], list[str]]:
     return grouped
 
 
-@dataclass(frozen=True)
-class Stretches:
-    """Where one thing was located: the stretches with the largest share of it, and how many there are in all."""
-
-    title: str
-    condition: str
-    share_of_drawn: float | None  # of all that was recorded
-    shown: tuple[Place, ...]
-    count: int
-    runs: int
-
-    @property
-    def same(self) -> bool:
-        """Whether one condition holds for all."""
-        return all(place.condition == self.condition for place in self.shown)
-
-
-def _where(analysis: Analysis) -> list[Stretches]:
+def _where(analysis: Analysis) -> list[tuple[str, tuple[Place, ...], float | None]]:
+    """Of each effect, or else of the mismatch: its name, its places, and its share of all that was recorded."""
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
-    found = []
     if diagnosis.missing_physics and evidence is not None:
-        for one, added in zip(diagnosis.missing_physics, evidence.contributions, strict=True):
-            found.append(_stretches(one.name, one.where, total_share(added, evidence.runs)))
-    elif diagnosis.where:
-        found.append(_stretches("The mismatch", diagnosis.where, None))
-    return found
-
-
-def _stretches(title: str, places: Sequence[Place], share: float | None) -> Stretches:
-    largest = sorted(places, key=lambda place: -place.share_of_excess)[:_MOST_PLACES]
-    return Stretches(
-        title, condition(places), share, tuple(largest), len(places), len({one.recording for one in places})
-    )
+        return [
+            (one.name, one.where, total_share(added, evidence.runs))
+            for one, added in zip(diagnosis.missing_physics, evidence.contributions, strict=True)
+        ]
+    return [("The mismatch", diagnosis.where, None)] if diagnosis.where else []
 
 
 @dataclass(frozen=True)
@@ -189,29 +155,24 @@ class RankRow:
 
 
 def ranking(naming: Naming) -> list[RankRow]:
-    """The named effects, each as it did beside those named before it, then every other hypothesis as it did alone.
-
-    Of several variants of one form the best is listed.
-    """
+    """The named effects, each as it did beside those named before it, then every other hypothesis as it did alone."""
     rows: list[RankRow] = []
-    rivals: dict[tuple[str, str], str] = {}
+    kinds: dict[tuple[str, str], tuple[str, str]] = {}
     for index, one in enumerate(naming.named):
-        before = ", ".join(other.term.effect.replace("_", " ") for other in naming.named[:index])
+        before = ", ".join(other.term.hypothesis.name for other in naming.named[:index])
         low, high = (100.0 * end for end in one.gain_ci95)
         alone = f"named beside {before}" if before else "named"
         note = f"{alone}: gain {low:.0f} to {high:.0f} %, placebos p ≤ {one.p_value:.2f}"
         form = _FORMS[one.term.axis]
         rows.append(RankRow(one.term.effect, form, one.delta_bic, one.held_out_gain, "named", note))
-        rivals |= {(rival.effect, rival.axis): one.term.effect for rival in one.rivals}
-    listed: set[tuple[str, str]] = {(one.term.effect, one.term.axis) for one in naming.named}
+        told = f"cannot be told from {one.term.hypothesis.name}"
+        kinds |= {(rival.effect, rival.axis): ("rival", told) for rival in one.rivals}
+    named = {(one.term.effect, one.term.axis) for one in naming.named}
     for other in naming.ranking:
-        key = other.effect, other.axis
-        if key not in listed:
-            listed.add(key)
-            kind = "rival" if key in rivals else ""
-            note = f"cannot be told from {rivals[key].replace('_', ' ')}" if kind else ""
-            if not rows and other.delta_bic > VERY_STRONG:
-                note = "not named: its gain may be none, or placebos do as well"
+        kind, note = kinds.get((other.effect, other.axis), ("", ""))
+        if not rows and other.delta_bic > VERY_STRONG:
+            note = "not named: its gain may be none, or placebos do as well"
+        if (other.effect, other.axis) not in named:
             rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))
     return rows
 
@@ -224,14 +185,12 @@ def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, f
     for effect, share in shares.items():
         if share is not None:
             continue
-        one = CATALOGUE[effect]
-        channels, name = one.missing(evidence.runs), one.name
+        one, why, needs = CATALOGUE[effect], "Nothing in these recordings sets it apart from the parameters", ""
         if evidence.runs.unit == "A" and not one.of_current:
-            unseen.setdefault("Not in motor current, which follows torque", []).append(name)
-        elif channels:
-            unseen.setdefault("A channel is missing", []).append(f"{name} (needs {', '.join(channels)})")
-        else:
-            unseen.setdefault("Nothing in these recordings sets it apart from the parameters", []).append(name)
+            why = "Not in motor current, which follows torque"
+        elif channels := one.missing(evidence.runs):
+            why, needs = "A channel is missing", f" (needs {', '.join(channels)})"
+        unseen.setdefault(why, []).append(one.name + needs)
     return visible, unseen
 
 

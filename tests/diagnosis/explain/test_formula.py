@@ -8,8 +8,8 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Recording, analyse
+from homeward.diagnosis.explain.dimensionless import candidates
 from homeward.diagnosis.explain.formula import Empirical, Search, propose
-from homeward.diagnosis.explain.formulas import candidates
 from homeward.diagnosis.explain.residual_test import independent_blocks
 from homeward.diagnosis.fit.fitted import with_columns
 from homeward.diagnosis.fit.folds import cut_folds
@@ -165,8 +165,7 @@ def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> N
     """Errors of all candidates at once are those of the plain held-out fits, where no bound is in the way."""
     fit, runs, _, fold = prepared(with_hidden(drive(husky), husky, turning_squared), husky)
     library = candidates(fit, runs)
-    scores = Search(library, fit, runs, fold, memory=1.0).scores(library.everything, [])
-    costs = library.cost()
+    scores = Search(library, fit, runs, fold, memory=1.0).scores(library.parts, [])
 
     def error(columns: np.ndarray) -> float:
         predicted = held_out(lambda chosen: with_columns(fit, chosen, runs.observed, columns), fold)
@@ -174,22 +173,17 @@ def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> N
 
     n = len(fold)
     base, rng = error(np.zeros((n, 0))), np.random.default_rng(0)
-    places = [(b, i, j) for b, cost in enumerate(costs) for i, j in zip(*np.nonzero(np.isfinite(cost)), strict=True)]
-    for index in rng.choice(len(places), 25, replace=False):
-        b, i, j = places[index]
-        expected = n * np.log(base / error(library.column((b, i, j))[:, None])) - np.log(n) - costs[b][i, j]
-        assert scores[b][i, j] == pytest.approx(expected, abs=3e-3 * n)  # 0.3 % of the squared error
+    for one in rng.choice(len(library.places), 25, replace=False).tolist():
+        expected = n * np.log(base / error(library.columns([one]))) - np.log(n) - library.cost[one]
+        assert scores[one] == pytest.approx(expected, abs=3e-3 * n)  # 0.3 % of the squared error
 
 
 def test_candidates_are_products_of_different_channels_each_once(drive: Drive, husky: Robot) -> None:
     fit, runs, _, _ = prepared(with_hidden(drive(husky), husky, turning_squared), husky)
     library = candidates(fit, runs)
-    texts = [
-        library.text((index, int(i), int(j)))
-        for index, base in enumerate(library.bases)
-        for i, j in zip(*np.nonzero(library.pairs(base)), strict=True)
-    ]
+    texts = library.texts
     assert len(texts) == len(set(texts)) > 1000
     assert "m g v [v > 0]" not in texts and "m g v (v / v_max) (v / v_max)^2" not in texts
-    cheapest = [float(cost.min()) for cost in library.cost()]
+    bases = library.places[:, 0]
+    cheapest = [float(library.cost[bases == base].min()) for base in np.unique(bases)]
     assert cheapest == [pytest.approx(2.0 * np.log(3.0))] * 3
