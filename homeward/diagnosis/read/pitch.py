@@ -26,14 +26,15 @@ def tilt(run: Signals) -> tuple[float, float] | None:
     if length_m == 0.0:
         return None
     slope = np.tan(run.grade_rad)
-    apart_m = float(abs(run.base_distance_m[-1] - run.base_distance_m[0]))
-    at_base = float(run.base_distance_m[[0, -1]].max()) <= CLOSED * length_m
-    onward_m = float(steps_m.sum())
-    if at_base and abs(onward_m) > 0.5 * length_m:
+    near = np.flatnonzero(run.base_distance_m <= CLOSED * length_m)
+    if len(near):
         # What is missing to a closed way, and the odometer's error, lie on ground of unknown slope.
-        open_m = max(apart_m, CLOSED * length_m / 2.0)
-        mean = float(slope[:-1] @ steps_m) / onward_m
-        return mean, float(np.std(slope)) * open_m / length_m
+        closed = slice(near[0], near[-1])
+        onward_m = float(steps_m[closed].sum())
+        open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), CLOSED * length_m / 2.0)
+        if abs(onward_m) > 0.5 * length_m:
+            mean = float(slope[closed] @ steps_m[closed]) / onward_m
+            return mean, float(np.std(slope)) * open_m / abs(onward_m)
     return _both_ways(run, slope)
 
 
