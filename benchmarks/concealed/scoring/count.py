@@ -14,6 +14,7 @@ from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS
 from benchmarks.concealed.plants.instruments import NOISES
 from benchmarks.concealed.scoring.outcome import Outcome
 
+USABLE_ENERGY = "usable energy"
 NAMES_GRADE = re.compile(r"grade|elevation|slope|altitude|hills?\b", re.IGNORECASE)
 STANDARD_NORMAL_975 = 1.959963984540054
 
@@ -70,9 +71,19 @@ class Table:
 # ---- what counts as what --------------------------------------------------------------------------------------------
 
 
+def told(outcome: Outcome) -> list[list[str]]:
+    """Classes that were named; a battery that holds the same too little in all drives is aged or smaller."""
+    return [*outcome.classes, *([["ageing"]] if USABLE_ENERGY in outcome.off else [])]
+
+
 def found_first(outcome: Outcome) -> bool:
     """Whether the hidden effect is the first that is named, or among those the first is confused with."""
-    return bool(outcome.classes) and outcome.hidden[0] in outcome.classes[0]
+    return outcome.hidden[0] in [*told(outcome), []][0]
+
+
+def usable(outcome: Outcome) -> bool:
+    """Whether a control's recordings can tell its parameters: not of power of the wrong sign, nor of hills unseen."""
+    return outcome.fault not in ("wrong_sign", "no_grade")
 
 
 def false_alarm(outcome: Outcome) -> bool:
@@ -138,8 +149,8 @@ def _singles(outcomes: list[Outcome]) -> list[Table]:
 
 def _pairs(outcomes: list[Outcome]) -> list[Table]:
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
-        in_class = [[any(effect in entry for entry in o.classes) for effect in o.hidden] for o in chosen]
-        by_name = [[any(effect == entry[0] for entry in o.classes) for effect in o.hidden] for o in chosen]
+        in_class = [[any(effect in entry for entry in told(o)) for effect in o.hidden] for o in chosen]
+        by_name = [[any(effect == entry[0] for entry in told(o)) for effect in o.hidden] for o in chosen]
         shares = (map(all, in_class), map(all, by_name), map(any, in_class), map(found_first_of_pair, chosen))
         return (name, *(str(Share.over(share)) for share in shares))
 
@@ -150,19 +161,20 @@ def _pairs(outcomes: list[Outcome]) -> list[Table]:
 
 def found_first_of_pair(outcome: Outcome) -> bool:
     """Whether what is named first is one of the hidden effects, or confused with one."""
-    return bool(outcome.classes) and bool(set(outcome.hidden) & set(outcome.classes[0]))
+    return bool(set(outcome.hidden) & set([*told(outcome), []][0]))
 
 
 def _controls(outcomes: list[Outcome]) -> list[Table]:
     columns = ("", "missing or unknown physics", "exact called parameters_off", "misset called parameters_off",
-               "crashes", "refused")  # fmt: skip
+               "misset and usable called so", "crashes", "refused")  # fmt: skip
 
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
         exact = [o for o in chosen if o.label == "exact"]
         misset = [o for o in chosen if o.label == "misset"]
         return (
             name, str(Share.over(map(false_alarm, chosen))), *(
-                str(Share.over(o.verdict == "parameters_off" for o in group)) for group in (exact, misset)
+                str(Share.over(o.verdict == "parameters_off" for o in group))
+                for group in (exact, misset, [o for o in misset if usable(o)])
             ), *(str(Share.over(o.verdict == what for o in chosen)) for what in ("crash", "refused")),
         )  # fmt: skip
 

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from homeward.diagnosis.explain.describe import where_at_work
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.explain.motion import explained, follows_motion
+from homeward.diagnosis.explain.motion import explained, motion_gain
 from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.rules import WITHOUT_A_SCHEDULE
+from homeward.diagnosis.rules import ADEQUATE, AS_WELL, WITHOUT_A_SCHEDULE
 
 
 @dataclass(frozen=True)
@@ -109,14 +109,18 @@ def _without_what_motion_tells(
     seed: int,
     progress: Callable[[str], None],
 ) -> tuple[Naming, Location | None]:
-    """Name nothing that needs a schedule where motion alone explains what the first effect needs one for.
+    """Name nothing where motion and its history tell more than what is named, or what the first needs a schedule for.
 
     Where no other effect explains it either, say where it is.
     """
-    if naming.corrected is None or naming.named[0].term.axis == "steady":
+    if naming.corrected is None:
         return naming, location
     first, fold = naming.named[0], block % FOLDS
-    if not follows_motion(fit, runs, fold, first.held_out_gain, seed):
+    by_motion = motion_gain(fit, runs, fold, seed)
+    if first.term.axis == "steady":
+        adequate = explained(fit, naming.corrected, runs, fold) >= ADEQUATE * by_motion
+        return (naming if adequate else naming.nothing_named()), location
+    if by_motion < AS_WELL * first.held_out_gain:
         return naming, location
     again = name_missing(fit, runs, block, seed, progress, schedules=False)
     if (

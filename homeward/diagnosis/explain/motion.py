@@ -9,14 +9,18 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.held_out import black_box, held_out
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.rules import AS_WELL
+from homeward.diagnosis.read.signals import Array
 
 MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
 """Channels of what the robot does; those of where and when could stand for anything that changes."""
+
+
+_REMEMBERS_S = (10.0, 30.0, 100.0, 300.0)  # from a converter to a gearbox
 
 
 def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: NDArray[np.intp]) -> float:
@@ -29,17 +33,31 @@ def _held_out_error(model: Fitted, runs: Runs, fold: NDArray[np.intp]) -> float:
     return float(left @ left)
 
 
-def follows_motion(fit: Fitted, runs: Runs, fold: NDArray[np.intp], gain: float, seed: int) -> bool:
-    """Whether motion alone explains as much of a model's held-out squared error as a schedule does.
+def motion_gain(fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int) -> float:
+    """Share of a model's held-out squared error that boosted trees on the motion, and its history, explain.
 
     Args:
         fit: The refit, or a model with effects.
         runs: The runs.
         fold: What is held out together, shape (windows,).
-        gain: Share of the squared error that the schedule explains.
         seed: Seed of the trees.
     """
     rng = np.random.default_rng(seed)
-    trees = held_out(lambda chosen: black_box(runs, fit.on(chosen, runs.observed), chosen, rng, MOTION), fold)
+    history = _history(fit, runs)
+    trees = held_out(lambda chosen: black_box(runs, fit.on(chosen, runs.observed), chosen, rng, MOTION, history), fold)
     after = float(((runs.observed - trees) ** 2).sum())
-    return after <= _held_out_error(fit, runs, fold) * (1.0 - AS_WELL * gain)
+    return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
+
+
+def _history(fit: Fitted, runs: Runs) -> list[Array]:
+    """Load and speed as bodies of several time constants remember them: what is warm, wet or stirred up by driving."""
+    found = []
+    for values in (fit.predicted, np.abs(runs.context["speed_mps"])):
+        for constant_s in _REMEMBERS_S:
+            parts = []
+            for run in np.unique(runs.run):
+                here = runs.run == run
+                keep = float(np.exp(-float(np.median(runs.duration_s[here])) / constant_s))
+                parts.append(lfilter([1.0 - keep], [1.0, -keep], values[here]))
+            found.append(np.concatenate(parts))
+    return found

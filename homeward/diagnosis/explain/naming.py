@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
-from homeward.diagnosis.explain.motion import follows_motion
+from homeward.diagnosis.explain.motion import motion_gain
 from homeward.diagnosis.explain.proof import FOLDS, Base, Bench
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.held_out import gain, held_out
@@ -27,11 +27,14 @@ from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.rules import (
     ALIKE_BY_NATURE,
     ALIKE_IN_SIZE,
+    AS_WELL,
     EQUAL,
     FALSE_ALARM_RATE,
     MOST_EFFECTS,
     MUST_PAY,
     SMALLEST_GAIN,
+    SMALLEST_GAIN_OF_A_FAULT,
+    SMALLEST_GAIN_TO_NAME,
     SMALLEST_SHARE,
     TOLD_BY_A_CHANNEL,
 )
@@ -106,6 +109,7 @@ def name_missing(
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
     material = holding(fit, runs, immaterial(fit, runs))
     in_doubt = doubted(fit, runs)
+    refit_error = float(setting.residual @ setting.residual)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
@@ -113,12 +117,12 @@ def name_missing(
     while len(named) < MOST_EFFECTS:
         progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named), schedules))
-        bench = Bench(base, candidates, setting, block, doubted=in_doubt)
+        bench = Bench(base, candidates, setting, block, doubted=in_doubt, refit_error=refit_error)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, seed):
             if corrected is not None and any(
-                one.term.axis != "steady" and follows_motion(corrected, runs, fold, one.held_out_gain, seed)
+                one.term.axis != "steady" and motion_gain(corrected, runs, fold, seed) >= AS_WELL * one.held_out_gain
                 for one in found
             ):
                 continue  # beside what is named, motion tells as much
@@ -237,7 +241,9 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
 
 def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent: float, seed: int) -> Named | None:
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
-    if delta_bic < MUST_PAY or share < SMALLEST_GAIN:
+    least = SMALLEST_GAIN_TO_NAME if bench.candidates[chosen].hypothesis.physical else SMALLEST_GAIN_OF_A_FAULT
+    of_refit = share * bench.squared_error(chosen) / max(bench.refit_error, 1e-300)
+    if delta_bic < MUST_PAY or share < least or of_refit < SMALLEST_GAIN:
         return None
     explained = share * bench.squared_error(chosen)
     if explained < SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):

@@ -70,6 +70,7 @@ class Bench:
     setting: Setting  # its residual is what is to be explained
     block: Index
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
+    refit_error: float = 0.0  # squared error that the refit leaves, without any effect
     doubted: float = 0.0  # squared error that the errors of the channels account for
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -50,7 +50,12 @@ def held_out(predict: Callable[[Mask], Array], fold: Index) -> Array:
 
 
 def black_box(
-    runs: Runs, nominal: Array, chosen: Mask, rng: np.random.Generator, channels: Collection[str] | None = None
+    runs: Runs,
+    nominal: Array,
+    chosen: Mask,
+    rng: np.random.Generator,
+    channels: Collection[str] | None = None,
+    beside: Sequence[Array] = (),
 ) -> Array:
     """Prediction for all windows by boosted trees on the same channels: how much there is to gain from them.
 
@@ -60,9 +65,10 @@ def black_box(
         chosen: Windows to fit to, or to draw from where there are very many.
         rng: Of the trees and of that draw.
         channels: Those that may be used; all by default.
+        beside: Further features, shape (windows,) each.
     """
     used = [values for name, values in runs.context.items() if channels is None or name in channels]
-    features = np.column_stack([nominal, *used])
+    features = np.column_stack([nominal, *used, *beside])
     rows = np.flatnonzero(chosen)
     if len(rows) < _FEWEST_FOR_TREES:
         return nominal
