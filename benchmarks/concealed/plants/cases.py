@@ -281,7 +281,7 @@ def _rollouts(vehicle: Vehicle, runs: Sequence[Run], mechanisms: Sequence[Mechan
 
 def _later(vehicle: Vehicle, situation: _Situation, mechanisms: Sequence[Mechanism], read_by: ReadBy, rng: Generator,
            short: bool) -> list[Later]:  # fmt: skip
-    """Two drives on the known routes and two on new ones, after all changes have happened; energy as it truly was."""
+    """Two drives on the known routes and two on new ones, after all changes; with the energy that it truly took."""
     physical = [mechanism for mechanism in mechanisms if mechanism.stage != "instrument"]
     new = [_route(vehicle, tuple(m.effect for m in mechanisms), rng) for _ in range(2)]
     later = []
@@ -289,7 +289,7 @@ def _later(vehicle: Vehicle, situation: _Situation, mechanisms: Sequence[Mechani
         for run in make_drives(vehicle, routes, rng, 2, situation.mean_c, short):
             after = dataclasses.replace(run, index=len(situation.runs) + run.index)
             work = rollout(vehicle, after, physical, rng, read_by)
-            later.append(Later("same conditions" if kind == "same conditions" else "new route", after, work.seen_w))
+            later.append(Later("same conditions" if kind == "same conditions" else "new route", after, work.chemical_w))
     return later
 
 

@@ -28,8 +28,20 @@ class Said:
 
 
 def can_be_said(term: Term) -> bool:
-    """Whether a robot file can say an effect: one size, and ground that is rough at some places only."""
-    return term.hypothesis.physical and not term.flexible and (term.axis == "steady" or _is_ground(term))
+    """Whether a robot file can say an effect: of one size, begun at some moment to stay, or uneven ground."""
+    if not term.hypothesis.physical or term.flexible:
+        return False
+    return term.axis == "steady" or _is_ground(term) or _stays(term)
+
+
+def _stays(term: Term) -> bool:
+    """Whether an effect begins once and is then at work to the end: so the robot is now."""
+    return (
+        term.schedule is not None
+        and term.schedule.levels == 2
+        and term.schedule.level[-1] == 1
+        and int(np.count_nonzero(np.diff(term.schedule.level))) == 1
+    )
 
 
 def _is_ground(term: Term) -> bool:
@@ -46,37 +58,38 @@ def said(model: Refit | Corrected, runs: Runs) -> Said:
     reading = np.zeros(len(runs.observed))
     for index, term in enumerate(terms):
         if _is_ground(term):
-            smoothest, gain, roughness = _ground(model, index, runs)
-            theta = np.where(np.arange(len(theta)) == ROLLING, smoothest * theta, theta)
+            usual, gain, roughness = _ground(model, index, runs)
+            theta = np.where(np.arange(len(theta)) == ROLLING, usual * theta, theta)
             effects[term.effect] = {term.hypothesis.entry.switch.name: gain}
             met = replace(met, roughness=roughness)
         elif can_be_said(term):
             effects[term.effect] = _numbers(model, index)
+            if _stays(term) and term.load is not None and term.schedule is not None:
+                reading -= term.load * model.sizes(index)[0] * (term.schedule.level == 0)  # it had not begun
         elif not term.hypothesis.physical and term.linear:
             reading += term.columns @ model.sizes(index)
     return Said(theta, effects, met, reading)
 
 
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
-    """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
+    """C_rr of the usual ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
 
-    Of a smooth profile the ends are quantiles: a hat that few windows reach says little.
+    Usual is the mean over the way driven, so that a drive on ground of which no map tells is expected to take as much.
+    Of a smooth profile the roughest is a quantile: a hat that few windows reach says little.
     """
     term = model.model.terms[index]
     switch = term.hypothesis.entry.switch
     assert term.at_work is not None
     share = next(model.share(one) for one in model.model.unknowns if one.term == index)
     rolls = 1.0 + np.clip(term.at_work @ model.sizes(index) * share, switch.low, switch.high)
-    driven = np.abs(runs.context["speed_mps"]) > 0.0
-    ends = (0.0, 1.0) if term.schedule is not None else _ENDS
-    smoothest, roughest = np.quantile(rolls[driven], ends).tolist()
-    gain = roughest / smoothest - 1.0
-    if gain <= 0.0:
-        return smoothest, 0.0, np.zeros(len(rolls))
-    return smoothest, gain, np.clip((rolls / smoothest - 1.0) / gain, 0.0, 1.0)
+    way_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
+    usual = float(np.average(rolls, weights=way_m))
+    roughest = float(np.quantile(rolls[way_m > 0.0], 1.0 if term.schedule is not None else _ROUGHEST))
+    gain = roughest / usual - 1.0
+    return (usual, gain, (rolls / usual - 1.0) / gain) if gain > 0.0 else (usual, 0.0, np.zeros(len(rolls)))
 
 
-_ENDS = (0.05, 0.95)
+_ROUGHEST = 0.95
 
 
 def _numbers(model: Corrected, index: int) -> dict[str, float]:
