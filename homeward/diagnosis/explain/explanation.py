@@ -117,7 +117,7 @@ def _without_what_motion_tells(
         return naming, location
     first, fold = naming.named[0], block % FOLDS
     by_motion = motion_gain(fit, runs, fold, seed)
-    if first.term.axis == "steady":
+    if first.term.axis != "time":
         adequate = explained(fit, naming.corrected, runs, fold) >= ADEQUATE * by_motion
         return (naming if adequate else naming.nothing_named()), location
     if by_motion < AS_WELL * first.held_out_gain:

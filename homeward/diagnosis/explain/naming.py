@@ -294,7 +294,7 @@ def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Ter
         beside = bench.share(index) if bench.beside else shares[index]
         doubtful = beside * bench.squared_error(index) <= bench.doubted * _followed(bench, index)
         if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < MUST_PAY):
-            found.setdefault(other.effect, other)
+            found.setdefault(other.effect, _with_plain(bench, index))
     return tuple(found.values())
 
 

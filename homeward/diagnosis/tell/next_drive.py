@@ -41,6 +41,7 @@ class Candidate:
 
 def candidate(fit: Refit, runs: Runs, term: Term) -> Candidate:
     """A hypothesis at its fitted size; of several sizes (levels, places) the one that adds most."""
+    term = term.plain or term
     columns = np.column_stack([fit.jacobian, term.columns])
     low, high = fit.freedom()
     weights = bounded(
