@@ -99,6 +99,10 @@ IN_STEP = 0.8
 
 # --- Parameters: what recordings determine ------------------------------------------------------------------------
 
+GAIN_ERROR = 0.005
+"""Standard error of the scale of a power meter, in every parameter that power tells: 1 % at two standard errors, a
+shunt of 0.5 % with its amplifier (INA226 data sheet; how to add it: JCGM 100:2008, 4.3)."""
+
 COLLINEAR = 1e-4
 """A column of which less than this share of its squares is its own cannot be told apart from the others: its standard
 error is a hundred times that of a column by itself."""

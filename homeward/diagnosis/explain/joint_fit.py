@@ -18,7 +18,7 @@ from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.result import Value
-from homeward.diagnosis.rules import COLLINEAR, MATTERS
+from homeward.diagnosis.rules import COLLINEAR, GAIN_ERROR, MATTERS
 from homeward.physics import Robot
 
 _ITERATIONS = 6
@@ -201,6 +201,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
     groups = fit.jacobian.shape[1]
     at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
     errors = standard_errors(jacobian, runs.observed - predicted, block)[groups:]
+    errors = np.hypot(errors, GAIN_ERROR * np.abs(values))
     width = float(student.ppf(0.975, max(int(block.max()) + 1 - jacobian.shape[1], 1))) * errors
     intervals = tuple(
         (float(max(value - w, one.low)), float(min(value + w, one.high)))

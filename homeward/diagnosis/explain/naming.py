@@ -126,7 +126,8 @@ def name_missing(
                 for one in found
             ):
                 continue  # beside what is named, motion tells as much
-            fitted = fit_model(material, [one.term for one in (*named, *found)], runs, block)
+            found, fitted = _fitted(material, (*named, *found), runs, block)
+            found = found[len(named) :]
             if fitted.all_at_work() and _replays(fitted, corrected or fit, runs, fold, seed):
                 break
         else:
@@ -139,6 +140,19 @@ def name_missing(
         alone = fit.parameters.predict(runs, theta, within)
         setting = Setting(runs, fit.parameters, theta, within, alone, runs.observed - corrected.predicted)
     return Naming(tuple(named), corrected, ranking, absorbed)
+
+
+def _fitted(
+    fit: Refit, named: tuple[Named, ...], runs: Runs, block: NDArray[np.intp]
+) -> tuple[tuple[Named, ...], Corrected]:
+    """The effects fitted together, flexible ones in the form that a file can say where that fits as well."""
+    fitted = fit_model(fit, [one.term for one in named], runs, block)
+    if all(one.term.plain is None for one in named):
+        return named, fitted
+    plain = tuple(replace(one, term=one.term.plain or one.term) for one in named)
+    as_said = fit_model(fit, [one.term for one in plain], runs, block)
+    errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, as_said)]
+    return (plain, as_said) if errors[1] <= EQUAL * errors[0] else (named, fitted)
 
 
 def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -> bool:

@@ -19,7 +19,7 @@ from homeward.diagnosis.fit.fitted import Fitted, excited
 from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
-from homeward.diagnosis.rules import COLLINEAR, NOISE_ONLY, RELIABLE
+from homeward.diagnosis.rules import COLLINEAR, GAIN_ERROR, NOISE_ONLY, RELIABLE
 from homeward.physics import Robot
 
 Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]
@@ -159,6 +159,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
     errors *= problem.scale[active]
     freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
+    errors = np.hypot(errors, GAIN_ERROR * np.abs(fit.theta[active]))
     widths = float(student.ppf(0.975, freedom)) * errors
     wide = float(student.ppf(1.0 - 0.025 / len(active), freedom)) * errors
     result = []
