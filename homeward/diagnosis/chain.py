@@ -23,7 +23,7 @@ from homeward.diagnosis.explain.uncertainty import joint, products, recorded_ran
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import correlation_windows, cut_folds
-from homeward.diagnosis.fit.held_out import better, black_box, gain, held_out, range_accuracy_pct, score
+from homeward.diagnosis.fit.held_out import better, black_box, held_out, range_accuracy_pct, score
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, refit
 from homeward.diagnosis.fit.replay import Runs, average
@@ -32,7 +32,7 @@ from homeward.diagnosis.read.columns import Columns
 from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, RecordingInfo, Verdict
-from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, SAMPLES_A_WINDOW, SMALLEST_GAIN
+from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, GAIN_ERROR, SAMPLES_A_WINDOW, SMALLEST_GAIN
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import of_capacity, range_change
 from homeward.diagnosis.tell.handover import determined, hand_over, sayable
@@ -293,8 +293,10 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[ParameterOff, ...]]:
     if evidence.nominal is None:
         return "no_mismatch", ()
     observed, block = evidence.runs.observed, evidence.block
-    gained = gain(observed, evidence.nominal, evidence.refit, block, 0).share
-    if better(evidence.refit, evidence.nominal, observed, block) > FALSE_ALARM_RATE or gained < SMALLEST_GAIN:
+    missed, left = (float(np.mean((observed - one) ** 2)) for one in (evidence.nominal, evidence.refit))
+    # Less than the meter's own error of scale, or than is asked of an effect, is no parameter that is off.
+    least = max(SMALLEST_GAIN * missed, (2.0 * GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
+    if better(evidence.refit, evidence.nominal, observed, block) > FALSE_ALARM_RATE or missed - left < least:
         other_capacity = capacity is not None and capacity.off
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
     if any(one.status == "at bound" for one in evidence.estimates):
