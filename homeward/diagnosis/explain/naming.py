@@ -33,6 +33,7 @@ from homeward.diagnosis.rules import (
     MOST_EFFECTS,
     MUST_PAY,
     SMALLEST_GAIN,
+    SMALLEST_GAIN_BESIDE,
     SMALLEST_GAIN_OF_A_FAULT,
     SMALLEST_GAIN_TO_NAME,
     SMALLEST_SHARE,
@@ -257,7 +258,7 @@ def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent:
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
     least = SMALLEST_GAIN_TO_NAME if bench.candidates[chosen].hypothesis.physical else SMALLEST_GAIN_OF_A_FAULT
     of_refit = share * bench.squared_error(chosen) / max(bench.refit_error, 1e-300)
-    if delta_bic < MUST_PAY or share < least or of_refit < SMALLEST_GAIN:
+    if delta_bic < MUST_PAY or share < least or of_refit < SMALLEST_GAIN_BESIDE:
         return None
     explained = share * bench.squared_error(chosen)
     if explained < SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):

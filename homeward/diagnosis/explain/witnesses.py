@@ -52,6 +52,7 @@ Index = NDArray[np.intp]
 _DRAWS = 1999
 _FEWEST_RUNS = 3
 _GAP = 1.5  # windows
+_SEARCHED = 3.0  # times the size that a linear response says
 
 
 @dataclass(frozen=True)
@@ -289,11 +290,14 @@ def _lost(fit: Refit, runs: Runs, channel: _Channel, fallen_by: Callable[[Array]
     def left(size: float) -> float:
         return float(np.sum((channel.target - design(size) @ _fit(design(size), channel.target)) ** 2))
 
-    size = float(minimize_scalar(left, bounds=(0.0, switch.high), method="bounded").x)
+    # Sizes are often a small share of the largest: look up to some times what the response to a small size says.
+    rate, per_size = _fit(np.column_stack([channel.base, tried[best][2]]), channel.target)
+    most = float(np.clip(_SEARCHED * per_size / max(float(rate), 1e-9), TINY * switch.high, switch.high))
+    size = float(minimize_scalar(left, bounds=(0.0, most), method="bounded").x)
     lost_w = _loss_w(one, shape, size, runs, robot)
     if float((lost_w * runs.duration_s).sum()) < MATTERS * float((runs.observed * runs.duration_s).sum()):
         return None
-    step = 1e-3 * max(size, TINY)
+    step = 1e-3 * max(size, TINY) * (-1.0 if 1.001 * size > switch.high else 1.0)
     columns = np.column_stack([design(size), (design(size + step) - design(size)) / step])
     residual = channel.target - design(size) @ _fit(design(size), channel.target)
     wide = 1.96 * float(standard_errors(columns, residual, channel.block)[-1])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from homeward import Robot
-from homeward.diagnosis import Recording, analyse
+from homeward.diagnosis import Recording, analyse, diagnose
 from homeward.diagnosis.explain.uncertainty import spread
 from homeward.physics import replay
 
@@ -38,6 +38,24 @@ def test_of_a_mass_that_no_slope_shows_only_its_product_with_inertia_is_known(dr
     assert mass is not None and mass.fitted is None and "m / Gamma" not in {
         one.group for one in analysis.diagnosis.parameters_off
     }  # fmt: skip
+
+
+def test_of_a_mass_that_no_slope_shows_only_its_product_with_the_scrub_of_turning_is_known(
+    short_drive: Drive, husky: Robot
+) -> None:
+    true = dataclasses.replace(husky, effects={"turning": {"scrub": 0.3}})
+    heavier = dataclasses.replace(husky, mass_kg=1.2 * husky.mass_kg)
+    turned = [  # at the tenths of rad/s that were meant: noise of the rate is no turning
+        dataclasses.replace(run, channels={**run.channels, "yaw_rate_radps": run.channels["yaw_rate_radps"].round(1)})
+        for run in short_drive(husky)
+    ]
+    diagnosis = diagnose(on_level_ground(turned, true), heavier)
+    (product,) = diagnosis.products
+    assert product.of == ("m / Gamma", "turning scrub") and product.value.unit == "kg"
+    low, high = product.value.ci95
+    assert low <= 0.3 * husky.mass_kg / husky.traction_efficiency <= high
+    assert high - low < 0.1 * product.value.value
+    assert "m / Gamma" not in {one.group for one in diagnosis.parameters_off}
 
 
 def test_the_range_is_that_of_the_recorded_trips(drive: Drive, husky: Robot) -> None:

@@ -1,0 +1,101 @@
+"""A robot file that already holds effects: as it was handed over, without another, and with one too many."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+
+from homeward import Robot
+from homeward.diagnosis import Recording, analyse, diagnose
+from tests.diagnosis.explain.test_witnesses import at_terminals
+
+Drive = Callable[..., list[Recording]]
+
+TURNING: Mapping[str, Mapping[str, float]] = {"turning": {"scrub": 0.3}}
+INERTIA: Mapping[str, Mapping[str, float]] = {"inertia": {"mass_factor": 1.0}}
+
+
+def with_radio(runs: list[Recording]) -> list[Recording]:
+    """The runs of a robot that drives away and back, with a radio of 200 W/km^2."""
+    told = []
+    for number, run in enumerate(runs):
+        way_m = np.cumsum(np.abs(run.channels["speed_mps"])) * 0.1
+        away_m = 100.0 * (1 + number) + 4.0 * np.minimum(way_m, way_m[-1] - way_m)
+        power_w = run.channels["power_w"] + 200.0 * (1e-3 * away_m) ** 2
+        told.append(dataclasses.replace(run, channels={**run.channels, "base_distance_m": away_m, "power_w": power_w}))
+    return told
+
+
+RECORDED: Mapping[str, Callable[[Drive, Robot], list[Recording]]] = {
+    "turning": lambda drive, robot: drive(robot, effects=TURNING),
+    "radio": lambda drive, robot: with_radio(drive(robot)),
+    "internal_resistance": lambda drive, robot: at_terminals(drive(robot), 0.15),
+}
+"""Recordings of a robot with an effect, by its id."""
+
+
+@pytest.mark.parametrize("effect", RECORDED)
+def test_a_corrected_robot_asks_for_nothing_on_the_same_recordings(
+    effect: str, short_drive: Drive, husky: Robot
+) -> None:
+    runs = RECORDED[effect](short_drive, husky)
+    first = analyse(runs, husky)
+    assert [one.effect for one in first.diagnosis.missing_physics] == [effect]
+    assert effect in first.corrected.active_effects
+    again = diagnose(runs, first.corrected)
+    assert again.verdict == "no_mismatch"
+    assert again.missing_physics == () and again.parameters_off == ()
+
+
+def test_a_file_that_holds_the_true_effects_has_no_mismatch(short_drive: Drive, husky: Robot) -> None:
+    true = dataclasses.replace(husky, effects={**TURNING, **INERTIA})
+    analysis = analyse(short_drive(true), true)
+    assert analysis.diagnosis.verdict == "no_mismatch"
+    assert analysis.corrected == true
+
+
+def test_a_file_that_holds_one_of_two_effects_lacks_the_other_only(short_drive: Drive, husky: Robot) -> None:
+    analysis = analyse(short_drive(husky, effects={**TURNING, **INERTIA}), dataclasses.replace(husky, effects=TURNING))
+    (found,) = analysis.diagnosis.missing_physics
+    assert found.effect == "inertia"
+    low, high = found.parameters["mass_factor"].ci95
+    assert low <= 1.0 <= high
+    assert analysis.corrected.effects["turning"] == TURNING["turning"]
+    assert analysis.corrected.effects["inertia"]["mass_factor"] == pytest.approx(1.0, rel=0.1)
+
+
+def test_an_effect_that_a_file_holds_too_large_is_named_with_its_true_size(short_drive: Drive, husky: Robot) -> None:
+    half = {"turning": {"scrub": 0.15}}
+    analysis = analyse(short_drive(husky, effects=half), dataclasses.replace(husky, effects=TURNING))
+    (found,) = analysis.diagnosis.missing_physics
+    assert found.effect == "turning"
+    low, high = found.parameters["scrub"].ci95
+    assert low <= 0.15 <= high
+    assert analysis.corrected.effects["turning"]["scrub"] == pytest.approx(0.15, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        {"no_load": {"power_w": 20.0}},
+        pytest.param(
+            {"copper_loss": {"w_per_n2": 0.002}},
+            marks=pytest.mark.xfail(
+                strict=True,
+                raises=AssertionError,
+                reason="rate_capacity is named: no effect of a file is found to be zero",
+            ),
+        ),
+    ],
+    ids=lambda held: next(iter(held)),
+)
+def test_an_effect_that_a_robot_does_not_have_is_made_up_for_by_no_other(
+    held: Mapping[str, Mapping[str, float]], short_drive: Drive, husky: Robot
+) -> None:
+    """To say that something is off, or that this effect is, is right; another effect on top of it is wrong."""
+    diagnosis = diagnose(short_drive(husky), dataclasses.replace(husky, effects=held))
+    assert diagnosis.verdict in ("missing_physics", "unknown_physics")
+    assert {one.effect for one in diagnosis.missing_physics} <= set(held)
