@@ -71,7 +71,7 @@ the larger part of what recorded motion tells is named."""
 
 SMALLEST_GAIN_BESIDE = 0.02
 """Share of the refit's held-out squared error that a further effect must explain beside those that are named: what is
-less is soon the form of the first that does not quite fit. Chosen on seed 2 of benchmarks/concealed (pairs, outside)."""
+less is soon the form of the first that does not quite fit. Chosen on seed 2 of benchmarks/concealed."""
 
 SMALLEST_GAIN_OF_A_FAULT = 0.25
 """Share of the squared error that a fault of an instrument must explain: beforehand it is less likely than physics, and
