@@ -23,7 +23,7 @@ from homeward.diagnosis.explain.uncertainty import joint, products, recorded_ran
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import correlation_windows, cut_folds
-from homeward.diagnosis.fit.held_out import better, black_box, held_out, range_accuracy_pct, score
+from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, refit
 from homeward.diagnosis.fit.replay import Runs, average
@@ -197,10 +197,6 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         told.naming,
         corrected,
         told.empirical,
-        {
-            name: range_accuracy_pct(one, runs, runs.run if held_out_by == "run" else fold)
-            for name, one in predicted.items()
-        },
         capacity,
         shown,
         told.left,
@@ -230,17 +226,9 @@ def _with_file(evidence: Evidence, fit: Fit, predicted: Array | None, seed: int)
     """Evidence and arms with what the file that is handed over predicts."""
     if predicted is None:
         return evidence, fit
-    runs = evidence.runs
-    arm = score(predicted, runs, evidence.block, evidence.fold, evidence.held_out_by, seed)
-    accuracy = range_accuracy_pct(predicted, runs, evidence.trip)
-    return (
-        dataclasses.replace(
-            evidence,
-            predictions={**evidence.predictions, "file": predicted},
-            range_accuracy_pct={**evidence.range_accuracy_pct, "file": accuracy},
-        ),
-        dataclasses.replace(fit, arms={**fit.arms, "file": arm}),
-    )
+    arm = score(predicted, evidence.runs, evidence.block, evidence.fold, evidence.held_out_by, seed)
+    evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": predicted})
+    return evidence, dataclasses.replace(fit, arms={**fit.arms, "file": arm})
 
 
 def _predictions(
@@ -256,18 +244,16 @@ def _predictions(
     arms: dict[str, Array] = {} if nominal is None else {"nominal": nominal}
     arms["refit"] = held_out(lambda chosen: fitted.fitted_to(chosen, runs.observed).replayed(runs), fold)
     rng = np.random.default_rng(seed)
-    added = None
+
+    def beside(columns: Array) -> Array:
+        return held_out(lambda chosen: with_columns(fitted, chosen, runs.observed, columns), fold)
+
     if corrected is not None:
         arms["corrected"] = held_out(lambda chosen: corrected.fitted_to(chosen, runs.observed).replayed(runs), fold)
-        added = np.column_stack(corrected.contribution)
+        arms["placebo"] = beside(shifted_in_time(np.column_stack(corrected.contribution), rng))
     elif empirical is not None:
-        added = empirical.columns
-        arms["corrected"] = held_out(
-            lambda chosen: with_columns(fitted, chosen, runs.observed, empirical.columns), fold
-        )
-    if added is not None:
-        placebo = shifted_in_time(added, rng)
-        arms["placebo"] = held_out(lambda chosen: with_columns(fitted, chosen, runs.observed, placebo), fold)
+        arms["corrected"] = beside(empirical.columns)
+        arms["placebo"] = beside(shifted_in_time(empirical.columns, rng))
     arms["black_box"] = held_out(lambda chosen: black_box(runs, fitted.predicted, chosen, rng), fold)
     return arms
 

@@ -17,6 +17,7 @@ from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.explain.uncertainty import Joint, Spread
 from homeward.diagnosis.explain.witnesses import Capacity, Witnessed
+from homeward.diagnosis.fit.held_out import range_accuracy_pct
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
 from homeward.diagnosis.fit.usable import Finding
@@ -46,13 +47,17 @@ class Evidence:
     naming: Naming
     corrected: Corrected | None  # the fitted model, where effects were named
     empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
-    range_accuracy_pct: Mapping[str, float | None]  # by arm, of held-out trips
     capacity: Capacity | None  # of the battery, where its state of charge was recorded
     witnessed: tuple[Witnessed, ...]  # effects that other channels than power show
     remains: Left | None  # what the named effects leave, where it still depends on a channel
     products: tuple[Product, ...]  # of which the recordings determine no factor alone
     joint: Joint  # covariance of everything that was fitted together
     spread: Spread  # of what the last model leaves, between runs and within them
+
+    @property
+    def range_accuracy_pct(self) -> dict[str, float | None]:
+        """Of the range that each arm would have estimated for held-out trips."""
+        return {name: range_accuracy_pct(one, self.runs, self.trip) for name, one in self.predictions.items()}
 
     @property
     def held(self) -> tuple[str, ...]:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 import plotly.offline
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from rich.console import Console
 from rich.padding import Padding
@@ -14,7 +13,7 @@ from rich.table import Table
 
 from homeward.diagnosis.compare.group_comparison import Comparison
 from homeward.diagnosis.tell.figures import embedded
-from homeward.diagnosis.tell.formats import number, typeset
+from homeward.diagnosis.tell.formats import number, templates
 from homeward.diagnosis.tell.report import check_writable
 from homeward.diagnosis.tell.terminal import plain, say
 from homeward.files import write_whole
@@ -73,14 +72,9 @@ def _interval(ci95: tuple[float, float] | None, digits: int = 4) -> str:
 
 
 def _page(comparison: Comparison) -> str:
-    environment = Environment(
-        loader=PackageLoader("homeward.diagnosis.tell"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {"number": number, "typeset": typeset}
     quantities = dict.fromkeys((one.quantity, one.unit) for one in comparison.levels)
     figures = [(*one, _figure(comparison, one[0], f"group-{i}")) for i, one in enumerate(quantities)]
-    page = environment.get_template("groups.html").render(
+    page = templates().get_template("groups.html").render(
         comparison=comparison, verdict=comparison.verdict.replace("_", " ").capitalize(), figures=figures,
         plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
     )  # fmt: skip

@@ -53,7 +53,7 @@ def witnessed(found: Witnessed, runs: Runs) -> MissingPhysics:
         found.hypothesis,
         parameters=dict(found.parameters),
         where=places_of(found.contribution, runs, None, found.contribution != 0.0),
-        evidence=Evidence(found.proof.delta_bic, found.proof.held_out_gain, found.proof.p_value),
+        evidence=found.proof,
         confused_with=found.rivals,
         to_tell_apart=f"{found.hypothesis.measurement[0].upper()}{found.hypothesis.measurement[1:]}."
         if found.rivals

@@ -20,7 +20,7 @@ from homeward.diagnosis.explain.dimensionless import Library, candidates, consta
 from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.fit.fitted import Fitted, excited, with_columns
 from homeward.diagnosis.fit.folds import correlation_windows, noise_of
-from homeward.diagnosis.fit.held_out import gain, held_out
+from homeward.diagnosis.fit.held_out import evidence, gain, held_out
 from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
@@ -93,7 +93,7 @@ def propose(
         scores = search.scores(library.parts, chosen)
         best = int(np.argmax(scores))
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
-        pays = _pays(before, after, runs) - float(library.cost[best])
+        pays = evidence(runs.observed, before, after, runs.run) - float(library.cost[best])
         gained = gain(runs.observed, before, after, block, seed)
         if pays < VERY_STRONG or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
@@ -190,13 +190,6 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
         close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - VERY_STRONG]
         alternatives.append(tuple(search.library.texts[one] for one in close[:_MOST_ALTERNATIVES]))
     return final, alternatives
-
-
-def _pays(before: Array, after: Array, runs: Runs) -> float:
-    """Evidence for one more coefficient; what a wrong term leaves has memory, and counts for less."""
-    without, with_it = (float(((runs.observed - one) ** 2).sum()) for one in (before, after))
-    independent = max(len(after) / correlation_windows(runs.observed - after, runs.run), 2.0)
-    return float(independent * np.log(max(without, 1e-300) / max(with_it, 1e-300)) - np.log(independent))
 
 
 def _placebo_p_value(search: Search, present: Sequence[int], score: float, seed: int) -> float:

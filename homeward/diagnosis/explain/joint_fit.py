@@ -120,25 +120,14 @@ class Corrected:
 
     def fitted_to(self, chosen: NDArray[np.bool_], observed: Array) -> Corrected:
         """The same fitted to the chosen windows only, linearised at this fit."""
-        columns = self.jacobian
-        low, high = self.freedom()
-        part = columns[chosen]
-        step = bounded(part.T @ part, part.T @ (observed - self.predicted)[chosen], low, high)
-        count = self.groups.jacobian.shape[1]
-        theta, predicted = self.groups.moved(step[:count]), self.predicted + columns @ step
-        return dataclasses.replace(
-            self,
-            values=self.model.within_bounds(self.values + step[count:]),
-            groups=dataclasses.replace(self.groups, theta=theta, predicted=predicted),
-        )
+        left = (observed - self.predicted)[chosen]
+        step, theta, values = _stepped(self.groups, self.model, self.values, self.jacobian[chosen], left)
+        groups = dataclasses.replace(self.groups, theta=theta, predicted=self.predicted + self.jacobian @ step)
+        return dataclasses.replace(self, values=values, groups=groups)
 
     def replayed(self, runs: Runs) -> Array:
         """Prediction by a replay with these parameters and effects, shape (windows,)."""
         return self.model.predict(runs, self.theta, self.values)
-
-    def on(self, chosen: NDArray[np.bool_], observed: Array) -> Array:
-        """Prediction for all windows by a fit to the chosen ones, linearised at the fit to all, shape (windows,)."""
-        return self.fitted_to(chosen, observed).predicted
 
     def all_at_work(self) -> bool:
         """Whether each effect has a size whose interval excludes zero.
@@ -195,7 +184,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
         if best is not None and error >= best[0] * (1.0 - 1e-7):
             break
         best = error, theta, values, predicted, jacobian
-        theta, values = _stepped(fit, model, theta, values, jacobian, residual)
+        _, theta, values = _stepped(dataclasses.replace(fit, theta=theta), model, values, jacobian, residual)
     assert best is not None
     _, theta, values, predicted, jacobian = best
     groups = fit.jacobian.shape[1]
@@ -247,17 +236,14 @@ def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
 
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
-    columns = np.column_stack([fit.jacobian, *(term.columns for term in model.terms)])
-    low, high = fit.freedom()
-    low = np.concatenate([low, *(term.low for term in model.terms)])
-    high = np.concatenate([high, *(term.high for term in model.terms)])
-    weights = bounded(columns.T @ columns, columns.T @ (runs.observed - fit.predicted), low, high)
-    groups = fit.jacobian.shape[1]
-    sizes = iter(weights[groups:].tolist())
-    values = [
-        next(sizes) if one.column is not None else model.terms[one.term].shape[one.parameter] for one in model.unknowns
+    """Parameters and values by the terms' own columns, at the shapes that were tried."""
+    theirs = [
+        (0.0 * fit.predicted, term.shape[one.parameter]) if one.column is None else (term.columns[:, one.column], 0.0)
+        for one, term in ((one, model.terms[one.term]) for one in model.unknowns)
     ]
-    return fit.moved(weights[:groups]), np.array(values)
+    columns = np.column_stack([fit.jacobian, *(column for column, _ in theirs)])
+    values = np.array([value for _, value in theirs])
+    return _stepped(fit, model, values, columns, runs.observed - fit.predicted)[1:]
 
 
 def _linearised(
@@ -280,14 +266,11 @@ def _linearised(
     return predicted, np.column_stack(columns)
 
 
-def _stepped(
-    fit: Refit, model: Model, theta: Array, values: Array, jacobian: Array, residual: Array
-) -> tuple[Array, Array]:
-    at = dataclasses.replace(fit, theta=theta)
-    low, high = _bounds(at, model, values)
-    step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, low, high)
+def _stepped(at: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> tuple[Array, Array, Array]:
+    """Best physical step from a fit and values, and the parameters and values after it."""
+    step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, *_bounds(at, model, values))
     groups = len(model.parameters.active())
-    return at.moved(step[:groups]), model.within_bounds(values + step[groups:])
+    return step, at.moved(step[:groups]), model.within_bounds(values + step[groups:])
 
 
 def _bounds(at: Refit, model: Model, values: Array) -> tuple[Array, Array]:

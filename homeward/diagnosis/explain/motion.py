@@ -29,7 +29,7 @@ def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: NDArray[np.intp]
 
 
 def _held_out_error(model: Fitted, runs: Runs, fold: NDArray[np.intp]) -> float:
-    left = runs.observed - held_out(lambda chosen: model.on(chosen, runs.observed), fold)
+    left = runs.observed - held_out(lambda chosen: model.fitted_to(chosen, runs.observed).predicted, fold)
     return float(left @ left)
 
 
@@ -44,7 +44,12 @@ def motion_gain(fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int) -> f
     """
     rng = np.random.default_rng(seed)
     history = _history(fit, runs)
-    trees = held_out(lambda chosen: black_box(runs, fit.on(chosen, runs.observed), chosen, rng, MOTION, history), fold)
+
+    def by_trees(chosen: NDArray[np.bool_]) -> Array:
+        predicted = fit.fitted_to(chosen, runs.observed).predicted
+        return black_box(runs, predicted, chosen, rng, MOTION, history)
+
+    trees = held_out(by_trees, fold)
     after = float(((runs.observed - trees) ** 2).sum())
     return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
 

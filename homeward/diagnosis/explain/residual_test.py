@@ -8,18 +8,19 @@ bootstrap distribution (Westfall & Young, 1993), so looking at many channels doe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.held_out import held_out
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.rules import (
     FALSE_ALARM_RATE,
     SMALLEST_GAIN,
@@ -77,13 +78,11 @@ class Dependence:
 
     channel: Channel
     scaled: bool  # the excess is a share of the drive's load, not a load of its own
-    p_value: float  # corrected for the number of looks
+    p_value: float  # corrected for the number of looks; 1 where errors of the channels explain as much
     held_out_gain: float  # share of the held-out squared error that the dependence explains
-    bin: NDArray[np.intp]  # (windows,), -1 where the channel is missing
-    edges: Array  # (bins + 1,), empty for time
+    bin: Index  # (windows,), -1 where the channel is missing
     centre: Array
     effect: Array  # excess over the refit in each bin, W or A, times `weight`
-    error: Array  # its standard error
     weight: Array  # (windows,), 1 or, if scaled, the drive's load over its mean
 
     @property
@@ -93,25 +92,29 @@ class Dependence:
         return self.p_value <= FALSE_ALARM_RATE and self.held_out_gain >= least
 
 
-@dataclass(frozen=True)
-class _Look:
-    """One look at the residuals: sums of the weighted residual over sets of windows.
+class _Look(NamedTuple):
+    """One look at the residuals: sums of the weighted residual over sets of windows."""
 
-    `sums` has shape (blocks, sets), `columns` (sets, groups): the same sums over the Jacobian. `family` numbers the
-    sets of which only the largest counts (the cuts of one run), all different where each counts.
-    """
+    sums: Array  # (blocks, sets)
+    columns: Array  # (sets, groups): the same sums over the Jacobian
+    family: Index  # (sets,): only the largest counts of sets with one number, such as the cuts of one run
 
-    sums: Array
-    columns: Array
-    family: NDArray[np.intp]
+
+class _Candidate(NamedTuple):
+    channel: Channel
+    scaled: bool
+    weight: Array  # (windows,)
+    values: Array  # (windows,)
+    bin: Index  # (windows,)
+    looks: tuple[_Look, ...]
 
 
 @dataclass(frozen=True)
 class Blocks:
     """Block of each window, shape (windows,): stretches that count as independent."""
 
-    channels: NDArray[np.intp]  # for dependence on channels: outlasts whatever no channel explains
-    time: NDArray[np.intp]  # for changes in time: outlasts what neither a channel nor one change per run explains
+    channels: Index  # for dependence on channels: outlasts whatever no channel explains
+    time: Index  # for changes in time: outlasts what neither a channel nor one change per run explains
 
 
 def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
@@ -121,115 +124,126 @@ def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
     level that changes from run to run is memory where channels are tested, and the thing in question where time is.
     """
     residual = runs.observed - fit.predicted
-    design = np.column_stack([fit.jacobian, *(_indicators(number) for _, _, number, _ in _binned(runs))])
+    design = np.column_stack([fit.jacobian, *(_indicators(number) for _, _, number in _binned(runs))])
     unexplained = residual - design @ _least_squares(design, residual)
-    pieces = cut_blocks(runs.run)
-    changes = [
-        _indicators(_stretches(_time_look(fit, unexplained, weight, runs.run, pieces), runs.run, pieces), weight)
-        for weight in (np.ones(len(residual)), _drive_load(fit, runs))
-        if weight is not None
-    ]
+    changes = (_indicators(one.bin, one.weight) for one in _by_time(fit, runs, unexplained, cut_blocks(runs.run)))
     design = np.column_stack([design, *changes])
     steady = residual - design @ _least_squares(design, residual)
     return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady))
 
 
-def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: NDArray[np.intp], seed: int = 0) -> list[Dependence]:
+def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int = 0) -> list[Dependence]:
     """Test the residuals of a refit against time and every channel: found ones first, the largest gain first."""
-    candidates = [*_by_channel(fit, runs, block.channels), *_by_time(fit, runs, block.time)]
-    found = []
-    for of_time in (False, True):
-        group = [one for one in candidates if (one.channel is _TIME) == of_time]
-        blocks = block.time if of_time else block.channels
-        p_values = _family_p_values(fit, runs, blocks, [one.looks for one in group], seed)
-        # What happened in one run says nothing of another: for time hold out stretches.
-        held_out = blocks % 5 if of_time else fold
-        for one, p_value in zip(group, p_values, strict=True):
-            # Two families of looks, each with half of the false alarm rate.
-            found.append(_describe(one, min(1.0, 2.0 * p_value), fit, runs, blocks, held_out))
-    total = max(float(np.sum((runs.observed - fit.predicted) ** 2)), 1e-300)
-    least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
-    doubt = {name: max(doubted(fit, runs, name), least) / total for name in {one.channel.name for one in found}}
-    sure = [one if one.held_out_gain > doubt[one.channel.name] else replace(one, p_value=1.0) for one in found]
-    return _ranked(sure)
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    channel: Channel
-    scaled: bool
-    values: Array  # (windows,)
-    number: NDArray[np.intp]  # (windows,), bin
-    edges: Array
-    weight: Array  # (windows,)
-    looks: tuple[_Look, ...]
-
-
-def _by_channel(fit: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[_Candidate]:
     residual = runs.observed - fit.predicted
-    even, load = np.ones(len(residual)), _drive_load(fit, runs)
-    result = []
-    for channel, values, number, edges in _binned(runs):
-        for scaled, weight in ((False, even), (True, load)):
-            if weight is not None and (channel.scales or not scaled):
-                looks = (
-                    _bin_look(fit, residual, weight, number, block),
-                    _trend_look(fit, residual, weight, values, block),
-                )
-                result.append(_Candidate(channel, scaled, values, number, edges, weight, looks))
-    return result
-
-
-def _by_time(fit: Fitted, runs: Runs, block: NDArray[np.intp]) -> list[_Candidate]:
-    residual = runs.observed - fit.predicted
-    result = []
-    for scaled, weight in ((False, np.ones(len(residual))), (True, _drive_load(fit, runs))):
-        if weight is not None:
-            look = _time_look(fit, residual, weight, runs.run, block)
-            number = _stretches(look, runs.run, block)
-            result.append(_Candidate(_TIME, scaled, runs.time_s, number, np.zeros(0), weight, (look,)))
-    return result
-
-
-def _describe(
-    one: _Candidate, p_value: float, fit: Fitted, runs: Runs, block: NDArray[np.intp], fold: NDArray[np.intp]
-) -> Dependence:
-    gain = _held_out_gain(fit, runs, one.number, one.weight, fold)
-    effect, error = _effects(fit.jacobian, runs.observed - fit.predicted, one.number, one.weight, block)
-    centre = np.array([np.mean(one.values[one.number == b]) for b in range(len(effect))])
-    return Dependence(
-        one.channel, one.scaled, float(p_value), gain, one.number, one.edges, centre, effect, error, one.weight
-    )
-
-
-def _ranked(found: list[Dependence]) -> list[Dependence]:
-    """Found ones first, the largest gain first; time only where it explains far more than any other channel does.
-
-    Every cause that comes and goes is also a matter of time, and a level per stretch is more flexible than a channel.
-    """
-    best = max((d.held_out_gain for d in found if d.found and d.channel is not _TIME), default=0.0)
+    # Two families of looks, each with half of the false alarm rate. What happened in one run says nothing of another:
+    # for time hold out stretches.
+    found = [
+        *_tested(fit, runs, list(_by_channel(fit, runs, residual, block.channels)), block.channels, fold, seed),
+        *_tested(fit, runs, list(_by_time(fit, runs, residual, block.time)), block.time, block.time % 5, seed),
+    ]
+    best = max((one.held_out_gain for one in found if one.found and one.channel is not _TIME), default=0.0)
 
     def rank(one: Dependence) -> tuple[bool, float]:
+        # Every cause that comes and goes is also a matter of time, and a level per stretch is more flexible.
         behind = one.channel is _TIME and one.held_out_gain < TIME_MUST_BEAT * best
         return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
 
     return sorted(found, key=rank)
 
 
-def _drive_load(fit: Fitted, runs: Runs) -> Array | None:
-    """Load of the drive as the robot file has it, over its mean; None where it has none."""
-    problem = fit.parameters
+def _tested(
+    fit: Fitted, runs: Runs, candidates: Sequence[_Candidate], block: Index, fold: Index, seed: int
+) -> Iterator[Dependence]:
+    """One family of looks, with the share of the held-out squared error that a step per bin explains."""
+    residual = runs.observed - fit.predicted
+    total = max(float(residual @ residual), 1e-300)
+    least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+    folds = bool(np.ptp(fold))
+    before = (
+        runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)
+        if folds
+        else residual
+    )
+    p_values = _family_p_values(fit, residual, block, [one.looks for one in candidates], seed)
+    for one, p_value in zip(candidates, p_values.tolist(), strict=True):
+        design = np.column_stack([fit.jacobian, _indicators(one.bin, one.weight)])
+        after, gain = residual, 0.0
+        if folds and before.any():
+            after = residual - held_out(lambda rows: design @ _least_squares(design[rows], residual[rows]), fold)  # noqa: B023  called at once
+            gain = 1.0 - float(after @ after) / float(before @ before)
+        sure = gain * total > least and gain * total > doubted(fit, runs, one.channel.name)
+        effect = _least_squares(design, residual)[fit.jacobian.shape[1] :]
+        centre = np.array([np.mean(one.values[one.bin == number]) for number in range(len(effect))])
+        yield Dependence(
+            one.channel, one.scaled, min(1.0, 2.0 * p_value) if sure else 1.0, gain, one.bin, centre, effect, one.weight
+        )
+
+
+def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
+    """An excess of its own for all windows, and one that goes with the drive's load, where the robot file has one."""
+    problem, even = fit.parameters, np.ones(len(runs.observed))
     standing = 0.0
     if runs.unit == "W":
         standing = ancillary_power(problem.nominal, runs.context.get("sensing_hz", np.zeros(1)))
     load = np.nan_to_num(np.maximum(problem.predict(runs, problem.start) - standing, 0.0))
     mean = float(load.mean())
-    return load / mean if mean > 0.0 and float(load.std()) > 0.1 * mean else None
+    return [(False, even), (True, load / mean)] if float(load.std()) > 0.1 * mean > 0.0 else [(False, even)]
 
 
-def _binned(runs: Runs) -> list[tuple[Channel, Array, NDArray[np.intp], Array]]:
-    """Each channel with its values, the bin of each window and the edges of the bins."""
-    result = []
+def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Candidate]:
+    """Bins that enough blocks reach into, and a trend over the channel's centred rank: few effects are not monotone."""
+    weights = _weights(fit, runs)
+    for channel, values, number in _binned(runs):
+        known = np.isfinite(values)
+        rank = np.zeros(len(values))
+        rank[known] = rankdata(values[known]) / known.sum() - 0.5
+        for scaled, weight in weights if channel.scales else weights[:1]:
+            inside = known & (weight != 0.0)
+            reached = np.unique(np.column_stack([number, block])[inside], axis=0)[:, 0]
+            covered = np.bincount(reached, minlength=int(number.max()) + 1) >= _FEWEST_BLOCKS_A_BIN
+            bins = _indicators(number, weight)[:, covered]
+            slope = (weight * rank)[:, None]
+            # Only what the refit cannot take up itself is left to say anything.
+            slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
+            looks = (
+                _Look(_per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
+                for one in (bins, slope)
+            )
+            yield _Candidate(channel, scaled, weight, values, number, tuple(looks))
+
+
+def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Candidate]:
+    """Sums from the start of a run to each of its blocks, and from there to its end: a CUSUM test for a change."""
+    run_of_block = runs.run[np.unique(block, return_index=True)[1]]
+    for scaled, weight in _weights(fit, runs):
+        sets: list[tuple[int, Index]] = []
+        for run in np.unique(runs.run).tolist():
+            own = np.flatnonzero(run_of_block == run)
+            for cut in np.unique(np.linspace(0, len(own), min(len(own), _BINS) + 1).astype(int))[1:]:
+                sets += [(run, part) for part in (own[:cut], own[cut:]) if len(part) >= 2]
+        chosen = np.zeros((len(sets), len(run_of_block)))
+        for row, (_, part) in enumerate(sets):
+            chosen[row, part] = 1.0
+        sums = _per_block((weight * residual)[:, None], block) * chosen.T
+        columns = chosen @ _per_block(weight[:, None] * fit.jacobian, block)
+        look = _Look(sums, columns, np.array([run for run, _ in sets], dtype=np.intp))
+        yield _Candidate(_TIME, scaled, weight, runs.time_s, _stretches(look, chosen, runs.run, block), (look,))
+
+
+def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
+    """Stretch of each window: a run is cut in two where the CUSUM departs most, if it does at all."""
+    departure = _studentised(look.sums.sum(axis=0)[None], look.sums)[0]
+    cut = np.zeros(len(run), dtype=np.intp)
+    for one in np.unique(look.family):
+        largest = max(np.flatnonzero(look.family == one), key=lambda index: departure[index])
+        if departure[largest] >= _CUT_AT:
+            cut += (chosen[largest] > 0.0)[block]
+    number: Index = np.unique(2 * run + cut, return_inverse=True)[1]
+    return number
+
+
+def _binned(runs: Runs) -> Iterator[tuple[Channel, Array, Index]]:
+    """Each channel that has several values, with these and the bin of each window."""
     for channel in CHANNELS:
         values = runs.context.get(channel.name)
         if values is None or not np.isfinite(values).any():
@@ -238,104 +252,40 @@ def _binned(runs: Runs) -> list[tuple[Channel, Array, NDArray[np.intp], Array]]:
         grain = max(float(np.max(np.abs(values[known]))), 1e-300) * 1e-9  # means of equal values differ in the last bit
         values = np.round((np.abs(values) if channel.magnitude else values) / grain) * grain
         edges = _edges(values[known])
-        if len(edges) < 3:
-            continue
-        number = np.full(len(values), -1, dtype=np.intp)
-        number[known] = np.searchsorted(edges[1:-1], values[known], side="right")
-        result.append((channel, values, number, edges))
-    return result
+        if len(edges):
+            number = np.full(len(values), -1, dtype=np.intp)
+            number[known] = np.searchsorted(edges, values[known], side="right")
+            yield channel, values, number
 
 
 def _edges(values: Array) -> Array:
-    """Edges of bins with about equally many values; a value that is common gets a bin of its own."""
+    """Edges between bins with about equally many values; a value that is common gets a bin of its own."""
     distinct, counts = np.unique(values, return_counts=True)
     if len(distinct) <= _BINS:
-        middle = (distinct[1:] + distinct[:-1]) / 2.0
-        return np.concatenate(([distinct[0]], middle, [distinct[-1]]))
+        return (distinct[1:] + distinct[:-1]) / 2.0
     common = distinct[counts > len(values) / _BINS]
     rest = values[~np.isin(values, common)]
-    edges = np.quantile(rest, np.linspace(0.0, 1.0, _BINS + 1)) if len(rest) else values[[0, -1]]
-    tight = [np.nextafter(common, np.inf), common] if len(common) else []
-    edges = np.unique(np.concatenate([edges, *tight, [distinct[0], distinct[-1]]]))
-    count = np.bincount(np.searchsorted(edges[1:-1], values, side="right"), minlength=len(edges) - 1)
+    edges = np.quantile(rest, np.linspace(0.0, 1.0, _BINS + 1)) if len(rest) else values[:0]
+    edges = np.unique(np.concatenate([edges, common, np.nextafter(common, np.inf)]))
+    edges = edges[(edges > distinct[0]) & ((edges < distinct[-1]) | np.isin(edges, common))]
+    count = np.bincount(np.searchsorted(edges, values, side="right"), minlength=len(edges) + 1)
     kept = [0]  # a bin with too few values joins the one before it, the first the one after it
     for k in range(1, len(count)):
         if count[k] >= _FEWEST_A_BIN and count[kept[-1] : k].sum() >= _FEWEST_A_BIN:
             kept.append(k)
-    return np.concatenate((edges[kept], edges[-1:]))
+    return np.asarray(edges[np.array(kept[1:], np.intp) - 1])
 
 
-def _indicators(number: NDArray[np.intp], weight: Array | float = 1.0) -> Array:
-    design = np.zeros((len(number), int(number.max()) + 1))
-    rows = np.flatnonzero(number >= 0)
-    design[rows, number[rows]] = weight[rows] if isinstance(weight, np.ndarray) else weight
-    return design
+def _indicators(number: Index, weight: Array | float = 1.0) -> Array:
+    """A column for each number, the weight where it is met, shape (windows, numbers)."""
+    return np.asarray((number[:, None] == np.arange(number.max() + 1)) * np.reshape(weight, (-1, 1)), np.float64)
 
 
-def _bin_look(fit: Fitted, residual: Array, weight: Array, number: NDArray[np.intp], block: NDArray[np.intp]) -> _Look:
-    """Sums per bin, of the bins that enough blocks reach into."""
-    bins, blocks = int(number.max()) + 1, int(block.max()) + 1
-    inside = (number >= 0) & (weight != 0.0)
-    pairs = np.unique(number[inside] * blocks + block[inside])
-    covered = np.bincount(pairs // blocks, minlength=bins) >= _FEWEST_BLOCKS_A_BIN
-    sums = np.zeros((blocks, bins))
-    np.add.at(sums, (block[inside], number[inside]), (weight * residual)[inside])
-    columns = np.zeros((bins, fit.jacobian.shape[1]))
-    np.add.at(columns, number[inside], (weight[:, None] * fit.jacobian)[inside])
-    return _Look(sums[:, covered], columns[covered], np.arange(int(covered.sum())))
-
-
-def _trend_look(fit: Fitted, residual: Array, weight: Array, values: Array, block: NDArray[np.intp]) -> _Look:
-    """Sum of the residual times the centred rank of the channel: few effects are not monotone."""
-    known = np.isfinite(values)
-    rank = np.zeros(len(values))
-    rank[known] = rankdata(values[known]) / known.sum() - 0.5
-    slope = weight * rank
-    # Only what the refit cannot take up itself is left to say anything.
-    slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
-    sums = np.zeros((int(block.max()) + 1, 1))
-    np.add.at(sums[:, 0], block, slope * residual)
-    return _Look(sums, (slope @ fit.jacobian)[None], np.zeros(1, dtype=np.intp))
-
-
-def _time_look(fit: Fitted, residual: Array, weight: Array, run: NDArray[np.intp], block: NDArray[np.intp]) -> _Look:
-    """Sums from the start of a run to each of its blocks, and from there to its end: a CUSUM test for a change."""
-    blocks = int(block.max()) + 1
-    score = np.bincount(block, weight * residual)
-    columns = np.zeros((blocks, fit.jacobian.shape[1]))
-    np.add.at(columns, block, weight[:, None] * fit.jacobian)
-    run_of_block = np.empty(blocks, dtype=np.intp)
-    run_of_block[block] = run
-    members, family = [], []
-    for one in np.unique(run):
-        own = np.flatnonzero(run_of_block == one)
-        cuts = np.unique(np.linspace(0, len(own), min(len(own), _BINS) + 1).astype(int))
-        for cut in cuts[1:]:
-            for part in (own[:cut], own[cut:]):
-                if len(part) >= 2:
-                    members.append(np.isin(np.arange(blocks), part))
-                    family.append(one)
-    chosen = np.array(members, dtype=float).reshape(-1, blocks)
-    return _Look(score[:, None] * chosen.T, chosen @ columns, np.array(family, dtype=np.intp))
-
-
-def _stretches(look: _Look, run: NDArray[np.intp], block: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Stretch of each window: a run is cut in two where the CUSUM departs most, if it does at all."""
-    number = np.empty(len(run), dtype=np.intp)
-    following = 0
-    departure = _studentised(look.sums.sum(axis=0)[None], look.sums)[0]
-    for one in np.unique(run):
-        inside = run == one
-        number[inside] = following
-        own = np.flatnonzero(look.family == one)
-        if len(own):
-            largest = own[np.argmax(departure[own])]
-            part = inside & (look.sums[:, largest] != 0.0)[block]
-            if departure[largest] >= _CUT_AT and part.sum() < inside.sum():
-                number[part] = following + 1
-                following += 1
-        following += 1
-    return number
+def _per_block(values: Array, block: Index) -> Array:
+    """Sums of columns over blocks, shape (blocks, columns)."""
+    sums = np.zeros((int(block.max()) + 1, values.shape[1]))
+    np.add.at(sums, block, values)
+    return sums
 
 
 def _studentised(draws: Array, sums: Array) -> Array:
@@ -346,50 +296,28 @@ def _studentised(draws: Array, sums: Array) -> Array:
 
 
 def _family_p_values(
-    fit: Fitted, runs: Runs, block: NDArray[np.intp], candidates: Sequence[Sequence[_Look]], seed: int
+    fit: Fitted, residual: Array, block: Index, candidates: Sequence[Sequence[_Look]], seed: int
 ) -> Array:
     """P-value of each candidate, corrected for all looks by the bootstrap distribution of the smallest."""
-    residual = runs.observed - fit.predicted
-    blocks = int(block.max()) + 1
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, blocks))
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
     signs[0] = 1.0  # what was recorded
     bread = np.linalg.pinv(fit.jacobian.T @ fit.jacobian, rcond=1e-12)
-    scores = np.zeros((blocks, fit.jacobian.shape[1]))
-    np.add.at(scores, block, fit.jacobian * residual[:, None])
+    scores = _per_block(fit.jacobian * residual[:, None], block)
     refitted = (signs @ scores) @ bread  # (draws, groups): what the refit would take up of each draw
-    single = np.array([_smallest_p(signs, refitted, looks) for looks in candidates]).reshape(-1, _DRAWS)
+    single = np.array([
+        np.min([_p_values(signs, refitted, look) for look in looks], axis=0) for looks in candidates
+    ]).reshape(-1, _DRAWS)  # fmt: skip
     smallest = single.min(axis=0, initial=1.0)
-    corrected: Array = np.array([(smallest <= p[0]).mean() for p in single])
-    return corrected
+    return np.array([(smallest <= p[0]).mean() for p in single])
 
 
-def _smallest_p(signs: Array, refitted: Array, looks: Sequence[_Look]) -> Array:
-    """Smallest p-value over looks for each draw, shape (draws,), each from the draws' own distribution."""
-    best = np.ones(len(signs))
-    for look in looks:
-        squared = _studentised(signs @ look.sums - refitted @ look.columns.T, look.sums)
-        statistic = np.zeros(len(signs))
-        for one in np.unique(look.family):
-            statistic += squared[:, look.family == one].max(axis=1)
-        at_least = len(signs) - np.searchsorted(np.sort(statistic), statistic * (1.0 - 1e-9))
-        best = np.minimum(best, at_least / len(signs))
-    return best
-
-
-def _held_out_gain(fit: Fitted, runs: Runs, number: NDArray[np.intp], weight: Array, fold: NDArray[np.intp]) -> float:
-    """Share of the refit's held-out squared error that a step per bin explains."""
-    residual = runs.observed - fit.predicted
-    design = np.column_stack([fit.jacobian, _indicators(number, weight)])
-    plain = joint = 0.0
-    for one in np.unique(fold):
-        test = fold == one
-        if test.all():
-            return 0.0
-        before = runs.observed[test] - fit.on(~test, runs.observed)[test]
-        after = residual[test] - design[test] @ _least_squares(design[~test], residual[~test])
-        plain += float(before @ before)
-        joint += float(after @ after)
-    return 1.0 - joint / plain if plain > 0.0 else 0.0
+def _p_values(signs: Array, refitted: Array, look: _Look) -> Array:
+    """P-value of each draw in one look, shape (draws,), from the draws' own distribution."""
+    squared = _studentised(signs @ look.sums - refitted @ look.columns.T, look.sums)
+    families = [squared[:, look.family == one].max(axis=1) for one in np.unique(look.family)]
+    statistic = np.sum([np.zeros(len(signs)), *families], axis=0)
+    at_least = len(signs) - np.searchsorted(np.sort(statistic), statistic * (1.0 - 1e-9))
+    return np.asarray(at_least / len(signs))
 
 
 def _least_squares(design: Array, target: Array) -> Array:
@@ -397,19 +325,4 @@ def _least_squares(design: Array, target: Array) -> Array:
     scaled = design / np.where(norms > 0.0, norms, 1.0)
     gram = scaled.T @ scaled
     weights = np.linalg.lstsq(gram + 1e-6 * np.eye(len(gram)), scaled.T @ target, rcond=None)[0]
-    return weights / np.where(norms > 0.0, norms, 1.0)
-
-
-def _effects(
-    jacobian: Array, residual: Array, number: NDArray[np.intp], weight: Array, block: NDArray[np.intp]
-) -> tuple[Array, Array]:
-    """Excess in each bin, refitted together with the known physics, and its standard error clustered by block."""
-    bins = _indicators(number, weight)
-    design = np.column_stack([jacobian, bins])
-    weights = _least_squares(design, residual)
-    left = residual - design @ weights
-    sums = np.zeros((int(block.max()) + 1, bins.shape[1]))
-    inside = number >= 0
-    np.add.at(sums, (block[inside], number[inside]), (weight * left)[inside])
-    size = np.maximum((bins**2).sum(axis=0), 1e-12)
-    return weights[jacobian.shape[1] :], np.sqrt((sums**2).sum(axis=0)) / size
+    return np.asarray((weights.T / np.where(norms > 0.0, norms, 1.0)).T)

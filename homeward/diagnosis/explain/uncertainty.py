@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Refit, covariance
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
@@ -17,7 +18,6 @@ from homeward.diagnosis.result import Product, Range, Value
 from homeward.diagnosis.rules import ENTWINED
 from homeward.physics import Robot, d_max
 
-_DRAWS = 2000
 _STEP = 1e-3  # of a group, for differences
 
 
@@ -147,10 +147,9 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
     piece = runs.run if len(runs.signals) > 2 else np.cumsum(runs.duration_s) // 60.0
     number = np.unique(piece, return_inverse=True)[1]
     energy_j, way_m = (np.bincount(number, one) for one in (drawn_j, path_m))
-    drawn = np.random.default_rng(seed).integers(len(way_m), size=(_DRAWS, len(way_m)))
-    energies, ways = energy_j[drawn].sum(axis=1), way_m[drawn].sum(axis=1)
-    ranges = after.usable_energy_j * ways[energies > 0.0] / energies[energies > 0.0]
-    low, high = np.quantile(ranges, [0.025, 0.975]).tolist()
+    low, high = bootstrap(
+        np.stack([energy_j, way_m]), seed, lambda drawn: (after.usable_energy_j * drawn[1] / drawn[0])[drawn[0] > 0.0]
+    )
     nominal_m, file_m = (
         float(robot.usable_energy_j * path_m.sum() / max(float((one * runs.duration_s).sum()), 1e-9))
         for robot, one in zip(robots, predictions, strict=True)

@@ -37,8 +37,8 @@ class Fitted(Protocol):
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest physical step of each column of the Jacobian, each of shape (columns,)."""
 
-    def on(self, chosen: Mask, observed: Array) -> Array:
-        """Prediction for all windows by a fit to the chosen ones only, shape (windows,)."""
+    def fitted_to(self, chosen: Mask, observed: Array) -> Fitted:
+        """The same fitted to the chosen windows only, linearised at this fit."""
 
 
 def excited(fit: Fitted, runs: Runs, share: float | Array = 1e-6) -> Mask:

@@ -11,6 +11,7 @@ from scipy.stats import norm
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
+from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
 
@@ -94,11 +95,18 @@ def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) 
         seed: Of the bootstrap.
     """
     sums: Array = np.stack([np.bincount(block, (observed - one) ** 2) for one in (before, after)]).astype(np.float64)
-    interval = _interval(sums, seed, lambda drawn: 1.0 - drawn[1] / np.maximum(drawn[0], 1e-300))
+    interval = bootstrap(sums, seed, lambda drawn: 1.0 - drawn[1] / np.maximum(drawn[0], 1e-300))
     return Gain(1.0 - float(sums[1].sum() / max(sums[0].sum(), 1e-300)), interval)
 
 
-def _interval(sums: Array, seed: int, of: Callable[[Array], Array]) -> tuple[float, float]:
+def evidence(observed: Array, before: Array, after: Array, run: Index, freedom: int = 1) -> float:
+    """Difference of BIC by held-out predictions; what a wrong model leaves has memory, and counts for less."""
+    without, with_it = (max(float(((observed - one) ** 2).sum()), 1e-300) for one in (before, after))
+    independent = max(len(after) / correlation_windows(observed - after, run), 2.0)
+    return float(independent * np.log(without / with_it) - freedom * np.log(independent))
+
+
+def bootstrap(sums: Array, seed: int, of: Callable[[Array], Array]) -> tuple[float, float]:
     """95 % interval of what is made of sums over blocks, shape (sums, blocks), by bootstrap over the blocks."""
     chosen = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
     low, high = np.quantile(of(sums[:, chosen].sum(axis=2)), [0.025, 0.975])
@@ -136,7 +144,7 @@ def score(
         float(np.sqrt(squared.mean())),
         1.0 - float(squared.sum()) / variance if variance > 0.0 else None,
         float(100.0 * np.mean(np.abs(missed_j[counted]) / drawn_j[counted])) if of_trips else None,
-        _interval(sums, seed, lambda drawn: np.sqrt(drawn[0] / drawn[1])),
+        bootstrap(sums, seed, lambda drawn: np.sqrt(drawn[0] / drawn[1])),
     )
 
 

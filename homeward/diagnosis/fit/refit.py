@@ -109,10 +109,6 @@ class Refit:
         """Prediction by a replay with these parameters, shape (windows,)."""
         return self.parameters.predict(runs, self.theta)
 
-    def on(self, chosen: Mask, observed: Array) -> Array:
-        """Prediction for all windows by parameters fitted on the chosen ones only, shape (windows,)."""
-        return self.fitted_to(chosen, observed).predicted
-
 
 def refit(runs: Runs, robot: Robot) -> Refit:
     """Fit the groups to all windows within physical bounds, by Gauss-Newton through the replay."""

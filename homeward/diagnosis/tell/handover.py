@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
-from homeward.diagnosis.fit.held_out import held_out
+from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
@@ -24,7 +24,6 @@ from homeward.diagnosis.rules import ALIKE_COLUMNS
 from homeward.diagnosis.tell.corrected import can_be_said, replayed, said, written
 from homeward.physics import Robot
 
-_DRAWS = 2000
 Model = TypeVar("Model", Refit, Corrected)
 
 
@@ -163,8 +162,7 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], 
     if errors[0] >= errors[1]:
         return f"the held-out error would be {errors[0]:.4g} {runs.unit} instead of {errors[1]:.4g}"
     misses = [np.abs(np.bincount(trip, (one - runs.observed) * runs.duration_s)) for one in (after, before)]
-    drawn = np.random.default_rng(seed).integers(len(misses[0]), size=(_DRAWS, len(misses[0])))
-    if np.quantile((misses[0] - misses[1])[drawn].mean(axis=1), 0.025) > 0.0:
+    if bootstrap((misses[0] - misses[1])[None], seed, lambda drawn: drawn[0])[0] > 0.0:
         consumed, unit = ("energy", "J") if runs.unit == "W" else ("charge", "A s")
         return (
             f"the {consumed} of a held-out trip would be off by {misses[0].mean():.3g} {unit} on average instead of "

@@ -15,6 +15,7 @@ Axes as in REP 103: x forward, y left, z up.
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 from homeward.diagnosis.read.channels import Array
 
@@ -62,10 +63,5 @@ def from_acceleration(time_s: Array, forward_mps2: Array, motion_s: Array, speed
 
 def _smoothed(time_s: Array, values: Array, width_s: float) -> Array:
     """Mean over a window around each sample, missing values left out."""
-    known = np.isfinite(values)
-    sums = np.concatenate(([0.0], np.cumsum(np.where(known, values, 0.0))))
-    counts = np.concatenate(([0], np.cumsum(known)))
-    first = np.searchsorted(time_s, time_s - 0.5 * width_s)
-    last = np.searchsorted(time_s, time_s + 0.5 * width_s, side="right")
-    number = counts[last] - counts[first]
-    return np.where(number > 0, (sums[last] - sums[first]) / np.maximum(number, 1), np.nan)
+    series = pd.Series(values, pd.to_timedelta(time_s, unit="s"))
+    return series.rolling(pd.Timedelta(seconds=width_s), center=True, closed="both").mean().to_numpy(np.float64)
