@@ -99,12 +99,17 @@ class Term:
     load: Array | None = None  # what a unit adds where it is at work, (windows,), where that is not everywhere
     at_work: Array | None = None  # how much of each size is at work, (windows, sizes)
     flexible: bool = False  # whether its sizes make up any function of a channel that only rises
-    plain: Term | None = None  # of a flexible one, the form that a robot file can say
+    plain: Term | None = None  # where this form is none that a robot file can say, the best that is
 
     @property
     def effect(self) -> str:
         """Id of the effect."""
         return self.hypothesis.id
+
+    @property
+    def as_in_file(self) -> bool:
+        """Whether a robot file has this form, apart from when it is at work."""
+        return not self.flexible and not (self.fixed and self.hidden > 0)
 
     @property
     def linear(self) -> bool:
@@ -178,7 +183,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
             at_work = schedule.at_work()
             yield Term(
                 one, load[:, None] * at_work, *one.limits(schedule.levels - 1, one.signed),
-                cost * schedule.changes + int(not natural), rhythm, axis, schedule, spread, natural,
+                cost * schedule.changes + int(not natural), rhythm, axis, schedule, spread, natural=natural,
                 of_rolling_kg=rolling_kg, load=load, at_work=at_work,
             )  # fmt: skip
     for hats in profiles(runs) if one.by_place else []:

@@ -101,7 +101,7 @@ def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
     return Location("in some stretches of time", inside, excess, _cut(inside, _shares(excess, runs), runs, None))
 
 
-def _stretches(inside: NDArray[np.bool_], runs: Runs, pause_s: float) -> Iterator[tuple[int, slice]]:
+def stretches(inside: NDArray[np.bool_], runs: Runs, pause_s: float = 0.0) -> Iterator[tuple[int, slice]]:
     """Run and windows of each stretch; one goes on over pauses that are shorter than this."""
     for run in range(len(runs.signals)):
         here = np.flatnonzero(inside & (runs.run == run))
@@ -121,7 +121,7 @@ def _cut(
 ) -> tuple[Place, ...]:
     """Each stretch with its share of the excess; from the middle of its first window or, if `edge` is 1, its start."""
     half_s, places = edge * runs.duration_s / 2.0, []
-    for run, part in _stretches(inside, runs, pause_s):
+    for run, part in stretches(inside, runs, pause_s):
         start_s, end_s = float((runs.time_s - half_s)[part][0]), float((runs.time_s + half_s)[part][-1])
         words = _when(start_s, end_s, runs, runs.run == run) if condition is None else condition
         places.append(Place(runs.names[run], start_s, end_s, words, float(share[part].sum())))

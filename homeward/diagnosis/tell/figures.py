@@ -17,7 +17,7 @@ from plotly.subplots import make_subplots
 
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
-from homeward.diagnosis.explain.places import places_of
+from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
@@ -130,17 +130,21 @@ def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[
     """Where in a run each named effect is at work, or else where the mismatch was located; since its start."""
     runs, location = evidence.runs, evidence.location
     origin_s = float(runs.time_s[runs.run == run][0])
-    found = {f"at work: {one.name}": one.where for one in analysis.diagnosis.missing_physics}
-    if not found and location is not None:
-        where = places_of(location.excess, runs, location.condition, location.inside)
-        found[f"located: {location.condition}"] = where
-    return {
-        label: [
-            (round(place.start_s - origin_s, 1), round(place.end_s - origin_s, 1))
-            for place in where
-            if place.recording == runs.names[run]
+    found = {
+        f"at work: {one.name}": [
+            (place.start_s, place.end_s) for place in one.where if place.recording == runs.names[run]
         ]
-        for label, where in found.items()
+        for one in analysis.diagnosis.missing_physics
+    }
+    if not found and location is not None:
+        half_s = runs.duration_s / 2.0
+        found[f"located: {location.condition}"] = [
+            (float((runs.time_s - half_s)[part][0]), float((runs.time_s + half_s)[part][-1]))
+            for _, part in stretches(location.inside & (runs.run == run), runs)
+        ]
+    return {
+        label: [(round(start - origin_s, 1), round(end - origin_s, 1)) for start, end in ends]
+        for label, ends in found.items()
     }
 
 

@@ -117,14 +117,8 @@ def test_what_a_file_cannot_say_is_in_no_form_that_is_written(effect: str, robot
     assert joint_fit(robot, effect, recorded(robot, effect, runs)) is None, NOT_SAID[effect]
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="a file has the energy of a start drawn at once only")
-def test_a_start_that_draws_over_some_seconds_is_replayed_as_fitted(robot: Robot, runs: Runs) -> None:
-    runs = recorded(robot, "breakaway", runs)
-    model = joint_fit(robot, "breakaway", runs, lambda form: form.hidden > 0)
-    assert model is not None
-    told = said(model, runs)
-    by_file = replayed(written(robot, told, runs.unit), told, runs)
-    np.testing.assert_allclose(by_file, model.predicted, rtol=0.0, atol=0.01 * float(np.abs(model.predicted).max()))
+def test_a_start_that_draws_over_some_seconds_is_no_form_of_a_file(robot: Robot, runs: Runs) -> None:
+    assert joint_fit(robot, "breakaway", recorded(robot, "breakaway", runs), lambda form: form.hidden > 0) is None
 
 
 @pytest.mark.xfail(
