@@ -69,7 +69,7 @@ ADEQUATE = 0.5
 """Of what trees on the motion and its history explain: effects that explain less are not what is missing. Half, so that
 the larger part of what recorded motion tells is named."""
 
-SMALLEST_GAIN_BESIDE = 0.02
+SMALLEST_GAIN_BESIDE = 0.01
 """Share of the refit's held-out squared error that a further effect must explain beside those that are named: what is
 less is soon the form of the first that does not quite fit. Chosen on seed 2 of benchmarks/concealed."""
 

