@@ -75,7 +75,7 @@ less is soon the form of the first that does not quite fit. Chosen on seed 2 of 
 
 SMALLEST_GAIN_OF_A_FAULT = 0.15
 """Share of the squared error that a fault of an instrument must explain: beforehand it is less likely than physics, and
-a lag or a scale takes up some of whatever depends on the load. Chosen below what the late clock of the Husky explains."""
+a lag or a scale takes up some of whatever depends on the load. Chosen below what the Husky's late clock explains."""
 
 TIME_MUST_BEAT = 2.0
 """Times what any channel explains: only then is a mismatch a matter of time. Chosen on synthetic drives."""
