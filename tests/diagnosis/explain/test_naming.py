@@ -89,6 +89,47 @@ def test_a_load_that_switches_is_found_with_its_rhythm(drive: Drive, husky: Robo
     assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
 
 
+@pytest.mark.parametrize(("air_c", "may_be_a_heater"), [(2.0, True), (25.0, False)])
+def test_a_load_that_switches_in_the_cold_may_be_a_thermostat(
+    air_c: float, may_be_a_heater: bool, drive: Drive, husky: Robot
+) -> None:
+    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0))
+    runs = [
+        dataclasses.replace(
+            run, channels={**run.channels, "temperature_c": np.full(len(run.channels["time_s"]), air_c)}
+        )
+        for run in runs
+    ]
+    first = diagnose(runs, husky).missing_physics[0]
+    assert "intermittent_load" in (first.effect, *first.confused_with)
+    assert ("heater" in (first.effect, *first.confused_with)) == may_be_a_heater
+
+
+def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(drive: Drive, husky: Robot) -> None:
+    runs = []
+    for run in drive(husky, runs=4):
+        way_m = np.cumsum(run.channels["speed_mps"] * np.gradient(run.channels["time_s"]))
+        base_m = np.minimum(way_m, way_m[-1] - way_m)
+        steps_w = 15.0 * np.floor(np.minimum(4.0 * np.sqrt(np.maximum(base_m, 0.0) / base_m.max()), 3.0))
+        power_w = run.channels["power_w"] + steps_w
+        runs.append(dataclasses.replace(run, channels={**run.channels, "base_distance_m": base_m, "power_w": power_w}))
+    first = diagnose(runs, husky).missing_physics[0]
+    assert first.effect == "radio"
+    assert first.where[0].condition.startswith("further from base than")
+
+
+def test_what_began_once_and_stays_is_handed_over(drive: Drive, husky: Robot) -> None:
+    first, *rest = drive(husky, runs=3)
+    runs = [
+        *with_power([first], lambda of: of["power_w"] + 25.0 * (of["time_s"] > 300.0)),
+        *with_power(rest, lambda of: of["power_w"] + 25.0),
+    ]
+    analysis = analyse(runs, husky)
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
+    assert analysis.corrected.effects["standby"]["power_w"] == pytest.approx(25.0, rel=0.1)
+    assert analyse(runs[1:], analysis.corrected).diagnosis.verdict == "no_mismatch"
+
+
 def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(drive: Drive, husky: Robot) -> None:
     runs = with_power(drive(husky, runs=3), lambda of: np.interp(of["time_s"] - 1.0, of["time_s"], of["power_w"]))
     analysis = analyse(runs, husky)
