@@ -174,6 +174,9 @@ inrush of the motor."""
 MOST_SPIKES = 0.005
 """Share of the samples: more of them are how the robot draws its power."""
 
+MOST_SILENT = 0.05
+"""Share of the samples: a battery that reads zero for longer while it drives is read by a meter that shows no more."""
+
 CHARGES_S = 5.0
 """A robot that gives power back while it stands does so from its charger if it lasts: a capacitor lasts less."""
 

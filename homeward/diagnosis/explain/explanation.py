@@ -68,7 +68,7 @@ def explain(
     location = locate(found[0], runs) if found[0].found else None
     naming = name_missing(fit, runs, block, seed, progress)
     if naming.told_by_no_channel(runs):
-        return Explanation(replace(naming.nothing_named(), unrecorded=True), location, None)
+        return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
     naming, location = _without_what_motion_tells(naming, location, fit, runs, block, seed, progress)
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and found[0].channel.name != "time_s"

@@ -83,8 +83,8 @@ class Naming:
     def told_by_no_channel(self, runs: Runs) -> bool:
         """Whether what was named first, or may be meant by it, is but a channel that was not recorded."""
         terms = [term for one in self.named[:1] for term in (one.term, *one.rivals)]
-        lacking = (one.hypothesis.map_channel for one in terms if one.hypothesis.map_channel)
-        return any(name not in runs.context for name in lacking)
+        lacking = (runs.context.get(one.hypothesis.map_channel) for one in terms if one.hypothesis.map_channel)
+        return any(values is None or not np.isfinite(values).all() for values in lacking)
 
 
 def name_missing(

@@ -69,12 +69,15 @@ def black_box(
         beside: Further features, shape (windows,) each.
     """
     used = [values for name, values in runs.context.items() if channels is None or name in channels]
-    features = np.column_stack([nominal, *used, *beside])
     rows = np.flatnonzero(chosen)
     if len(rows) < _FEWEST_FOR_TREES:
         return nominal
     if len(rows) > _MOST_FOR_TREES:
         rows = np.sort(rng.choice(rows, _MOST_FOR_TREES, replace=False))
+    known = [
+        one for one in (*used, *beside) if np.isfinite(one[rows]).any()
+    ]  # a channel that these runs lack tells none
+    features = np.column_stack([nominal, *known])
     trees = HistGradientBoostingRegressor(
         max_iter=150, max_leaf_nodes=15, min_samples_leaf=30, early_stopping=False,
         random_state=int(rng.integers(2**31)),

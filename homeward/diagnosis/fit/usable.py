@@ -149,6 +149,8 @@ def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
     if missing:
         remarks.append(f"{missing} samples without motion or power are left out")
     remarks += [f"missing values of {name} are interpolated" for name in run.filled]
+    if "elevation_m" in recording.channels and "grade_rad" not in run.context:
+        remarks.append("elevation_m varies hardly more than its own steps or noise: slopes are taken for unknown")
     jumps = gaps(run.time_s)
     if len(jumps):
         longest = float(np.max(np.diff(run.time_s)[jumps]))

@@ -45,6 +45,11 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
             if bad.any():
                 channels[name] = np.where(bad, np.nan, channels[name])
                 notes.append(f"{int(bad.sum())} spikes of {name}, each of one sample, are left out")
+    silent = _silent(channels, robot)
+    if silent.any():
+        for name in channels.keys() & set(_DRAWN):
+            channels[name] = np.where(silent, np.nan, channels[name])
+        notes.append(f"power reads exactly zero in {int(silent.sum())} samples of driving: they are left out")
     charging = _charging(channels, robot)
     if charging.any():
         seconds = float(charging.mean()) * recording.duration_s
@@ -99,6 +104,19 @@ def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mas
         with_one += bool((spikes & around).any())
         near |= around
     return near & (2 * with_one > len(starts_s))
+
+
+def _silent(channels: Mapping[str, Array], robot: Robot) -> Mask:
+    """Samples of driving for which a meter of battery power is silent, as at a restart: something always draws."""
+    none = np.zeros(len(channels["time_s"]), dtype=bool)
+    drawn = channels.get("power_w", channels.get("current_a"))
+    if drawn is None:
+        return none
+    zero = drawn == 0.0
+    drives = np.abs(np.nan_to_num(speed_of(channels))) > _STANDS * robot.max_speed_mps
+    lasts = zero & (np.append(zero[1:], False) | np.insert(zero[:-1], 0, False))
+    silent: Mask = lasts & drives
+    return silent if silent.mean() <= rules.MOST_SILENT else none
 
 
 def _charging(channels: dict[str, Array], robot: Robot) -> Mask:

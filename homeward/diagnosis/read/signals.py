@@ -18,7 +18,7 @@ from homeward.diagnosis.read.channels import Index, Mask
 from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.slope import slope_along
-from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, RESET_M, SAME_ODOMETER, STRAIGHT
+from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, PLATEAUS, RELIABLE, RESET_M, SAME_ODOMETER, STRAIGHT
 from homeward.physics import Robot
 
 Unit = Literal["W", "A"]
@@ -220,12 +220,22 @@ def slope_of(
     values: Array = np.interp(time_s + late_s, given["time_s"], _interpolated(given[name], given["time_s"]))
     if name == "grade_rad":
         return values if error is None else _without_noise(name, values, time_s, error)
+    if not _rises(values):
+        return None
     found = slope_along(values, speed, steps_s(time_s), robot.max_speed_mps * WINDOW_S, kinks=error is not None)
     if found is None:
         return None
     if error is not None:
         error["grade_rad"] = found[1]
     return found[0]
+
+
+def _rises(elevation_m: Array) -> bool:
+    """Whether an elevation varies by more than its own steps, whose error is uniform, or its noise."""
+    change = np.abs(np.diff(elevation_m))
+    stepped = 0 < np.count_nonzero(change) < PLATEAUS * len(change)
+    variance = float(change[change > 0.0].min()) ** 2 / 12.0 if stepped else white_noise(elevation_m) ** 2
+    return variance <= (1.0 - RELIABLE) * float(np.var(elevation_m))
 
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:

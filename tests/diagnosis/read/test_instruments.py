@@ -98,6 +98,14 @@ def charged(channels: Channels, rng: np.random.Generator) -> Channels:
     return {name: np.concatenate([values, tail[name]]) for name, values in channels.items()}
 
 
+def silent(channels: Channels) -> Channels:
+    """A meter that restarts while the robot drives, and shows nothing for 1.5 s."""
+    driving = np.flatnonzero(np.convolve(np.abs(channels["speed_mps"]) > 0.1, np.ones(15), "valid") == 15.0)
+    start = int(driving[len(driving) // 2])
+    quiet = np.arange(len(channels["power_w"])) - start
+    return {**channels, "power_w": np.where((quiet >= 0) & (quiet < 15), 0.0, channels["power_w"])}
+
+
 def spiked(channels: Channels, rng: np.random.Generator) -> Channels:
     power = channels["power_w"].copy()
     power[np.append(rng.choice(SAMPLES - 1, 7, replace=False) + 1, 0)] *= rng.uniform(15.0, 40.0, 8)
@@ -132,6 +140,7 @@ SPOILT: dict[str, tuple[str, Spoil, str]] = {
         "husky", lambda c, rng: late(only(c, "grade_rad"), "power_w", c["time_s"] / 250.0), "falls back by"),
     "charging": ("jackal", lambda c, rng: charged(only(c, "grade_rad"), rng), "charging is left out"),
     "spikes": ("husky", lambda c, rng: spiked(only(c, "grade_rad"), rng), "8 spikes of power_w"),
+    "meter silent": ("jackal", lambda c, rng: silent(only(c, "grade_rad")), "power reads exactly zero in 15 samples"),
     "slow log": (
         "jackal", lambda c, rng: {name: v[::10] for name, v in only(c, "grade_rad").items()}, ""),
 }  # fmt: skip
