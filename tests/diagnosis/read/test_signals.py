@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homeward import Robot
+from homeward import Robot, load_robot
 from homeward.diagnosis import Recording
 from homeward.diagnosis.read.signals import gaps, signals, windows
 
