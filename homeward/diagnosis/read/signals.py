@@ -222,6 +222,8 @@ def slope_of(
         return values if error is None else _without_noise(name, values, time_s, error)
     if not _rises(values):
         return None
+    after = gaps(time_s) + 1  # the way driven in a gap is not known, so that its rise would make a cliff
+    values = values - np.cumsum(np.bincount(after, values[after] - values[after - 1], len(values)))
     found = slope_along(values, speed, steps_s(time_s), robot.max_speed_mps * WINDOW_S, kinks=error is not None)
     if found is None:
         return None

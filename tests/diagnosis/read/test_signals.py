@@ -81,3 +81,13 @@ def test_an_elevation_that_varies_no_more_than_its_noise_tells_no_slopes() -> No
         recording = run(time_s=time_s, speed_mps=np.ones(3000), power_w=np.ones(3000),
                         elevation_m=size_m * hills_m + 0.5 * rng.normal(size=3000))  # fmt: skip
         assert ("grade_rad" in signals(recording, load_robot("husky")).context) == told
+
+
+def test_what_rises_in_a_gap_makes_no_cliff() -> None:
+    time_s = np.arange(6000) / 10.0
+    recorded = (time_s < 200.0) | (time_s > 230.0)
+    climb_m = 2.0 * np.sin(time_s / 30.0) + 0.03 * time_s
+    channels = {"time_s": time_s, "speed_mps": np.ones(6000), "power_w": np.ones(6000), "elevation_m": climb_m}
+    one = signals(run(**{name: values[recorded] for name, values in channels.items()}), load_robot("husky"))
+    slope = 2.0 / 30.0 * np.cos(one.time_s / 30.0) + 0.03
+    assert np.max(np.abs(one.grade_rad - np.arctan(slope))[50:-50]) < 0.03
