@@ -71,8 +71,8 @@ class Range:
 class Evidence:
     """How strongly recordings speak for an effect."""
 
-    delta_bic: float  # against the model without it
-    held_out_gain: float  # share of the squared held-out error of the model without it
+    delta_bic: float | None  # against the model without it; None where two readings are compared and no model is
+    held_out_gain: float | None  # share of the squared held-out error of the model without it
     p_value: float
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 # --- Chance: how often a robot without a fault may be called faulty -----------------------------------------------
 
 FALSE_ALARM_RATE = 0.01
-"""Of each of the three families of tests, each corrected for all that it tries: dependence on channels and time,
-causes that channels tell, and schedules. Chosen so that the three together stay at the 3 % that the project allows
-itself on controls (benchmarks/concealed)."""
+"""Of each family of tests, each corrected for all that it tries: dependence on channels and time, causes that channels
+tell, schedules, and the voltage, the gauge and the odometer where they were recorded. Chosen so that together they stay
+about the 3 % that the project allows itself on controls (benchmarks/concealed)."""
 
 PLACEBOS = 19
 """Of a formula: so that being better than all of them has p = 0.05."""
@@ -22,7 +22,8 @@ CLEARLY_OFF = 0.01
 # --- Size: what is worth a name -----------------------------------------------------------------------------------
 
 SMALLEST_GAIN = 0.05
-"""Share of the refit's held-out squared error that an effect, or a dependence on a channel, must explain. Chosen:
+"""Share of the refit's held-out squared error that a dependence on a channel, a replay with an effect, or an effect in
+another channel than power must explain, and that a refit must take off the robot file's. Chosen:
 what is smaller takes less than 3 % off the held-out error (1 - sqrt(0.95))."""
 
 SMALLEST_GAIN_TO_NAME = 0.1

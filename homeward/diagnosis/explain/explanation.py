@@ -95,9 +95,9 @@ def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
     """
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     told = {channel for term in named for channel in term.hypothesis.channels}
-    explained = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
+    by_named = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
     untold = most.channel.name not in told and left.channel == most.channel.name
-    return untold and most.held_out_gain > explained
+    return untold and most.held_out_gain > by_named
 
 
 def _without_what_motion_tells(

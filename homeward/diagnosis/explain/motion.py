@@ -1,8 +1,9 @@
 """Whether a schedule is needed at all: what recorded motion predicts, no unrecorded cause has to explain.
 
 A schedule of levels in time follows anything that comes and goes, also what a channel tells in a way that no effect of
-the catalogue has. Boosted trees on the motion alone cannot know of a load or of the ground. If they predict stretches
-that they have not seen as well as the schedule does, its cause was recorded, and the effect must not be named.
+the catalogue has. Boosted trees on the motion, now and in the minutes before, know nothing of a load or of the ground.
+If they predict stretches that they have not seen nearly as well as the schedule does, its cause was recorded, and the
+effect must not be named; nor may effects that channels tell, where the trees explain much more than they do.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from homeward.diagnosis.read.signals import Array
 
 MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
 """Channels of what the robot does; those of where and when could stand for anything that changes."""
-
 
 _REMEMBERS_S = (10.0, 30.0, 100.0, 300.0)  # from a converter to a gearbox
 

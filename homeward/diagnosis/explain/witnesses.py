@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
-from scipy.stats import norm, spearmanr
+from scipy.stats import binom, norm, spearmanr
 
 from homeward.diagnosis.explain.hypotheses import CATALOGUE, ageing, internal_resistance, odometry_scale
 from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting
@@ -27,6 +27,7 @@ from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Refit, standard_errors
 from homeward.diagnosis.fit.replay import Runs, lost_inside
 from homeward.diagnosis.read.channels import Array, Index
+from homeward.diagnosis.read.signals import ODOMETER_PARTS
 from homeward.diagnosis.result import Evidence, Value
 from homeward.diagnosis.rules import (
     ALIKE_BY_NATURE,
@@ -160,6 +161,11 @@ class _Channel:
         return float((1 + np.sum(np.abs(signs @ sums).max(axis=1, initial=0.0) >= reached)) / (_DRAWS + 1))
 
 
+def _gained(proof: Evidence) -> float:
+    """Share of the held-out error that it takes away; 0 where no model was compared."""
+    return proof.held_out_gain or 0.0
+
+
 def _fit(design: Array, target: Array) -> Array:
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
@@ -217,13 +223,11 @@ def _gauge(
         robot.usable_energy_j, float(robot.usable_energy_j / rate), (float(low), float(high)), bool(off)
     )
     both = (_lost(fit, runs, channel, drawn), _fading(channel, runs, drawn))
-    found = sorted((one for one in both if one is not None), key=lambda one: -one.proof.held_out_gain)
+    found = sorted((one for one in both if one is not None), key=lambda one: -_gained(one.proof))
     if not found:
         return capacity, None
     best = found[0]
-    alike = (
-        one.hypothesis.id for one in found[1:] if one.proof.held_out_gain > ALIKE_IN_SIZE * best.proof.held_out_gain
-    )
+    alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > ALIKE_IN_SIZE * _gained(best.proof))
     best = dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
     return dataclasses.replace(capacity, off=False), best
 
@@ -246,7 +250,7 @@ def _lost(fit: Refit, runs: Runs, channel: _Channel, drawn: Array) -> Witnessed 
     proven = [(proof, one, shape) for proof, one, shape in proofs if proof is not None]
     if not proven:
         return None
-    proof, one, shape = max(proven, key=lambda found: found[0].held_out_gain)
+    proof, one, shape = max(proven, key=lambda found: _gained(found[0]))
     switch = one.entry.switch
 
     def left(size: float) -> float:
@@ -265,7 +269,7 @@ def _lost(fit: Refit, runs: Runs, channel: _Channel, drawn: Array) -> Witnessed 
     design, slope = drawn + at, (fallen(one, shape, size + step) - at) / step
     residual = channel.target - design @ _fit(design, channel.target)
     wide = 1.96 * float(standard_errors(np.column_stack([design, slope]), residual, channel.block)[-1])
-    alike = (other.id for share, other, _ in proven if share.held_out_gain > ALIKE_BY_NATURE * proof.held_out_gain)
+    alike = (other.id for share, other, _ in proven if _gained(share) > ALIKE_BY_NATURE * _gained(proof))
     units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
     others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
     value = Value(size, (max(size - wide, 0.0), size + wide), switch.unit)
@@ -306,7 +310,7 @@ def _fading(channel: _Channel, runs: Runs, drawn: Array) -> Witnessed | None:
         proof,
         _in_step(rate, runs, numbers),
         "The battery fades from run to run, as the state of charge falls faster than the energy drawn says: in the "
-        f"last run {last.value:.0%} of the usable energy is gone, which explains {proof.held_out_gain:.0%} of the "
+        f"last run {last.value:.0%} of the usable energy is gone, which explains {_gained(proof):.0%} of the "
         "gauge's held-out squared error.",
     )
 
@@ -329,6 +333,10 @@ def _odometer(fit: Refit, runs: Runs) -> Witnessed | None:
     scales = np.array([run.odometer_scale for run in runs.signals])
     if not scales.any():
         return None
+    # How likely as many runs would disagree in all parts of their way, were each part as likely to err either way.
+    p_value = float(binom.sf(np.count_nonzero(scales) - 1, len(scales), 2.0 ** (1 - ODOMETER_PARTS)))
+    if p_value > FALSE_ALARM_RATE:
+        return None
     one = odometry_scale.HYPOTHESIS
     off = WithEffects(speed_factors=(1.0 + scales).tolist())
     added = fit.parameters.predict(runs, fit.theta, off) - fit.parameters.predict(runs, fit.theta)
@@ -336,6 +344,6 @@ def _odometer(fit: Refit, runs: Runs) -> Witnessed | None:
     value = Value(float(np.mean(of)), (float(of.min()), float(of.max())), one.entry.switch.unit)
     many = "all runs" if scales.all() else f"{len(of)} of {len(scales)} runs"
     return Witnessed(
-        one, {one.entry.switch.name: value}, added, Evidence(0.0, 0.0, 0.0), (),
+        one, {one.entry.switch.name: value}, added, Evidence(None, None, p_value), (),
         f"In {many} the speed adds up to {1.0 + value.value:.3g} times the recorded distance: it is set right by that.",
     )  # fmt: skip

@@ -32,7 +32,9 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 
 _REACH_S = 3.0  # at top speed
 _CREEPS = 0.02  # of the top speed
-_PARTS = 10  # of the way: that all agree by chance has a probability of 2^-9
+ODOMETER_PARTS = 10
+"""Of the way, that must agree on an odometer's error: that all do by chance has a probability of 2^-9."""
+
 _FEWEST_TO_SMOOTH = 50  # samples
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
 _CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
@@ -136,14 +138,14 @@ def known(recording: Recording) -> Mask:
 
 def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> float:
     """Relative error of the speed by a recorded distance; 0 unless all parts of the way agree that there is one."""
-    if "distance_m" not in kept or len(time_s) < _PARTS:
+    if "distance_m" not in kept or len(time_s) < ODOMETER_PARTS:
         return 0.0
     covered_m, driven_m = np.diff(kept["distance_m"]), np.abs(speed[:-1]) * steps_s(time_s)
     moving = driven_m > 0.0
     if not moving.any() or not np.isfinite(covered_m).all() or (covered_m < -RESET_M).any():
         return 0.0
     covered_m, driven_m = np.abs(covered_m[moving]), driven_m[moving]
-    part = np.minimum((np.cumsum(driven_m) / driven_m.sum() * _PARTS).astype(np.intp), _PARTS - 1)
+    part = np.minimum((np.cumsum(driven_m) / driven_m.sum() * ODOMETER_PARTS).astype(np.intp), ODOMETER_PARTS - 1)
     by_part = np.bincount(part, driven_m) / np.maximum(np.bincount(part, covered_m), 1e-9) - 1.0
     if not ((by_part > SAME_ODOMETER).all() or (by_part < -SAME_ODOMETER).all()):
         return 0.0

@@ -1,8 +1,8 @@
 """Which robot file is handed over: one with the effects, one with fitted parameters only, or the one that was given.
 
 What is proven must be what is handed over. So each fold's fit is written as a robot file, by the code that writes
-corrected.toml, and that file is replayed on what was held out. What a file cannot say is not in it: schedules, faults
-of instruments, and the current at rest, which is added to the replay.
+corrected.toml, and that file is replayed on what was held out. What a file cannot say is not in it: schedules, but for
+what began once and stays, faults of instruments, and the current at rest, which is added to the replay.
 """
 
 from __future__ import annotations
