@@ -17,6 +17,7 @@ from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.hypotheses import what_can_be_shown
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.naming import Naming, shifted_in_time
+from homeward.diagnosis.explain.profile import profiled
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, products, recorded_range, spread
@@ -25,13 +26,13 @@ from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import correlation_windows, cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
-from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, refit
+from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.read.columns import Columns
 from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.result import Diagnosis, Fit, ParameterOff, RecordingInfo, Verdict
+from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
 from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, GAIN_ERROR, SAMPLES_A_WINDOW, SMALLEST_GAIN
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import of_capacity, range_change
@@ -121,6 +122,7 @@ def analyse(
         infos,
         verdict,
         wording.summary(verdict, evidence, off, fit, findings, found, handed),
+        parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
         where=where or tuple(place for one in found for place in one.where),
@@ -179,9 +181,17 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     progress("proving")
     named = fitted if corrected is None else corrected
     plain, corrected = determined(fitted, corrected, runs, block)
+    left_open = (
+        None if corrected is None else profiled(holding(fitted, runs, corrected.groups.held), corrected, runs, block)
+    )
+    corrected = None if left_open is None else left_open.model
     last = plain if corrected is None else corrected
     predicted = _predictions(fitted, corrected, told.empirical, nominal, runs, fold, seed)
     known = _known(named, last, runs, block)
+    together: tuple[Product, ...] = ()
+    if corrected is not None and left_open is not None:
+        known = left_open.spanned(known, runs, block)
+        together = (*products(corrected, runs, block), *left_open.products(runs, block))
     left = runs.observed - last.predicted
     evidence = Evidence(
         runs,
@@ -200,7 +210,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         capacity,
         shown,
         told.left,
-        () if corrected is None else products(corrected, runs, block),
+        together,
         joint(last, runs, block),
         spread(left, runs, correlation_windows(left, runs.run)),
     )
@@ -258,16 +268,13 @@ def _predictions(
     return arms
 
 
-def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[ParameterOff, ...]]:
+def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     """The verdict by precedence, and the parameters whose interval excludes what the robot file assumes."""
-    off = tuple(
-        ParameterOff(one.group.symbol, one.assumed, one.fitted, one.ci95, one.group.unit)
-        for one in evidence.estimates
-        if one.off and one.assumed is not None and one.fitted is not None and one.ci95 is not None
-    )
+    known = {one.group.symbol for one in evidence.estimates if one.off}
+    off = tuple(one for one in evidence.measured if one.group in known)
     capacity = evidence.capacity
     if capacity is not None and capacity.off:
-        off = (*off, ParameterOff(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J"))
+        off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J"))
     if int(evidence.block.max()) + 1 < FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.witnessed:

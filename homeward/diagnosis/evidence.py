@@ -22,7 +22,7 @@ from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.result import Diagnosis, Product
+from homeward.diagnosis.result import Diagnosis, FittedGroup, Product
 from homeward.physics import Robot
 
 
@@ -58,6 +58,15 @@ class Evidence:
     def range_accuracy_pct(self) -> dict[str, float | None]:
         """Of the range that each arm would have estimated for held-out trips."""
         return {name: range_accuracy_pct(one, self.runs, self.trip) for name, one in self.predictions.items()}
+
+    @property
+    def measured(self) -> tuple[FittedGroup, ...]:
+        """The groups that the recordings determine."""
+        return tuple(
+            FittedGroup(one.group.symbol, one.assumed, one.fitted, one.ci95, one.group.unit)
+            for one in self.estimates
+            if one.fitted is not None and one.ci95 is not None
+        )
 
     @property
     def held(self) -> tuple[str, ...]:

@@ -28,11 +28,11 @@ class RecordingInfo:
 
 
 @dataclass(frozen=True)
-class ParameterOff:
-    """A group of parameters whose interval excludes what the robot file assumes."""
+class FittedGroup:
+    """A group of parameters that the recordings determine; `assumed` is None where the robot file says nothing."""
 
     group: str
-    assumed: float
+    assumed: float | None
     fitted: float
     ci95: tuple[float, float]
     unit: str
@@ -53,6 +53,13 @@ class Product:
 
     of: tuple[str, ...]
     value: Value
+    together: Literal["product", "ratio", "mean power"] = "product"
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        sign = {"product": " x ", "ratio": " over ", "mean power": " and "}[self.together]
+        return f"{'mean power of ' if self.together == 'mean power' else ''}{sign.join(self.of)}"
 
 
 @dataclass(frozen=True)
@@ -118,7 +125,8 @@ class Diagnosis:
     recordings: tuple[RecordingInfo, ...]
     verdict: Verdict
     summary: str
-    parameters_off: tuple[ParameterOff, ...] = ()
+    parameters: tuple[FittedGroup, ...] = ()
+    parameters_off: tuple[FittedGroup, ...] = ()  # those whose interval excludes what the robot file assumes
     missing_physics: tuple[MissingPhysics, ...] = ()
     where: tuple[Place, ...] = ()
     fit: Fit | None = None

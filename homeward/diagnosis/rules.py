@@ -146,9 +146,9 @@ SMOOTHING_ERROR = 2.0
 """Times the standard deviation that a smoothed channel's own likelihood says: what smoothing takes off the signal adds
 as much again (1.4 times in slopes with 0.7 degrees of noise, at most)."""
 
-STRAIGHT = 3.0
-"""Standard deviations of its error over a window that a turning rate must be off zero to be a bend: three leave one
-window in 400 of driving straight."""
+STRAIGHT = 2.0
+"""Standard deviations of its error over a window that a turning rate must be off zero to be a bend: two leave one
+window in 20 of driving straight, and hide few gentle bends."""
 
 RELIABLE = 0.8
 """Least reliability of a channel for a parameter that rests on it alone, as for measurement in general (Nunnally,

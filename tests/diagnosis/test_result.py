@@ -15,9 +15,9 @@ from homeward.diagnosis.result import (
     VERDICTS,
     Evidence,
     Fit,
+    FittedGroup,
     Handed,
     MissingPhysics,
-    ParameterOff,
     Product,
     Range,
     RecordingInfo,
@@ -47,13 +47,17 @@ diagnosis = st.builds(
     recordings=st.lists(st.builds(RecordingInfo, text, text, number, st.integers(0, 9)), max_size=2).map(tuple),
     verdict=st.sampled_from(VERDICTS),
     summary=text,
-    parameters_off=st.lists(st.builds(ParameterOff, text, number, number, pair, text), max_size=2).map(tuple),
+    parameters=st.lists(st.builds(FittedGroup, text, optional, number, pair, text), max_size=2).map(tuple),
+    parameters_off=st.lists(st.builds(FittedGroup, text, number, number, pair, text), max_size=2).map(tuple),
     missing_physics=st.lists(missing, max_size=2).map(tuple),
     where=st.lists(place, max_size=2).map(tuple),
     fit=st.none() | fit,
     what_this_log_can_show=st.dictionaries(text, st.none() | st.floats(0, 1), max_size=2),
     products=st.lists(
-        st.builds(Product, st.lists(text, max_size=2).map(tuple), st.builds(Value, number, pair, text)), max_size=2
+        st.builds(
+            Product, st.lists(text, max_size=2).map(tuple), st.builds(Value, number, pair, text), st.just("ratio")
+        ),
+        max_size=2,
     ).map(tuple),
     range=st.none() | st.builds(Range, number, pair, number, number, number, number),
     range_change_m=optional,
@@ -71,8 +75,8 @@ def test_round_trip(one: Diagnosis) -> None:
 def test_keys_are_those_of_the_format() -> None:
     keys = set(json.loads(Diagnosis("husky", (), "not_testable", "no").to_json()))
     assert keys == {
-        "schema", "robot", "recordings", "verdict", "summary", "parameters_off", "missing_physics", "where", "fit",
-        "what_this_log_can_show", "products", "range", "range_change_m", "file", "next_experiment",
+        "schema", "robot", "recordings", "verdict", "summary", "parameters", "parameters_off", "missing_physics",
+        "where", "fit", "what_this_log_can_show", "products", "range", "range_change_m", "file", "next_experiment",
     }  # fmt: skip
 
 

@@ -80,15 +80,18 @@ def test_an_effect_that_a_file_holds_too_large_is_named_with_its_true_size(short
 @pytest.mark.parametrize(
     "held",
     [
-        {"no_load": {"power_w": 20.0}},
         pytest.param(
-            {"copper_loss": {"w_per_n2": 0.002}},
+            {effect: {size: value}},
             marks=pytest.mark.xfail(
                 strict=True,
                 raises=AssertionError,
-                reason="rate_capacity is named: no effect of a file is found to be zero",
+                reason=f"{other} is named: no effect of a file is found to be zero",
             ),
-        ),
+        )
+        for effect, size, value, other in (
+            ("no_load", "power_w", 20.0, "viscous"),
+            ("copper_loss", "w_per_n2", 0.002, "rate_capacity"),
+        )
     ],
     ids=lambda held: next(iter(held)),
 )

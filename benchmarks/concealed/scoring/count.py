@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.concealed.plants.cases import NEEDS
 from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS
 from benchmarks.concealed.plants.instruments import NOISES
-from benchmarks.concealed.scoring.outcome import Outcome
+from benchmarks.concealed.scoring.outcome import Interval, Outcome
 
 USABLE_ENERGY = "usable energy"
 NAMES_GRADE = re.compile(r"grade|elevation|slope|altitude|hills?\b", re.IGNORECASE)
@@ -235,16 +235,17 @@ def _coverage(outcomes: list[Outcome]) -> list[Table]:
     intervals = [interval for outcome in outcomes for interval in outcome.intervals]
     columns = ("", "covers the truth", "median relative width")
 
-    def row(name: str, names: set[str]) -> tuple[str, ...]:
-        chosen = [i for i in intervals if i["name"] in names]
+    def row(name: str, chosen: list[Interval]) -> tuple[str, ...]:
         share = Share.over(covers(i["low"], i["true"], i["high"]) for i in chosen)
         widths = [(i["high"] - i["low"]) / abs(i["true"]) for i in chosen if i["true"] != 0.0]
         return name, str(share), f"{np.median(widths):.3f}" if widths else "–"
 
-    names = {i["name"] for i in intervals}
-    effects = {name for name in names if "." in name}
-    rows = [row("all", names), row("parameters of effects", effects), row("groups of the robot", names - effects)]
-    return [Table("Intervals of 95 %", columns, [*rows, *(row(name, {name}) for name in sorted(names))])]
+    effects, groups = ([i for i in intervals if ("." in i["name"]) == of_effect] for of_effect in (True, False))
+    rows = [row("all", intervals), row("parameters of effects", effects), row("groups of the robot", groups)]
+    rows.append(row("of these said to be off", [i for i in groups if i["off"]]))
+    names = sorted({i["name"] for i in intervals})
+    rows += [row(name, [i for i in intervals if i["name"] == name]) for name in names]
+    return [Table("Intervals of 95 %", columns, rows)]
 
 
 def _cost(outcomes: Sequence[Outcome]) -> Table:

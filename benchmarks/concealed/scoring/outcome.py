@@ -28,6 +28,7 @@ class Interval(TypedDict):
     true: float
     low: float
     high: float
+    off: bool  # whether the robot file is said to be off
 
 
 class LaterError(TypedDict):
@@ -120,7 +121,7 @@ class _Missing(TypedDict):
     parameters: dict[str, _Parameter]
 
 
-class _Off(TypedDict):
+class _Group(TypedDict):
     group: str
     ci95: list[float]
 
@@ -131,7 +132,8 @@ class Diagnosis(TypedDict):
     verdict: str
     summary: str
     missing_physics: list[_Missing]
-    parameters_off: list[_Off]
+    parameters: list[_Group]
+    parameters_off: list[_Group]
 
 
 def read_diagnosis(outcome: Outcome, diagnosis: Diagnosis, case: Case) -> None:
@@ -148,13 +150,13 @@ def read_diagnosis(outcome: Outcome, diagnosis: Diagnosis, case: Case) -> None:
             if name in true:
                 outcome.intervals.append(_interval(f"{entry['effect']}.{name}", true[name], parameter["ci95"]))
     groups = true_groups(case.truth)
-    for group in off:
-        if group["group"] in groups:
-            outcome.intervals.append(_interval(group["group"], groups[group["group"]], group["ci95"]))
+    for group in diagnosis["parameters"]:
+        if (name := group["group"]) in groups:
+            outcome.intervals.append(_interval(name, groups[name], group["ci95"], name in outcome.off))
 
 
-def _interval(name: str, true: float, ci95: list[float]) -> Interval:
-    return {"name": name, "true": true, "low": ci95[0], "high": ci95[1]}
+def _interval(name: str, true: float, ci95: list[float], off: bool = False) -> Interval:
+    return {"name": name, "true": true, "low": ci95[0], "high": ci95[1], "off": off}
 
 
 def true_groups(robot: Robot) -> dict[str, float]:

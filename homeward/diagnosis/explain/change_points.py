@@ -38,6 +38,7 @@ _PLACES = 150
 _KNOTS = (6, 12, 24)
 _PASSES = 1.8  # places are told from times only where the robot comes by again
 _COMES_BACK = 6  # changes: on and off three times, so that there are two periods
+_CLEARLY_APART = 4.0  # standard deviations
 _SAME = 0.02  # of the windows in which two schedules may differ and still be one
 
 
@@ -56,6 +57,11 @@ class Schedule:
         """Whether each level beyond 0 is at work, shape (windows, levels - 1)."""
         at_work: Array = (self.level[:, None] == np.arange(1, self.levels)).astype(np.float64)
         return at_work
+
+
+def clearly_apart(schedule: Schedule | None) -> bool:
+    """Whether there are gaps between levels: noise with memory has none, however many changes follow it."""
+    return schedule is not None and schedule.apart > _CLEARLY_APART
 
 
 def in_time(

@@ -21,6 +21,7 @@ from homeward.diagnosis.explain.change_points import (
     Changes,
     Schedule,
     by_place,
+    clearly_apart,
     in_time,
     may_change,
     profiles,
@@ -47,7 +48,6 @@ CHECKS: Mapping[str, str] = {
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
 _PIECES = 4  # of a function that only rises
-_CLEARLY_APART = 4.0  # standard deviations
 _PREFERENCES = ("standing", "moving")  # between equals: mostly so; the other ways to change are what an effect means
 
 Numbers = Mapping[str, float]
@@ -178,8 +178,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
                 continue
             natural = natural and not one.seldom
             rhythm, spread = one.rhythm(schedule, runs)
-            # Noise with memory has no gaps between its levels, however many changes follow it.
-            cost = 1 if schedule.apart > _CLEARLY_APART else _COST_OF_A_CHANGE
+            cost = 1 if clearly_apart(schedule) else _COST_OF_A_CHANGE
             at_work = schedule.at_work()
             yield Term(
                 one, load[:, None] * at_work, *one.limits(schedule.levels - 1, one.signed),

@@ -21,9 +21,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis.explain.change_points import Schedule
+from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.fit.folds import correlation_windows, cut_blocks, cut_stretches
+from homeward.diagnosis.fit.folds import correlation_windows, cut_blocks, cut_stretches, noise_of
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
@@ -37,6 +37,7 @@ FOLDS = 5
 _DRAWS = 1999
 _SEARCHES = 39  # so that ten are in the upper quarter, whose mean tells the tail within a third
 _AS_GOOD = 3  # placebos that decide against a search
+_AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is looked for (change_points)
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
 _RIDGE = 1e-9  # of a column's norm
 
@@ -211,10 +212,13 @@ class Bench:
     def independent(self, *chosen: int) -> float:
         """Number of independent windows, from the memory of what these hypotheses leave.
 
-        What a wrong model leaves has the memory of what it lacks, and counts for less.
+        What a wrong model leaves has the memory of what it lacks, and counts for less. But steps that stand clear of
+        what is left are told by the windows around them, whatever lasts longer.
         """
-        left = self._left(chosen)
-        return max(len(left) / correlation_windows(left, self.runs.run), 2.0)
+        left, run = self._left(chosen), self.runs.run
+        clear = chosen and all(clearly_apart(self.candidates[one].schedule) for one in chosen)
+        memory = noise_of(left, run, _AROUND_A_STEP).memory if clear else correlation_windows(left, run)
+        return max(len(left) / memory, 2.0)
 
     def _left(self, chosen: tuple[int, ...]) -> Array:
         """What these hypotheses leave of the target, shape (windows,)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -98,7 +98,7 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])
         error = float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
         names = tuple(dict.fromkeys(kept.names[at] for pair in pairs for at in pair))
-        found.append(_product(names, mean, error, runs.unit))
+        found.append(replace(_product(names, mean, error, runs.unit), together="mean power"))
     return found
 
 

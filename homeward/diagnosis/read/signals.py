@@ -97,9 +97,9 @@ def signals(
     error = dict(error or {})
     speed = speed_of(kept)
     scale = _odometer_scale(kept, speed, time_s)
-    speed = _without_noise("speed_mps", speed / (1.0 + scale), time_s, error)
-    slowest = max(_CREEPS * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0))
-    speed = np.where(np.abs(speed) < slowest, 0.0, speed)  # a noisy sensor never shows a robot at rest
+    recorded = speed / (1.0 + scale)
+    speed = _without_noise("speed_mps", recorded, time_s, error)
+    speed = _at_rest(recorded, speed, max(_CREEPS * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0)))
     filled = [name for name in _FILLED if name in kept and np.isnan(kept[name]).any()]
     kept |= {name: _interpolated(kept[name], time_s) for name in filled}
     nothing = np.zeros(len(time_s))
@@ -122,6 +122,14 @@ def signals(
     when = time_s + (slope_late_s if grade is not None else 0.0)
     there = (when >= time_s[0]) & (when <= time_s[-1])  # the slope of the last moments came too late to be recorded
     return run.only(np.isfinite(observed) & there)
+
+
+def _at_rest(recorded: Array, speed: Array, slowest_mps: float) -> Array:
+    """The speed with a robot at rest where it is slower, as a noisy sensor never shows one, and moving as soon as one
+    that shows zeros at rest does: a start that comes a sample late may come a window late."""
+    slow = np.abs(speed) < slowest_mps
+    shows_rest = slow.any() and np.median(np.abs(recorded[slow])) == 0.0
+    return np.where(slow, np.sign(recorded) * slowest_mps if shows_rest else 0.0, speed)
 
 
 def speed_of(given: Mapping[str, Array]) -> Array:

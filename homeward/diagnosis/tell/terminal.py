@@ -44,7 +44,7 @@ def show(analysis: Analysis, console: Console) -> None:
         say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed", indent=2)
     for product in diagnosis.products:
         value = f"{number(product.value.value)} {product.value.unit} (95 %: {_interval(product.value.ci95)})"
-        say(console, f"{' x '.join(product.of)}: {value}, known together only, neither by itself", indent=2)
+        say(console, f"{product.name}: {value}, known together only, neither by itself", indent=2)
     if diagnosis.range is not None:
         console.print()
         say(console, _range(diagnosis.range))

@@ -10,7 +10,7 @@ from homeward.diagnosis.explain.describe import condition, largest, total_share
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.result import Fit, Handed, MissingPhysics, ParameterOff, Verdict
+from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
 from homeward.diagnosis.rules import EXPLAINS, FALSE_ALARM_RATE, FEWEST_BLOCKS, LASTS
 from homeward.diagnosis.tell.formats import templates
 
@@ -29,7 +29,7 @@ def nothing_usable(findings: Sequence[Finding]) -> str:
 def summary(
     verdict: Verdict,
     evidence: Evidence,
-    off: Sequence[ParameterOff],
+    off: Sequence[FittedGroup],
     fit: Fit,
     findings: Sequence[Finding],
     found: Sequence[MissingPhysics],

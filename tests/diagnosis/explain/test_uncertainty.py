@@ -14,14 +14,17 @@ from homeward.physics import replay
 Drive = Callable[..., list[Recording]]
 
 
-def on_level_ground(drives: list[Recording], robot: Robot) -> list[Recording]:
-    """The same motion of a robot on the level, with noise of 3 W."""
+def on_level_ground(drives: list[Recording], robot: Robot, cold: bool = False) -> list[Recording]:
+    """The same motion of a robot on the level, with noise of 3 W, while a frosty day gets warmer if told so."""
     found = []
     for seed, one in enumerate(drives):
         of = {**one.channels, "grade_rad": np.zeros(len(one))}
+        if cold:
+            of["temperature_c"] = -15.0 + 5.0 * seed + 5.0 * np.linspace(0.0, 1.0, len(one))
         power_w = replay(
-            robot, of["time_s"], of["speed_mps"], yaw_rate_radps=of["yaw_rate_radps"], sensing_hz=of["sensing_hz"]
-        ).power_w
+            robot, of["time_s"], of["speed_mps"], yaw_rate_radps=of["yaw_rate_radps"], sensing_hz=of["sensing_hz"],
+            temperature_c=of.get("temperature_c", np.full(len(one), 20.0)),
+        ).power_w  # fmt: skip
         of["power_w"] = power_w + 3.0 * np.random.default_rng(seed).standard_normal(len(one))
         found.append(Recording(one.name, one.sha256, of))
     return found
@@ -56,6 +59,37 @@ def test_of_a_mass_that_no_slope_shows_only_its_product_with_the_scrub_of_turnin
     assert low <= 0.3 * husky.mass_kg / husky.traction_efficiency <= high
     assert high - low < 0.1 * product.value.value
     assert "m / Gamma" not in {one.group for one in diagnosis.parameters_off}
+
+
+def test_of_computing_that_grows_with_the_rate_only_the_share_that_any_sensing_takes_is_known(
+    drive: Drive, husky: Robot
+) -> None:
+    """What grows with the rate may as well be energy per sample: no part of it is called measured."""
+    true = dataclasses.replace(husky, effects={"compute": {"power_w": 60.0, "base_share": 0.7}})
+    analysis = analyse(drive(true), husky)
+    (computing,) = analysis.diagnosis.missing_physics
+    for name, value in true.effects["compute"].items():
+        low, high = computing.parameters[name].ci95
+        assert low <= value <= high and high - low > 0.2 * value
+    known = {one.of: one.value for one in analysis.diagnosis.products}
+    any_sensing = known["compute base_share", "compute power_w"]
+    assert any_sensing.ci95[0] <= 42.0 <= any_sensing.ci95[1]
+    assert "P_anc, per sample" not in {one.group for one in analysis.diagnosis.parameters}
+    assert {"P_anc, idle part", "C_rr m / Gamma"} <= {one.group for one in analysis.diagnosis.parameters}
+
+
+def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(drive: Drive, husky: Robot) -> None:
+    """A robot that draws more of everything, or a battery that holds less at any temperature that was met."""
+    true = dataclasses.replace(husky, effects={"cold_battery": {"per_k": 0.008, "warm_c": 30.0}})
+    diagnosis = diagnose(on_level_ground(drive(husky), true, cold=True), husky)
+    (cold,) = diagnosis.missing_physics
+    assert cold.effect == "cold_battery"
+    low, high = cold.parameters["warm_c"].ci95
+    assert low <= 30.0 <= high and high > 10.0  # warmer than it ever was
+    low, high = cold.parameters["per_k"].ci95
+    assert low <= 0.008 <= high
+    assert not {"C_rr m / Gamma", "P_anc, idle part"} & {one.group for one in diagnosis.parameters}
+    assert any(one.of == ("C_rr m / Gamma", "cold_battery per_k") for one in diagnosis.products)
 
 
 def test_the_range_is_that_of_the_recorded_trips(drive: Drive, husky: Robot) -> None:

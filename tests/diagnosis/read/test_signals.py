@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Recording
-from homeward.diagnosis.read.signals import gaps, signals, windows
+from homeward.diagnosis.read.signals import Array, gaps, signals, windows
 
 
 def run(**channels: np.ndarray) -> Recording:
@@ -91,3 +91,14 @@ def test_what_rises_in_a_gap_makes_no_cliff() -> None:
     one = signals(run(**{name: values[recorded] for name, values in channels.items()}), load_robot("husky"))
     slope = 2.0 / 30.0 * np.cos(one.time_s / 30.0) + 0.03
     assert np.max(np.abs(one.grade_rad - np.arctan(slope))[50:-50]) < 0.05  # the kink at the gap
+
+
+def test_a_start_is_where_a_sensor_that_shows_rest_first_moves(husky: Robot) -> None:
+    """Smoothed, the first moment of each start is as slow as a creep: taken for rest, starts would come late."""
+    time_s = np.linspace(0.0, 299.95, 6000)
+    speed: Array = np.clip(0.8 * np.sin(time_s / 5.0), 0.0, None)
+    noise = 0.02 * np.random.default_rng(0).standard_normal(len(speed))
+    recorded: Array = np.where(speed > 0.0, speed + noise, 0.0)
+    run = signals(Recording("run.csv", "0", {"time_s": time_s, "speed_mps": recorded, "power_w": 50.0 + speed}), husky)
+    starts = [np.flatnonzero((one[:-1] == 0.0) & (one[1:] != 0.0)) for one in (speed, run.speed_mps)]
+    assert starts[0].tolist() == starts[1].tolist()
