@@ -17,6 +17,7 @@ from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.motion import motion_gain
+from homeward.diagnosis.explain.profile import profiled
 from homeward.diagnosis.explain.proof import FOLDS, Base, Bench
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.held_out import gain, held_out
@@ -147,13 +148,14 @@ def _fitted(
     fit: Refit, named: tuple[Named, ...], runs: Runs, block: NDArray[np.intp]
 ) -> tuple[tuple[Named, ...], Corrected]:
     """The effects fitted together, flexible ones in the form that a file can say where that fits as well."""
-    fitted = fit_model(fit, [one.term for one in named], runs, block)
-    if all(one.term.plain is None for one in named):
-        return named, fitted
-    plain = tuple(replace(one, term=one.term.plain or one.term) for one in named)
-    as_said = fit_model(fit, [one.term for one in plain], runs, block)
-    errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, as_said)]
-    return (plain, as_said) if errors[1] <= EQUAL * errors[0] else (named, fitted)
+    terms = [one.term for one in named]
+    fitted = fit_model(fit, terms, runs, block)
+    if any(one.plain is not None for one in terms):
+        as_said = fit_model(fit, [one.plain or one for one in terms], runs, block)
+        errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, as_said)]
+        fitted = as_said if errors[1] <= EQUAL * errors[0] else fitted
+    fitted = profiled(fit, fitted, runs, block).model
+    return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
 
 def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -> bool:

@@ -30,15 +30,17 @@ _ITERATIONS = 4
 
 
 def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
-    """What power is regressed on, shape (n, columns): terms of the force balance times speed, turning and sensing."""
+    """What power is regressed on, shape (n, columns): force balance times speed, starts, turning, sensing."""
     speed = np.abs(run.speed_mps)
     top = robot.max_speed_mps
     slope = np.sin(grade_rad) * np.where(run.speed_mps < 0.0, -1.0, 1.0)
     climbs = speed * np.maximum(slope + robot.rolling_resistance, 0.0)
     pull = speed * np.maximum(run.accel_mps2 * np.sign(run.speed_mps), 0.0)
     moving = (speed > 0.0).astype(np.float64)
+    starts = np.maximum(np.diff(moving, prepend=moving[0]), 0.0)  # break-away and inrush last a moment
     return np.column_stack([
-        np.ones(len(speed)), moving, speed, speed**3 / top**2, climbs, pull, np.abs(run.yaw_rate_radps), run.sensing_hz
+        np.ones(len(speed)), moving, starts, speed, speed**3 / top**2, climbs, pull, np.abs(run.yaw_rate_radps),
+        run.sensing_hz,
     ])  # fmt: skip
 
 

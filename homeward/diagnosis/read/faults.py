@@ -96,7 +96,9 @@ def _spikes(values: Array) -> Mask:
 def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mask:
     """Spikes of power with which the robot sets off, where most of its starts have one: that is how it draws."""
     time_s = channels["time_s"]
-    moves = np.abs(np.nan_to_num(speed_of(channels))) > _STANDS * robot.max_speed_mps
+    speed = np.abs(np.nan_to_num(speed_of(channels)))
+    slow = speed <= _STANDS * robot.max_speed_mps
+    moves = speed > 0.0 if slow.any() and np.median(speed[slow]) == 0.0 else ~slow
     starts_s = time_s[1:][moves[1:] & ~moves[:-1]]
     near, with_one = np.zeros(len(time_s), dtype=bool), 0
     for start_s in starts_s.tolist():

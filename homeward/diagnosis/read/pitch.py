@@ -14,7 +14,7 @@ from homeward.diagnosis.read.signals import Signals, gaps
 from homeward.diagnosis.rules import ALIKE, CLEAR_TILT, CLOSED
 
 _PLACES = 40  # along the way, compared out and home
-_FEWEST_PLACES = 8
+_FEWEST_PLACES = 20  # half of them, so that most of the way was driven both ways
 
 
 def tilt(run: Signals) -> tuple[float, float] | None:
@@ -28,13 +28,13 @@ def tilt(run: Signals) -> tuple[float, float] | None:
     slope = np.tan(run.grade_rad)
     near = np.flatnonzero(run.base_distance_m <= CLOSED * length_m)
     if len(near):
-        # What is missing to a closed way, and the odometer's error, lie on ground of unknown slope.
+        # What is missing to a closed way, and the odometer's error, lie on ground as steep as any that was driven.
         closed = slice(near[0], near[-1])
         onward_m = float(steps_m[closed].sum())
         open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), CLOSED * length_m / 2.0)
         if abs(onward_m) > 0.5 * length_m:
             mean = float(slope[closed] @ steps_m[closed]) / onward_m
-            return mean, float(np.std(slope)) * open_m / abs(onward_m)
+            return mean, float(np.max(np.abs(slope))) * open_m / abs(onward_m)
     return _both_ways(run, slope)
 
 
@@ -56,7 +56,10 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
     if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -ALIKE:
         return None
     middle = (out + home) / 2.0
-    return float(middle.mean()), float(middle.std(ddof=1) / np.sqrt(len(middle)))
+    # A hill that is not quite mirrored is off the same way from place to place.
+    memory = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, 0.9))
+    error = float(middle.std(ddof=1) / np.sqrt(len(middle)))
+    return float(middle.mean()), error * float(np.sqrt((1.0 + memory) / (1.0 - memory)))
 
 
 def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:

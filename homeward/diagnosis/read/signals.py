@@ -128,8 +128,11 @@ def _at_rest(recorded: Array, speed: Array, slowest_mps: float) -> Array:
     """The speed with a robot at rest where it is slower, as a noisy sensor never shows one, and moving as soon as one
     that shows zeros at rest does: a start that comes a sample late may come a window late."""
     slow = np.abs(speed) < slowest_mps
-    shows_rest = slow.any() and np.median(np.abs(recorded[slow])) == 0.0
-    return np.where(slow, np.sign(recorded) * slowest_mps if shows_rest else 0.0, speed)
+    if slow.all() or not slow.any() or np.median(np.abs(recorded[slow])) > 0.0:
+        return np.where(slow, 0.0, speed)
+    index = np.arange(len(speed))
+    forward = np.interp(index, index[~slow], speed[~slow]) >= 0.0  # as it moves before or after
+    return np.where(slow, np.where(forward, slowest_mps, -slowest_mps) * (recorded != 0.0), speed)
 
 
 def speed_of(given: Mapping[str, Array]) -> Array:

@@ -22,8 +22,12 @@ def _rhythm(schedule: Schedule, runs: Runs) -> tuple[dict[str, float], dict[str,
     if not periods:
         periods, duties = [2.0 * float(runs.duration_s.sum()) / max(schedule.changes, 1)], [float(on.mean())]
     found, spread = {}, {}
-    for name, values, low, high in (("period_s", periods, 1.0, 1e5), ("duty", duties, 0.01, 0.99)):
-        mean, wide = float(np.mean(values)), 2.0 * float(np.std(values)) / np.sqrt(len(values))
+    window_s = float(np.median(runs.duration_s))  # a moment is known within
+    for name, values, sure, low, high in (
+        ("period_s", periods, window_s, 1.0, 1e5),
+        ("duty", duties, window_s / float(np.mean(periods)), 0.01, 0.99),
+    ):
+        mean, wide = float(np.mean(values)), 2.0 * float(np.hypot(np.std(values), sure) / np.sqrt(len(values)))
         found[name] = float(np.clip(mean, low, high))
         spread[name] = (max(mean - wide, low), min(mean + wide, high))
     return found, spread
