@@ -15,7 +15,7 @@ from homeward.diagnosis.explain.describe import missing_physics, witnessed
 from homeward.diagnosis.explain.explanation import Explanation, explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.hypotheses import what_can_be_shown
-from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.naming import Naming, shifted_in_time
 from homeward.diagnosis.explain.profile import profiled
 from homeward.diagnosis.explain.proof import FOLDS
@@ -179,12 +179,13 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         fold, held_out_by = block % FOLDS, "block"
     capacity, shown = witnesses(fitted, runs, block, seed) if enough else (None, ())
     progress("proving")
-    named = fitted if corrected is None else corrected
+    # A group that stays as the file has it because an effect makes up for it is confounded with the effect.
+    named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
     plain, corrected = determined(fitted, corrected, runs, block)
     left_open = (
         None if corrected is None else profiled(holding(fitted, runs, corrected.groups.held), corrected, runs, block)
     )
-    corrected = None if left_open is None else left_open.model
+    corrected = None if left_open is None else left_open.spanning
     last = plain if corrected is None else corrected
     predicted = _predictions(fitted, corrected, told.empirical, nominal, runs, fold, seed)
     known = _known(named, last, runs, block)
@@ -225,7 +226,7 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: NDArray[np.intp
         estimates(named, runs, block), estimates(determined, runs, block), determined.groups.held.tolist(), strict=True
     )
     for free, last, held in rows:
-        if held and free.status == "fitted":
+        if held and free.status in ("fitted", "at bound"):
             known.append(dataclasses.replace(free, fitted=None, ci95=None, status="confounded", off=False))
         else:
             known.append(free if held or free.status == "confounded" else last)
@@ -259,7 +260,7 @@ def _predictions(
         return held_out(lambda chosen: with_columns(fitted, chosen, runs.observed, columns), fold)
 
     if corrected is not None:
-        arms["corrected"] = held_out(lambda chosen: corrected.fitted_to(chosen, runs.observed).replayed(runs), fold)
+        arms["corrected"] = held_out(lambda chosen: corrected.refitted(chosen, runs).replayed(runs), fold)
         arms["placebo"] = beside(shifted_in_time(np.column_stack(corrected.contribution), rng))
     elif empirical is not None:
         arms["corrected"] = beside(empirical.columns)

@@ -9,7 +9,7 @@ shape), so that all of them count alike.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -57,6 +57,11 @@ class Schedule:
         """Whether each level beyond 0 is at work, shape (windows, levels - 1)."""
         at_work: Array = (self.level[:, None] == np.arange(1, self.levels)).astype(np.float64)
         return at_work
+
+    def from_the_first(self) -> Schedule:
+        """The same with levels counted from that of the first window."""
+        first = int(self.level[0])
+        return replace(self, level=np.where(self.level == first, 0, self.level + (self.level < first)))
 
 
 def clearly_apart(schedule: Schedule | None) -> bool:
@@ -151,6 +156,7 @@ def _schedules(
         np.maximum(np.add.reduceat((shape * shape)[part], cut), 1e-300) for part, cut in zip(parts, cuts, strict=True)
     ]
     found: list[Schedule] = []
+    by_share: list[list[float]] = []
     for share in shares:
         penalty = share * whole
         sizes = [_sizes(m, w, penalty) for m, w in zip(moments, weights, strict=True)]
@@ -165,9 +171,14 @@ def _schedules(
             level[part] = own
             changes += int(np.count_nonzero(np.diff(own))) + int(own[0] != 0)
         exact = _refined(level, shape, residual, parts)
-        if not any(one.levels == levels and np.mean(one.level != exact) < _SAME for one in found):
-            found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual), share))
-    return found
+        same = [at for at, one in enumerate(found) if one.levels == levels and np.mean(one.level != exact) < _SAME]
+        if same:
+            by_share[same[0]].append(share)
+            continue
+        by_share.append([share])
+        found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual), share))
+    # The second penalty that finds it, if there is one, so that a search in a part of the windows does too.
+    return [replace(one, share=found_by[:2][-1]) for one, found_by in zip(found, by_share, strict=True)]
 
 
 def _blocks(shape: Array, count: int) -> Index:
@@ -263,6 +274,7 @@ def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]
             here = part[max(first, change - 2 * _SHORTEST) : min(last, change + 2 * _SHORTEST)]
             before, after = level[part[change - 1]], level[part[change]]
             error = [(residual[here] - size[one] * shape[here]) ** 2 for one in (before, after)]
-            at = int(np.argmin(np.concatenate(([0.0], np.cumsum(error[0] - error[1])))))
+            missed = np.concatenate(([0.0], np.cumsum(error[0] - error[1])))
+            at = int(np.median(np.flatnonzero(missed == missed.min())))  # amid windows that tell nothing
             exact[here[:at]], exact[here[at:]] = before, after
     return exact

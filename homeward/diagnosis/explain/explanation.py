@@ -17,12 +17,13 @@ from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.motion import explained, motion_gain
 from homeward.diagnosis.explain.naming import Naming, name_missing
+from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
-from homeward.diagnosis.fit.refit import Refit
+from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.rules import ADEQUATE, AS_WELL, WITHOUT_A_SCHEDULE
+from homeward.diagnosis.rules import ADEQUATE, AS_WELL, MATTERS, MOSTLY, TAKEN_UP, WITHOUT_A_SCHEDULE
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,10 @@ def explain(
     if naming.told_by_no_channel(runs):
         return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
     naming, location = _without_what_motion_tells(naming, location, fit, runs, block, seed, progress)
+    if not naming.named and location is None and motion_gain(fit, runs, block % FOLDS, seed) < TAKEN_UP:
+        return Explanation(_instead_of_parameters(naming, fit, runs, block, seed, progress), None, None)
+    if not naming.named and location is None and _is_much(fit, runs):
+        location = locate(found[0], runs)  # where most of what motion tells shows
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and found[0].channel.name != "time_s"
     if location is not None and (not naming.named or scheduled):
@@ -85,6 +90,27 @@ def explain(
         naming, left = naming.nothing_named(), None
         empirical = propose(fit, runs, block, fold, seed)
     return Explanation(naming, location, empirical, left)
+
+
+def _is_much(fit: Refit, runs: Runs) -> bool:
+    """Whether a refit leaves more than the meter, the channels' noise and a few per cent of forms account for."""
+    left = runs.observed - fit.predicted
+    return float(left @ left) >= MATTERS**2 * float(runs.observed @ runs.observed)
+
+
+def _instead_of_parameters(
+    naming: Naming, fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, progress: Callable[[str], None]
+) -> Naming:
+    """What is named if groups that one effect would make up for stay as the robot file has them."""
+    held = needless(fit, runs)
+    if held is None:
+        return naming
+    sparing = holding(fit, runs, held)
+    again = name_missing(sparing, runs, block, seed, progress, schedules=False)
+    again = _without_what_motion_tells(again, None, sparing, runs, block, seed, progress)[0]
+    if not again.named or again.told_by_no_channel(runs):
+        return naming
+    return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
 
 
 def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
@@ -118,7 +144,10 @@ def _without_what_motion_tells(
     first, fold = naming.named[0], block % FOLDS
     by_motion = motion_gain(fit, runs, fold, seed)
     if first.term.axis != "time":
-        adequate = explained(fit, naming.corrected, runs, fold) >= ADEQUATE * by_motion
+        adequate = (
+            first.held_out_gain >= MOSTLY * by_motion
+            or explained(fit, naming.corrected, runs, fold) >= ADEQUATE * by_motion
+        )
         return (naming if adequate else naming.nothing_named()), location
     if by_motion < AS_WELL * first.held_out_gain:
         return naming, location

@@ -173,6 +173,8 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
     for axis in axes:
         for schedule in one.schedules(axis, load, setting.residual, runs, np.ones(len(load), np.bool_), SHARES):
+            if one.changes == "repeatedly" and schedule.levels > 2:
+                continue  # what is switched is on or off: more levels follow what creeps
             natural = axis == "place" or may_change(one.changes, schedule, runs)
             if not natural and one.changes not in _PREFERENCES:
                 continue
@@ -327,7 +329,9 @@ class Hypothesis:
             shares: Of the squared residual that a change must explain, the largest first.
         """
         find = in_time if axis == "time" else by_place
-        return find(load * told, residual * told, runs, signed=self.signed, shares=shares)
+        found = find(load * told, residual * told, runs, signed=self.signed, shares=shares)
+        # What begins once was not there before, however long it lasts.
+        return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
 
     def missing(self, runs: Runs) -> tuple[str, ...]:
         """Channels that it needs to be seen and that no run has."""

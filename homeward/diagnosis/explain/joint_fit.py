@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from homeward.diagnosis.explain.hypothesis import Term
+from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.fit.fitted import excited
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects, derivatives
 from homeward.diagnosis.fit.refit import Refit, holding, standard_errors
@@ -22,6 +22,8 @@ from homeward.diagnosis.rules import COLLINEAR, GAIN_ERROR, MATTERS
 from homeward.physics import Robot
 
 _ITERATIONS = 6
+_PASSES = 3  # of fitting to loads that depend on what is fitted
+_HALVED = (1.0, 0.5, 0.25, 0.125)  # shares of a step
 _SMALL_STEP = 1e-3  # of a parameter, for derivatives
 
 
@@ -125,6 +127,13 @@ class Corrected:
         groups = dataclasses.replace(self.groups, theta=theta, predicted=self.predicted + self.jacobian @ step)
         return dataclasses.replace(self, values=values, groups=groups)
 
+    def refitted(self, chosen: NDArray[np.bool_], runs: Runs) -> Corrected:
+        """The same fitted to the chosen windows only, by replays: further steps are made where one overshoots."""
+        start = (self.theta, self.values, self.predicted, self.jacobian)
+        theta, values, predicted, _ = _descended(self.groups, self.model, runs, chosen, start, to_first=True)
+        groups = dataclasses.replace(self.groups, theta=theta, predicted=predicted)
+        return dataclasses.replace(self, values=values, groups=groups)
+
     def replayed(self, runs: Runs) -> Array:
         """Prediction by a replay with these parameters and effects, shape (windows,)."""
         return self.model.predict(runs, self.theta, self.values)
@@ -173,20 +182,13 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
         runs: The runs.
         block: Stretches that count as independent, shape (windows,).
     """
-    fit = _without_spanned(fit, terms, runs)
+    fit, everything = _without_spanned(fit, terms, runs), np.ones(len(runs.observed), np.bool_)
     model = Model(fit.parameters, tuple(terms), _unknowns(terms))
     theta, values = _start(fit, model, runs)
-    best: tuple[float, Array, Array, Array, Array] | None = None
-    for _ in range(_ITERATIONS):
-        predicted, jacobian = _linearised(model, runs, theta, values, ~fit.held)
-        residual = runs.observed - predicted
-        error = float(residual @ residual)
-        if best is not None and error >= best[0] * (1.0 - 1e-7):
-            break
-        best = error, theta, values, predicted, jacobian
-        _, theta, values = _stepped(dataclasses.replace(fit, theta=theta), model, values, jacobian, residual)
-    assert best is not None
-    _, theta, values, predicted, jacobian = best
+    for again in range(_PASSES if any(_of_load(one) for one in terms) else 1):
+        model = _at(model, runs, theta, values) if again else model
+        start = (theta, values, *_linearised(model, runs, theta, values, ~fit.held))
+        theta, values, predicted, jacobian = _descended(fit, model, runs, everything, start)
     groups = fit.jacobian.shape[1]
     at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
     errors = standard_errors(jacobian, runs.observed - predicted, block)[groups:]
@@ -200,6 +202,69 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
         predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
     )
     return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
+
+
+def _of_load(term: Term) -> bool:
+    """Whether its sizes are per unit of a load that depends on the groups, as a share of the power does."""
+    return term.load is not None and term.at_work is not None
+
+
+def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
+    """The model with terms per unit of the load that these parameters draw, and no longer those of the refit."""
+    within = model.within(runs, values)
+    alone = model.parameters.predict(runs, theta, within)
+    setting = Setting(runs, model.parameters, theta, within, alone, runs.observed - alone)
+    terms = []
+    for term in model.terms:
+        load = term.hypothesis.load(term.hypothesis, setting) if _of_load(term) else None
+        if load is not None and term.at_work is not None:
+            rolling_kg = None if term.of_rolling_kg is None else float(theta[ROLLING])
+            columns = load[:, None] * term.at_work
+            term = dataclasses.replace(term, load=load, columns=columns, of_rolling_kg=rolling_kg)
+        terms.append(term)
+    return dataclasses.replace(model, terms=tuple(terms))
+
+
+def _descended(
+    fit: Refit,
+    model: Model,
+    runs: Runs,
+    chosen: NDArray[np.bool_],
+    start: tuple[Array, Array, Array, Array],
+    to_first: bool = False,
+) -> tuple[Array, Array, Array, Array]:
+    """Gauss-Newton over the chosen windows, each step halved until its replay is better than that before.
+
+    Args:
+        fit: Which groups move, and within which bounds.
+        model: The model.
+        runs: The runs.
+        chosen: Windows to fit to, shape (windows,).
+        start: Parameters, values, what they predict and its Jacobian.
+        to_first: Whether a first whole step that is better is the last: near a fit the linear model holds.
+    """
+    theta, values, predicted, jacobian = start
+    error = float(np.sum((runs.observed - predicted)[chosen] ** 2))
+    for _ in range(_ITERATIONS):
+        at = dataclasses.replace(fit, theta=theta)
+        left = (runs.observed - predicted)[chosen]
+        _, to_theta, to_values = _stepped(at, model, values, jacobian[chosen], left)
+        for share in _HALVED:
+            tried = theta + share * (to_theta - theta), values + share * (to_values - values)
+            replayed = model.predict(runs, *tried)
+            after = float(np.sum((runs.observed - replayed)[chosen] ** 2))
+            if after < error:
+                break
+        else:
+            break
+        (theta, values), predicted = tried, replayed
+        if to_first and share == 1.0:
+            break
+        done, error = after > error * (1.0 - 1e-7), after
+        _, jacobian = _linearised(model, runs, theta, values, ~fit.held)
+        if done:
+            break
+    return theta, values, predicted, jacobian
 
 
 def immaterial(fit: Refit, runs: Runs) -> NDArray[np.bool_]:

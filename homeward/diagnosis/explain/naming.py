@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
@@ -116,6 +118,7 @@ def name_missing(
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
     corrected: Corrected | None = None
+    by_motion: Callable[[], float] = float
     while len(named) < MOST_EFFECTS:
         progress("naming")
         candidates = tuple(terms(setting, tuple(one.term.effect for one in named), schedules))
@@ -123,25 +126,35 @@ def name_missing(
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, seed):
-            if corrected is not None and any(
-                one.term.axis != "steady" and motion_gain(corrected, runs, fold, seed) >= AS_WELL * one.held_out_gain
-                for one in found
-            ):
-                continue  # beside what is named, motion tells as much
+            if corrected is not None and not all(_beside(one, by_motion) for one in found):
+                continue
             found, fitted = _fitted(material, (*named, *found), runs, block)
             found = found[len(named) :]
-            if fitted.all_at_work() and _replays(fitted, corrected or fit, runs, fold, seed):
+            if (
+                fitted.all_at_work()
+                and _draws_energy(fitted, runs)
+                and _replays(fitted, corrected or fit, runs, fold, seed)
+            ):
                 break
         else:
             break  # nothing passes that is, replayed beside the others, sure to be at work
         named += found
         corrected = fitted
+        by_motion = cache(partial(motion_gain, fitted, runs, fold, seed))
         base = Base(corrected.jacobian, *corrected.freedom())
         within = corrected.model.within(runs, corrected.values)
         theta = corrected.groups.theta
         alone = fit.parameters.predict(runs, theta, within)
         setting = Setting(runs, fit.parameters, theta, within, alone, runs.observed - corrected.predicted)
     return Naming(tuple(named), corrected, ranking, absorbed)
+
+
+def _beside(one: Named, by_motion: Callable[[], float]) -> bool:
+    """Whether what is found beside named effects is no mere leftover of theirs: of what is left, a schedule follows the
+    form that they lack, unless its levels stand clear and motion does not tell as much."""
+    if one.term.axis == "time" and not (one.term.natural and clearly_apart(one.term.schedule)):
+        return False
+    return one.term.axis == "steady" or by_motion() < AS_WELL * one.held_out_gain
 
 
 def _fitted(
@@ -158,10 +171,17 @@ def _fitted(
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
 
+def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
+    """Whether each schedule adds or saves a part of what was drawn that a meter is trusted with."""
+    least = SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
+    terms = zip(fitted.model.terms, fitted.contribution, strict=True)
+    return all(float(np.abs(w * runs.duration_s).sum()) >= least for one, w in terms if one.axis != "steady")
+
+
 def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -> bool:
     """Whether a replay with the effects predicts what was held out better than one without, not only its derivative."""
     predicted = [
-        held_out(lambda chosen, one=one: one.fitted_to(chosen, runs.observed).replayed(runs), fold)  # type: ignore[misc]
+        held_out(lambda chosen, one=one: one.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
         for one in (before, after)
     ]
     replayed = gain(runs.observed, predicted[0], predicted[1], fold, seed)

@@ -41,6 +41,11 @@ class Open:
     model: Corrected
     others: tuple[Corrected, ...] = ()
 
+    @property
+    def spanning(self) -> Corrected:
+        """The model, with intervals of its effects' numbers that span those of all."""
+        return _spanning([self.model, *self.others]) if self.others else self.model
+
     def spanned(self, found: Sequence[Estimate], runs: Runs, block: Index) -> tuple[Estimate, ...]:
         """Estimates of the groups by the model; one that is another in other models is confounded with the effects."""
         others = [estimates(one, runs, block) for one in self.others]
@@ -104,7 +109,7 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
         return Open(best)  # a neighbour at most is as likely: the numbers are determined
     start, scale = fit.parameters.start, fit.parameters.scale
     alike.sort(key=lambda one: float(np.sum(((one.theta - start) / scale) ** 2)))
-    return Open(_spanning(alike), tuple(alike[1:]))
+    return Open(alike[0], tuple(alike[1:]))
 
 
 def _error(model: Corrected, runs: Runs) -> float:
@@ -131,15 +136,18 @@ def _spanning(alike: Sequence[Corrected]) -> Corrected:
     """The first of some models, with intervals that span those of all, up to the next number that was tried."""
     first, spans = alike[0], {}
     for index, term in enumerate(first.model.terms):
-        for name in term.shape:
-            number = next(one for one in term.hypothesis.entry.parameters if one.name == name)
-            step = (number.high - number.low) / (_TRIED - 1)
-            shapes = [one.model.terms[index].shape[name] for one in alike]
-            spans[term.effect, name] = max(min(shapes) - step, number.low), min(max(shapes) + step, number.high)
         numbers = [one.parameters_of(index) for one in alike]
-        for name in numbers[0]:
+        for number in term.hypothesis.entry.parameters:
+            if number.name in term.shape:
+                step = (number.high - number.low) / (_TRIED - 1)
+                shapes = [one.model.terms[index].shape[number.name] for one in alike]
+                spans[term.effect, number.name] = (
+                    max(min(shapes) - step, number.low),
+                    min(max(shapes) + step, number.high),
+                )
+        for name in {*numbers[0]} - {*term.shape}:
             low, high = np.transpose([one[name].ci95 for one in numbers])
-            spans.setdefault((term.effect, name), (float(low.min()), float(high.max())))
+            spans[term.effect, name] = (float(low.min()), float(high.max()))
     terms = tuple(
         replace(term, spread={**term.spread, **{name: spans[term.effect, name] for name in term.shape}})
         for term in first.model.terms

@@ -257,10 +257,10 @@ class Bench:
         if term.schedule is None:
             reached = self.score(self.share(chosen), independent, chosen)
             return float((1 + np.sum(self._best_of_noise(independent, rng) >= reached)) / (_DRAWS + 1))
-        reached = self._searched(term, self.target, independent)
+        reached = self._searched(term, self.target)
         scores: list[float] = []
         for placebo in self._placebos(chosen, rng):
-            scores.append(self._searched(term, placebo, independent))
+            scores.append(self._searched(term, placebo))
             if sum(score >= reached for score in scores) == _AS_GOOD:
                 return _AS_GOOD / len(scores)
         kinds = {(one.axis, one.hypothesis.changes) for one in self.candidates if one.schedule is not None}
@@ -303,11 +303,11 @@ class Bench:
             else:
                 yield self.target * rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]
 
-    def _searched(self, term: Term, target: Array, independent: float) -> float:
+    def _searched(self, term: Term, target: Array) -> float:
         """Score of the best schedule of an effect that a search in this target finds, each fold searched by itself."""
         rivals = [one for one in self.candidates if _same_search(one, term)]
         small = replace(self, candidates=tuple(rivals), setting=replace(self.setting, residual=target), beside=())
-        return max(small.score(small.share(index), independent, index) for index in range(len(rivals)))
+        return max(small.score(small.share(one), small.independent(one), one) for one in range(len(rivals)))
 
 
 def _tail(scores: Array, reached: float) -> float:

@@ -105,6 +105,10 @@ class Refit:
         step = self.step(self.jacobian[chosen], (observed - self.predicted)[chosen])
         return dataclasses.replace(self, theta=self.moved(step), predicted=self.predicted + self.jacobian @ step)
 
+    def refitted(self, chosen: Mask, runs: Runs) -> Refit:
+        """As `fitted_to`: the groups alone are all but linear."""
+        return self.fitted_to(chosen, runs.observed)
+
     def replayed(self, runs: Runs) -> Array:
         """Prediction by a replay with these parameters, shape (windows,)."""
         return self.parameters.predict(runs, self.theta)

@@ -28,13 +28,13 @@ def tilt(run: Signals) -> tuple[float, float] | None:
     slope = np.tan(run.grade_rad)
     near = np.flatnonzero(run.base_distance_m <= CLOSED * length_m)
     if len(near):
-        # What is missing to a closed way, and the odometer's error, lie on ground as steep as any that was driven.
+        # What is missing to a closed way, and the odometer's error, lie on ground of unknown slope.
         closed = slice(near[0], near[-1])
         onward_m = float(steps_m[closed].sum())
         open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), CLOSED * length_m / 2.0)
         if abs(onward_m) > 0.5 * length_m:
             mean = float(slope[closed] @ steps_m[closed]) / onward_m
-            return mean, float(np.max(np.abs(slope))) * open_m / abs(onward_m)
+            return mean, float(np.std(slope)) * open_m / abs(onward_m)
     return _both_ways(run, slope)
 
 

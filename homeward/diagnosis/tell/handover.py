@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
@@ -51,7 +51,7 @@ def determined(
         return plain, None
     terms = corrected.model.terms
     return plain, _determined(
-        lambda held: fit_model(holding(fit, runs, held), terms, runs, block), immaterial(fit, runs), runs, block
+        lambda held: fit_model(holding(fit, runs, held), terms, runs, block), corrected.groups.held, runs, block
     )
 
 
@@ -113,7 +113,7 @@ def hand_over(
 
     The effects must predict what was held out better than the refit, and the energy (the charge) of trips no worse; the
     fitted parameters better than the file that was given. What a verdict does not ask for is not changed: a difference
-    within the noise is no correction, and parameters that make up for unknown physics are no measurement.
+    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement.
 
     Args:
         robot: The robot as its file has it.
@@ -130,12 +130,14 @@ def hand_over(
     kept = Handover(
         robot, nominal, nominal, Handed("nominal", "the recordings ask for no change that a robot file can hold")
     )
-    if verdict not in ("parameters_off", "missing_physics"):
+    if verdict in ("no_mismatch", "not_testable"):
         return kept
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, None, Handed("nominal", why))
     told = "a robot file cannot say when what is missing is at work; " if named else ""
+    if verdict == "unknown_physics":
+        told = "its parameters make up for what is unknown, as far as they can, and are no measurement; "
     if model is not None:
         after = _held_out(robot, model, runs, fold)
         worse = worse_than(arms["refit"], after, runs, trip, seed)
@@ -173,7 +175,7 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], 
 
 def _held_out(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:
     """What the file of each fold's fit predicts of that fold, shape (windows,)."""
-    return held_out(lambda chosen: _filed(robot, model.fitted_to(chosen, runs.observed), runs)[1], fold)
+    return held_out(lambda chosen: _filed(robot, model.refitted(chosen, runs), runs)[1], fold)
 
 
 def _filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:

@@ -140,6 +140,19 @@ def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(drive: Drive, 
     assert analysis.corrected.effects == husky.effects
 
 
+def test_a_meter_that_soon_reads_too_much_was_right_before(drive: Drive, husky: Robot) -> None:
+    """However long a fault lasts, the robot is as it was read before it began."""
+    recordings = []
+    for run, since in zip(drive(husky), (0.4, 0.0, 0.0), strict=True):
+        after = np.linspace(0.0, 1.0, len(run)) >= since
+        read_w = run.channels["power_w"] * np.where(after, 1.25, 1.0)
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
+    analysis = analyse(recordings, husky)
+    assert [one.effect for one in analysis.diagnosis.missing_physics] == ["sensor_gain"]
+    assert analysis.diagnosis.missing_physics[0].parameters["gain"].value == pytest.approx(0.25, abs=0.02)
+    assert analysis.diagnosis.parameters_off == ()
+
+
 def test_the_corrected_robot_drives_in_the_environments(drive: Drive, husky: Robot, tmp_path: Path) -> None:
     analysis = analyse(drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
     write_outputs(analysis, tmp_path)

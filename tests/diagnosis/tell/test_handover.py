@@ -56,6 +56,20 @@ def test_a_drag_of_zero_is_a_value_like_any_other(drive: Drive, husky: Robot) ->
     assert replay_equals_fit(analysis)
 
 
+def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(drive: Drive, husky: Robot) -> None:
+    """A robot that draws more is sooner home empty: the refit is safer than the file, but measures nothing."""
+    recordings = []
+    for run in drive(husky, controller_w=1.5 * husky.controller_w):
+        speed = run.channels["speed_mps"]  # and chatters in a band of speeds
+        read_w = run.channels["power_w"] + 60.0 * np.exp(-(((np.abs(speed) - 0.5) / 0.08) ** 2))
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
+    analysis = analyse(recordings, husky)
+    assert analysis.diagnosis.verdict == "unknown_physics"
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
+    assert "no measurement" in analysis.diagnosis.file.why
+    assert analysis.diagnosis.parameters == ()
+
+
 @pytest.mark.parametrize(
     ("after", "reason"),
     [

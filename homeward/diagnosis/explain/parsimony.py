@@ -1,0 +1,78 @@
+"""One effect instead of several wrong parameters: what the refit takes up entirely, and no test of its residual sees.
+
+A robot file that is off is off in a few numbers. Where a refit changes more of them than one effect would make up for,
+the effect is the simpler explanation: models of some numbers of the file, with one effect or none, are compared by the
+Bayesian information criterion (Kass & Raftery, 1995). A mass that is off also changes C_rr m, and counts once.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.diagnosis.explain.hypotheses import terms
+from homeward.diagnosis.explain.hypothesis import Setting
+from homeward.diagnosis.fit.folds import correlation_windows
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, WithEffects
+from homeward.diagnosis.fit.refit import Refit
+from homeward.diagnosis.fit.regression import bounded
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.rules import MUST_PAY, SMALLEST_SHARE
+
+
+def needless(fit: Refit, runs: Runs) -> NDArray[np.bool_] | None:
+    """Groups that need not differ from the robot file if one effect is at work, shape (groups,); None where none does.
+
+    Args:
+        fit: The refit, which leaves nothing that an effect would explain.
+        runs: The runs.
+    """
+    problem, active = fit.parameters, fit.parameters.active()
+    start = (problem.start - fit.theta)[active] / problem.scale[active]
+    target = runs.observed - fit.predicted - fit.jacobian @ start
+    setting = Setting(runs, problem, fit.theta, WithEffects(), fit.predicted, target)
+    effects = [one for one in terms(setting, schedules=False) if one.columns.shape[1] == 1 and one.hypothesis.physical]
+    numbers = _numbers_of_a_file(fit)
+    columns = np.column_stack([fit.jacobian @ numbers.T, *(one.columns for one in effects), target])
+    gram = columns.T @ columns
+    low, high = _limits(fit, np.array([(one.low[0], one.high[0]) for one in effects]).reshape(-1, 2))
+    left = runs.observed - fit.predicted
+    independent = max(len(left) / correlation_windows(left, runs.run), 2.0)
+    least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
+
+    def criterion(chosen: tuple[int, ...]) -> float:
+        own = np.array(chosen, np.intp)
+        weights = bounded(gram[np.ix_(own, own)], gram[own, -1], low[own], high[own])
+        error = float(gram[-1, -1] - 2.0 * weights @ gram[own, -1] + weights @ gram[np.ix_(own, own)] @ weights)
+        return float(independent * np.log(max(error, 0.0) + least) + len(chosen) * np.log(independent))
+
+    count = len(numbers)
+    subsets = [one for size in range(count + 1) for one in combinations(range(count), size)]
+    without, off = min((criterion(one), one) for one in subsets)
+    fewer = [one for one in subsets if len(one) + 1 < len(off)]
+    with_one = [(criterion((*one, count + index)), one) for one in fewer for index in range(len(effects))]
+    best, changed = min(with_one, default=(np.inf, ()))
+    if best + MUST_PAY > without:
+        return None
+    free: NDArray[np.bool_] = (numbers[list(changed)] != 0.0).any(axis=0)
+    return ~free
+
+
+def _numbers_of_a_file(fit: Refit) -> Array:
+    """Steps of the groups, in units of `scale`, by each number of a robot file alone, shape (numbers, groups)."""
+    problem, active = fit.parameters, fit.parameters.active().tolist()
+    numbers = np.eye(len(active))
+    mass, rolling = active.index(MASS), active.index(ROLLING)
+    per_mass = problem.start[ROLLING] / problem.start[MASS] * problem.scale[MASS] / problem.scale[ROLLING]
+    numbers[mass, rolling] = per_mass
+    return numbers
+
+
+def _limits(fit: Refit, of_effects: Array) -> tuple[Array, Array]:
+    """Least and largest physical step of each number of the file alone, and size of each effect."""
+    problem, active = fit.parameters, fit.parameters.active()
+    low, high = ((bound - problem.start)[active] / problem.scale[active] for bound in (problem.low, problem.high))
+    return np.concatenate([low, of_effects[:, 0]]), np.concatenate([high, of_effects[:, 1]])
