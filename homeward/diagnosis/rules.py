@@ -70,6 +70,14 @@ ADEQUATE = 0.8
 """Of what trees on the motion and its history explain: effects that explain less are not what is missing. Chosen on
 seeds 2 and 3 of benchmarks/concealed: wrong names explain 0.6 to 0.76 of it, right ones 0.88 or more."""
 
+HALF = 0.5
+"""The same where trees without the history do not do much better on runs that they have not seen. Real robots on ice
+and snow: turning, which is right, explains 0.56 to 0.62 of what trees within the runs do, and more than they do on
+others."""
+
+MUCH_BETTER = 0.6
+"""Squared error of trees on unseen runs over that of what is named, from which they do much better. Chosen there."""
+
 MOSTLY = 0.7
 """The same of the first effect alone, which need not be all that is missing. Chosen there too."""
 

@@ -15,15 +15,25 @@ from numpy.typing import NDArray
 from homeward.diagnosis.explain.describe import where_at_work
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.explain.motion import explained, motion_gain
+from homeward.diagnosis.explain.motion import explained, motion_gain, trees_beat
 from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
+from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.rules import ADEQUATE, AS_WELL, MATTERS, MOSTLY, TAKEN_UP, WITHOUT_A_SCHEDULE
+from homeward.diagnosis.rules import (
+    ADEQUATE,
+    AS_WELL,
+    HALF,
+    MATTERS,
+    MOSTLY,
+    MUCH_BETTER,
+    TAKEN_UP,
+    WITHOUT_A_SCHEDULE,
+)
 
 
 @dataclass(frozen=True)
@@ -142,11 +152,14 @@ def _without_what_motion_tells(
     if naming.corrected is None:
         return naming, location
     first, fold = naming.named[0], block % FOLDS
+    by_run = cut_folds(runs, block)[0]
     by_motion = motion_gain(fit, runs, fold, seed)
     if first.term.axis != "time":
+        share = explained(fit, naming.corrected, runs, fold)
         adequate = (
             first.held_out_gain >= MOSTLY * by_motion
-            or explained(fit, naming.corrected, runs, fold) >= ADEQUATE * by_motion
+            or share >= ADEQUATE * by_motion
+            or (share >= HALF * by_motion and not trees_beat(naming.corrected, fit, runs, by_run, seed, MUCH_BETTER))
         )
         return (naming if adequate else naming.nothing_named()), location
     if by_motion < AS_WELL * first.held_out_gain:

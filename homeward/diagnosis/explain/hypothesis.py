@@ -154,6 +154,7 @@ def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     if not one.rises_with or values is None or not np.isfinite(values).all():
         return
     values = -values if one.rises_with.startswith("-") else values
+    values = np.abs(values) if any(of.magnitude for of in CHANNELS if of.name == one.rises_with) else values
     edges = np.unique(np.quantile(np.unique(np.round(values, 6)), np.linspace(0.0, 1.0, _PIECES + 1)))
     if len(edges) < 3:
         return  # two values tell no form

@@ -54,6 +54,26 @@ def motion_gain(fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int) -> f
     return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
 
 
+def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int, share: float) -> bool:
+    """Whether trees on the motion of the moment, beside a fit, leave less than a share of what a named model leaves.
+
+    Args:
+        named: The model with effects.
+        fit: The refit.
+        runs: The runs.
+        fold: What is held out together, shape (windows,): runs, where there are enough.
+        seed: Seed of the trees.
+        share: Of the squared error.
+    """
+    rng = np.random.default_rng(seed)
+
+    def by_trees(chosen: NDArray[np.bool_]) -> Array:
+        return black_box(runs, fit.fitted_to(chosen, runs.observed).predicted, chosen, rng, MOTION)
+
+    after = float(((runs.observed - held_out(by_trees, fold)) ** 2).sum())
+    return after < share * _held_out_error(named, runs, fold)
+
+
 def _history(fit: Fitted, runs: Runs) -> list[Array]:
     """Load and speed as bodies of several time constants remember them: what is warm, wet or stirred up by driving."""
     found = []

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homeward.diagnosis.explain.change_points import _groups
+from homeward.diagnosis.explain.change_points import Schedule, _groups, _refined, clearly_apart
 
 VALUES = st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=7, unique=True)
 
@@ -27,3 +27,19 @@ def test_no_other_groups_leave_less(values: list[float], data: st.DataObject) ->
             for starts in itertools.combinations(range(1, len(value)), count - 1)
         ]
         assert left(group) <= min(others) + 1e-9
+
+
+def test_a_change_amid_windows_that_tell_nothing_is_taken_to_be_in_their_middle() -> None:
+    """As for windows that are held out: half of them are then right, whatever the true moment."""
+    load = np.ones(40)
+    load[18:24] = 0.0
+    truth = np.repeat([0, 1], 20)
+    level = np.repeat([0, 1], [16, 24])  # as the blocks of a search have it
+    exact = _refined(level, load, load * truth, [np.arange(40)])
+    assert int(np.flatnonzero(np.diff(exact))[0]) + 1 == 21
+
+
+def test_what_begins_once_was_not_there_before() -> None:
+    usual_later = Schedule("time", np.repeat([1, 0, 2], [3, 9, 4]), 3, 2, 5.0, 0.1)
+    assert usual_later.from_the_first().level.tolist() == [0] * 3 + [1] * 9 + [2] * 4
+    assert clearly_apart(usual_later) and not clearly_apart(None)

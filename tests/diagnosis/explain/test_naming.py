@@ -23,6 +23,7 @@ EFFECTS: Mapping[str, Mapping[str, float]] = {
     "inertia": {"mass_factor": 1.0},
     "slip": {"per_load": 1.5},
     "copper_loss": {"w_per_n2": 0.002},
+    "viscous": {"drag_ns_per_m": 20.0},
     "no_load": {"power_w": 20.0},
     "compute": {"power_w": 15.0, "base_share": 1.0},
     "breakaway": {"start_j": 60.0},
@@ -103,6 +104,13 @@ def test_a_load_that_switches_in_the_cold_may_be_a_thermostat(
     first = diagnose(runs, husky).missing_physics[0]
     assert "intermittent_load" in (first.effect, *first.confused_with)
     assert ("heater" in (first.effect, *first.confused_with)) == may_be_a_heater
+
+
+def test_a_load_that_swells_and_fades_is_not_switched(drive: Drive, husky: Robot) -> None:
+    """Levels follow anything: what is on or off has two of them."""
+    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * np.sin(of["time_s"] / 30.0) ** 2)
+    named = diagnose(runs, husky).missing_physics
+    assert all(one.effect != "intermittent_load" for one in named)
 
 
 def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(drive: Drive, husky: Robot) -> None:

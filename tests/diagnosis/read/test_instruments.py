@@ -274,6 +274,23 @@ def test_the_spikes_of_starts_are_the_robots_own() -> None:
     assert np.isfinite(kept.channels["power_w"]).all() and len(starts) > 3
 
 
+def test_bursts_of_energy_at_starts_are_neither_spikes_nor_a_drifting_clock() -> None:
+    """Also of a robot that sets off slowly, whose speed is within its noise for the first half second."""
+    true = dataclasses.replace(load_robot("jackal"), effects={"breakaway": {"start_j": 150.0}})
+    runs, burst_w = [], 150.0 / STEP_S
+    for seed in range(3):
+        rng, time_s = np.random.default_rng(seed), np.linspace(0.0, 249.9, SAMPLES)
+        speed: Array = np.clip(0.6 * np.sin(time_s / 7.0 + rng.uniform()), 0.0, None)
+        power_w = replay(true, time_s, speed).power_w + rng.normal(size=SAMPLES)
+        recorded: Array = np.where(speed > 0.0, speed + 0.01 * rng.normal(size=SAMPLES), 0.0)
+        runs.append(Recording(str(seed), str(seed), {"time_s": time_s, "speed_mps": recorded, "power_w": power_w}))
+    usable, findings = usable_runs(runs, load_robot("jackal"))
+    assert findings == [] or not any("spike" in one.text or "clock" in one.text for one in findings)
+    for run in usable:
+        sets_off = np.flatnonzero((run.speed_mps[:-1] == 0.0) & (run.speed_mps[1:] > 0.0)) + 1
+        assert sets_off.tolist() == np.flatnonzero(run.observed > 0.5 * burst_w).tolist()
+
+
 def test_levels_that_are_set_are_not_taken_for_held_readings() -> None:
     rng = np.random.default_rng(100)
     levels_set = np.repeat(rng.choice([0.0, 0.3, 0.6, 0.9], SAMPLES // 10), 10)

@@ -1,38 +1,38 @@
-"""The energy of each start, drawn at once or over the first moments of the way."""
+"""The energy of each start, drawn at once or in any way over the first moments of the way."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
-from scipy.signal import lfilter
 
-from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Setting, Term
-from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Setting, Term, level_name
 from homeward.physics.effects.breakaway import EFFECT
 
-_WINDOWS = (0.01, 1.0, 2.0, 4.0)
+_ENDS = (0, 1, 2, 3, 5, 8)  # windows after a start, in steps that grow: four seconds in all
 
 
 def _starts(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     at_once = setting.response(one, TINY * EFFECT.switch.high, {})
-    for windows in _WINDOWS:
-        column = _worn_off(at_once, windows, setting.runs)
-        yield Term(one, column[:, None], *one.limits(1), int(windows > 1.0), fixed=True)
+    yield Term(one, at_once[:, None], *one.limits(1), fixed=True)
+    run = setting.runs.run
+    later = np.zeros((len(at_once), len(_ENDS) - 1))
+    for step, (start, end) in enumerate(pairwise(_ENDS)):
+        for windows in range(start, end):
+            moved = np.roll(at_once, windows) * (np.roll(run, windows) == run)
+            moved[:windows] = 0.0
+            later[:, step] += moved / (end - start)
+    yield Term(one, later, *one.limits(len(_ENDS) - 1, signed=False), fixed=True, flexible=True)
 
 
-def _worn_off(column: Array, windows: float, runs: Runs) -> Array:
-    """The energy of each start spread over the windows after it."""
-    kept = float(np.exp(-1.0 / windows))
-    spread = np.empty_like(column)
-    for run in np.unique(runs.run):
-        here = runs.run == run
-        spread[here] = lfilter([1.0 - kept], [1.0, -kept], column[here])
-    return spread
+def _names(term: Term) -> list[tuple[str, str]]:
+    sizes = term.columns.shape[1]
+    return [(level_name(EFFECT.switch.name, size, sizes), EFFECT.switch.unit) for size in range(sizes)]
 
 
 HYPOTHESIS = Hypothesis(
     EFFECT,
     steady=_starts,
+    size_names=_names,
     shown_by=(),
     otherwise="at every start from standstill",
     check="pull the robot with a spring balance until it starts to roll",

@@ -1,4 +1,5 @@
-"""Turning: scrub, where a robot's file has no track for several, or the drag of steered wheels at their slip angle."""
+"""Turning: scrub, where a robot's file has no track for several, the drag of steered wheels at their slip angle, or any
+power that rises with the rate."""
 
 from collections.abc import Iterator
 
@@ -33,6 +34,7 @@ HYPOTHESIS = Hypothesis(
     EFFECT,
     shapes=_tracks,
     steady=_also_at_a_slip_angle,
+    rises_with="yaw_rate_radps",
     searched=(Parameter("track_m", "m", 0.02, 5.0, "distance between left and right wheels"),),
     shown_by=("yaw_rate_radps", "wheel_difference_mps"),
     otherwise="in turns",
