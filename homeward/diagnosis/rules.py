@@ -51,7 +51,8 @@ needs."""
 
 MATTERS = 0.03
 """Share of what was recorded that a group must move, by its fitted size or that of the robot file, to be fitted
-beside effects. Chosen."""
+beside effects; that is lost in a battery before its loss is named; and that a refit must leave before what motion tells
+of it is unknown physics. Chosen."""
 
 # --- Rivals: what stands for what ---------------------------------------------------------------------------------
 
