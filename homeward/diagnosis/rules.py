@@ -111,6 +111,10 @@ ALIKE_COLUMNS = 0.5
 """Share of its squares that a group's column has in common with another's, from which one may stand for the other:
 more in common than not."""
 
+ALIKE_PRODUCT = 0.02
+"""Relative spread, over all models that fit as well, of a product, ratio or sum that is called known: four standard
+errors of a meter's scale. Chosen."""
+
 ENTWINED = 0.9
 """Correlation of two estimates from which only what they make together counts as determined: the error of each is
 then more than twice (1 / sqrt(1 - 0.9^2)) what it would be were the other known."""
@@ -123,6 +127,10 @@ IN_STEP = 0.8
 GAIN_ERROR = 0.005
 """Standard error of the scale of a power meter, in every parameter that power tells: 1 % at two standard errors, a
 shunt of 0.5 % with its amplifier (INA226 data sheet; how to add it: JCGM 100:2008, 4.3)."""
+
+MOST_TIMES = 5.0
+"""Of what a robot file says, that its drag and mass may be, or for the mass this part of it: areas and masses are known
+within a few times. Chosen; mass had it from the first."""
 
 COLLINEAR = 1e-4
 """A column of which less than this share of its squares is its own cannot be told apart from the others: its standard

@@ -21,7 +21,6 @@ from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
-from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.rules import (
@@ -80,9 +79,9 @@ def explain(
     naming = name_missing(fit, runs, block, seed, progress)
     if naming.told_by_no_channel(runs):
         return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
-    naming, location = _without_what_motion_tells(naming, location, fit, runs, block, seed, progress)
+    naming, location = _without_what_motion_tells(naming, location, fit, runs, block, fold, seed, progress)
     if not naming.named and location is None and motion_gain(fit, runs, block % FOLDS, seed) < TAKEN_UP:
-        return Explanation(_instead_of_parameters(naming, fit, runs, block, seed, progress), None, None)
+        return Explanation(_instead_of_parameters(naming, fit, runs, block, fold, seed, progress), None, None)
     if not naming.named and location is None and _is_much(fit, runs):
         location = locate(found[0], runs)  # where most of what motion tells shows
     empirical = None
@@ -109,7 +108,13 @@ def _is_much(fit: Refit, runs: Runs) -> bool:
 
 
 def _instead_of_parameters(
-    naming: Naming, fit: Refit, runs: Runs, block: NDArray[np.intp], seed: int, progress: Callable[[str], None]
+    naming: Naming,
+    fit: Refit,
+    runs: Runs,
+    block: NDArray[np.intp],
+    by_run: NDArray[np.intp],
+    seed: int,
+    progress: Callable[[str], None],
 ) -> Naming:
     """What is named if groups that one effect would make up for stay as the robot file has them."""
     held = needless(fit, runs)
@@ -117,7 +122,7 @@ def _instead_of_parameters(
         return naming
     sparing = holding(fit, runs, held)
     again = name_missing(sparing, runs, block, seed, progress, schedules=False)
-    again = _without_what_motion_tells(again, None, sparing, runs, block, seed, progress)[0]
+    again = _without_what_motion_tells(again, None, sparing, runs, block, by_run, seed, progress)[0]
     if not again.named or again.told_by_no_channel(runs):
         return naming
     return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
@@ -142,6 +147,7 @@ def _without_what_motion_tells(
     fit: Refit,
     runs: Runs,
     block: NDArray[np.intp],
+    by_run: NDArray[np.intp],
     seed: int,
     progress: Callable[[str], None],
 ) -> tuple[Naming, Location | None]:
@@ -152,7 +158,6 @@ def _without_what_motion_tells(
     if naming.corrected is None:
         return naming, location
     first, fold = naming.named[0], block % FOLDS
-    by_run = cut_folds(runs, block)[0]
     by_motion = motion_gain(fit, runs, fold, seed)
     if first.term.axis != "time":
         share = explained(fit, naming.corrected, runs, fold)

@@ -98,18 +98,13 @@ class Term:
     of_rolling_kg: float | None = None  # C_rr m that its sizes are shares of, where they are: before the joint fit
     load: Array | None = None  # what a unit adds where it is at work, (windows,), where that is not everywhere
     at_work: Array | None = None  # how much of each size is at work, (windows, sizes)
-    flexible: bool = False  # whether its sizes make up any function of a channel that only rises
+    flexible: bool = False  # whether its sizes make up any function that only rises, which no file has
     plain: Term | None = None  # where this form is none that a robot file can say, the best that is
 
     @property
     def effect(self) -> str:
         """Id of the effect."""
         return self.hypothesis.id
-
-    @property
-    def as_in_file(self) -> bool:
-        """Whether a robot file has this form, apart from when it is at work."""
-        return not self.flexible and not (self.fixed and self.hidden > 0)
 
     @property
     def linear(self) -> bool:

@@ -302,8 +302,8 @@ def _with_plain(bench: Bench, chosen: int) -> Term:
     """A form with, where no robot file has it, the best of those that one has."""
     term = bench.candidates[chosen]
     same = [i for i, one in enumerate(bench.candidates) if one.effect == term.effect and one.axis == "steady"]
-    plain = [index for index in same if bench.candidates[index].as_in_file]
-    if term.as_in_file or not plain:
+    plain = [index for index in same if not bench.candidates[index].flexible]
+    if not term.flexible or not plain:
         return term
     return replace(term, plain=bench.candidates[max(plain, key=bench.share)])
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting
-from homeward.diagnosis.fit.folds import correlation_windows
+from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, WithEffects
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.regression import bounded
@@ -40,7 +40,7 @@ def needless(fit: Refit, runs: Runs) -> NDArray[np.bool_] | None:
     gram = columns.T @ columns
     low, high = _limits(fit, np.array([(one.low[0], one.high[0]) for one in effects]).reshape(-1, 2))
     left = runs.observed - fit.predicted
-    independent = max(len(left) / correlation_windows(left, runs.run), 2.0)
+    independent = independent_windows(left, runs.run)
     least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
 
     def criterion(chosen: tuple[int, ...]) -> float:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.fit.folds import correlation_windows, cut_blocks, cut_stretches, noise_of
+from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
@@ -217,8 +217,9 @@ class Bench:
         """
         left, run = self._left(chosen), self.runs.run
         clear = chosen and all(clearly_apart(self.candidates[one].schedule) for one in chosen)
-        memory = noise_of(left, run, _AROUND_A_STEP).memory if clear else correlation_windows(left, run)
-        return max(len(left) / memory, 2.0)
+        if clear:
+            return max(len(left) / noise_of(left, run, _AROUND_A_STEP).memory, 2.0)
+        return independent_windows(left, run)
 
     def _left(self, chosen: tuple[int, ...]) -> Array:
         """What these hypotheses leave of the target, shape (windows,)."""

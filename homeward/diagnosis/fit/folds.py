@@ -43,6 +43,11 @@ def correlation_windows(residual: Array, run: Index) -> float:
     return total
 
 
+def independent_windows(residual: Array, run: Index) -> float:
+    """Number of windows that count as independent, by the residuals' correlation time; two at least."""
+    return max(len(residual) / correlation_windows(residual, run), 2.0)
+
+
 @dataclass(frozen=True)
 class Noise:
     """Noise of a series of windows: correlation time in windows, and standard deviation of what lasts that long."""

@@ -11,7 +11,7 @@ from scipy.stats import norm
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
-from homeward.diagnosis.fit.folds import correlation_windows
+from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
 
@@ -105,7 +105,7 @@ def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) 
 def evidence(observed: Array, before: Array, after: Array, run: Index, freedom: int = 1) -> float:
     """Difference of BIC by held-out predictions; what a wrong model leaves has memory, and counts for less."""
     without, with_it = (max(float(((observed - one) ** 2).sum()), 1e-300) for one in (before, after))
-    independent = max(len(after) / correlation_windows(observed - after, run), 2.0)
+    independent = independent_windows(observed - after, run)
     return float(independent * np.log(without / with_it) - freedom * np.log(independent))
 
 

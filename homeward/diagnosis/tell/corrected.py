@@ -29,7 +29,7 @@ class Said:
 
 def can_be_said(term: Term) -> bool:
     """Whether a robot file can say an effect: of one size, begun at some moment to stay, or uneven ground."""
-    if not term.hypothesis.physical or not term.as_in_file:
+    if not term.hypothesis.physical or term.flexible:
         return False
     return term.axis == "steady" or _is_ground(term) or _stays(term)
 

@@ -285,7 +285,7 @@ def test_bursts_of_energy_at_starts_are_neither_spikes_nor_a_drifting_clock() ->
         recorded: Array = np.where(speed > 0.0, speed + 0.01 * rng.normal(size=SAMPLES), 0.0)
         runs.append(Recording(str(seed), str(seed), {"time_s": time_s, "speed_mps": recorded, "power_w": power_w}))
     usable, findings = usable_runs(runs, load_robot("jackal"))
-    assert findings == [] or not any("spike" in one.text or "clock" in one.text for one in findings)
+    assert not any("spike" in one.text or "clock" in one.text for one in findings)
     for run in usable:
         sets_off = np.flatnonzero((run.speed_mps[:-1] == 0.0) & (run.speed_mps[1:] > 0.0)) + 1
         assert sets_off.tolist() == np.flatnonzero(run.observed > 0.5 * burst_w).tolist()
