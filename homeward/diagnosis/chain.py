@@ -222,12 +222,16 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
 def _known(named: Fitted, determined: Fitted, runs: Runs, block: NDArray[np.intp]) -> tuple[Estimate, ...]:
     """What is known of each group, fitted beside those that are held: of these, and of what was confounded, nothing."""
     known = []
+    effects = tuple(one.effect for one in determined.model.terms) if isinstance(determined, Corrected) else ()
     rows = zip(
         estimates(named, runs, block), estimates(determined, runs, block), determined.groups.held.tolist(), strict=True
     )
     for free, last, held in rows:
         if held and free.status in ("fitted", "at bound"):
-            known.append(dataclasses.replace(free, fitted=None, ci95=None, status="confounded", off=False))
+            mixed = free.mixed_with or effects
+            known.append(
+                dataclasses.replace(free, fitted=None, ci95=None, status="confounded", mixed_with=mixed, off=False)
+            )
         else:
             known.append(free if held or free.status == "confounded" else last)
     return tuple(known)

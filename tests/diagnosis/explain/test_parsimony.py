@@ -26,6 +26,12 @@ def test_slip_that_a_refit_takes_up_is_named_and_the_parameters_are_left_alone(d
     assert "slip" in (slip.effect, *slip.confused_with)
     assert slip.parameters[next(iter(slip.parameters))].ci95[0] > 0.0
     assert analysis.diagnosis.parameters_off == ()
+    mixed = (
+        [one.mixed_with for one in analysis.evidence.estimates if one.status == "confounded"]
+        if analysis.evidence
+        else []
+    )
+    assert mixed and all(mixed)  # else the report calls them noise
 
 
 @pytest.mark.parametrize(
