@@ -13,6 +13,13 @@ import pytest
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
 from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
+from homeward.diagnosis.explain.change_points import in_time
+from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.hypothesis import Setting
+from homeward.diagnosis.fit.parameter_groups import WithEffects
+from homeward.diagnosis.fit.refit import refit
+from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from tests.diagnosis.tell.test_handover import replay_equals_fit
 
@@ -106,11 +113,20 @@ def test_a_load_that_switches_in_the_cold_may_be_a_thermostat(
     assert ("heater" in (first.effect, *first.confused_with)) == may_be_a_heater
 
 
-def test_a_load_that_swells_and_fades_is_not_switched(drive: Drive, husky: Robot) -> None:
-    """Levels follow anything: what is on or off has two of them."""
-    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * np.sin(of["time_s"] / 30.0) ** 2)
-    named = diagnose(runs, husky).missing_physics
-    assert all(one.effect != "intermittent_load" for one in named)
+def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
+    """Of a load with three sizes there are schedules with three levels, but none of something that switches."""
+    three = with_power(
+        drive(husky, runs=3),
+        lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0) + 25.0 * (of["time_s"] % 100.0 < 60.0),
+    )
+    runs = average(usable_runs(three, husky)[0])
+    fit = refit(runs, husky)
+    left = runs.observed - fit.predicted
+    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, left)
+    found = in_time(np.ones(len(left)), left, runs, signed=False)
+    assert max(one.levels for one in found) > 2
+    levels = {one.schedule.levels for one in CATALOGUE["intermittent_load"].forms(setting, True) if one.schedule}
+    assert levels <= {2}
 
 
 def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(drive: Drive, husky: Robot) -> None:
