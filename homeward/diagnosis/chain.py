@@ -96,9 +96,11 @@ def analyse(
     with threadpool_limits(1):  # the threads of many small products wait for each other busily
         evidence, fit = _weigh(average(usable, SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
+    named = evidence.naming.named
+    model = sayable(evidence.plain, evidence.corrected, named, evidence.runs, evidence.block)
     handover = hand_over(
-        robot, verdict, (evidence.plain, sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)),
-        evidence.predictions, evidence.runs, evidence.fold, evidence.trip, seed, bool(evidence.naming.named),
+        robot, verdict, (evidence.plain, model), evidence.predictions, evidence.runs, evidence.fold, evidence.trip,
+        seed, bool(named),
     )  # fmt: skip
     evidence, fit = _with_file(evidence, fit, handover.held_out, seed)
     found = (

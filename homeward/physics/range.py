@@ -157,15 +157,16 @@ def _range_by_kernel(
     speed, grade, share, rate, energy = np.broadcast_arrays(speed_mps, grade_rad, duty, sensing_hz, energy_j)
     distance_m = np.empty(speed.shape)
     record = robot.record()
+    usual = float(record["surface_usual"][0])
     for place in np.ndindex(speed.shape):
-        driving = _steady(float(speed[place]), float(rate[place]), float(grade[place]))
+        driving = _steady(float(speed[place]), float(rate[place]), float(grade[place]), usual)
         standing = driving._replace(speed_mps=0.0)
         state = full_charge(robot, float(energy[place]))
         distance_m[place] = _drive_until_empty(record, state, driving, standing, float(share[place]))
     return distance_m[()]
 
 
-def _steady(speed_mps: float, sensing_hz: float, grade_rad: float) -> Conditions:
+def _steady(speed_mps: float, sensing_hz: float, grade_rad: float, roughness: float) -> Conditions:
     return Conditions(
         speed_mps=speed_mps,
         sensing_hz=sensing_hz,
@@ -173,7 +174,7 @@ def _steady(speed_mps: float, sensing_hz: float, grade_rad: float) -> Conditions
         sin_grade=float(np.sin(grade_rad)),
         cos_grade=float(np.cos(grade_rad)),
         yaw_rate_radps=0.0,
-        roughness=0.0,
+        roughness=roughness,
         headwind_mps=0.0,
         temperature_c=20.0,
         base_distance_m=0.0,

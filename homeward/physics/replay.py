@@ -34,7 +34,7 @@ def replay(
     yaw_rate_radps: Any = 0.0,
     accel_mps2: Any = None,
     headwind_mps: Any = 0.0,
-    roughness: Any = 0.0,
+    roughness: Any = None,
     temperature_c: Any = 20.0,
     sensing_hz: Any = 0.0,
     base_distance_m: Any = 0.0,
@@ -55,7 +55,7 @@ def replay(
         accel_mps2: Acceleration along the direction of forward travel, m/s^2; central differences of the speed if left
             out: their work sums to the change of kinetic energy, where one-sided ones would gain or lose some.
         headwind_mps: Wind against the direction of travel, m/s.
-        roughness: Surface roughness, 0 where C_rr was measured.
+        roughness: Surface roughness, 0 where C_rr was measured; what is usual for the robot if left out.
         temperature_c: Air temperature, C.
         sensing_hz: Sensing rate, Hz.
         base_distance_m: Distance from base, m.
@@ -73,6 +73,8 @@ def replay(
     speed_mps = np.broadcast_to(_channel("speed_mps", speed_mps, time_s), time_s.shape)
     base_distance_m = np.broadcast_to(_channel("base_distance_m", base_distance_m, time_s), time_s.shape)
     grade_rad = _channel("grade_rad", grade_rad, time_s)
+    record = robot.record()
+    roughness = record["surface_usual"][0] if roughness is None else roughness
     if accel_mps2 is None:
         accel_mps2 = np.gradient(speed_mps, time_s)
     samples = np.empty((len(Conditions._fields), len(time_s)))
@@ -97,7 +99,7 @@ def replay(
     output = np.empty((4, len(time_s)))
     state = full_charge(robot, np.inf)
     state["speed_mps"] = abs(samples[0, 0])  # what moves when the recording starts did not start then
-    _replay(robot.record(), state, time_s, samples, output)
+    _replay(record, state, time_s, samples, output)
     power_w, drive_w, traction_n, wheel_force_n = output
     energy_j = dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True))
     return Replay(power_w, drive_w, traction_n, wheel_force_n, energy_j)

@@ -153,7 +153,8 @@ def test_later_drives_and_intervals_are_counted() -> None:
     better = drive | {"corrected_pct": 5.9}
     made = {table.title: table for table in tables([outcome(later=[drive, better], holds=["radio"])])}
     assert made["Energy of later drives"].rows[0][1].startswith("1/2")
-    held = made["Visible physical effects for which corrected.toml holds"].rows
+    assert made["Mean error of a file over its later drives"].rows[0][1].startswith("1/1")
+    held = made["Visible effects that a file can say, for which corrected.toml holds"].rows
     assert [row[1].split(" ")[0] for row in held] == ["1/1", "0/1"]
     intervals = [{"name": "slip.per_load", "true": 1.0, "low": 0.8, "high": top, "off": False} for top in (0.9, 1.2)]
     covered = tables([outcome(part="coverage", intervals=intervals)])[0]

@@ -16,6 +16,8 @@ from benchmarks.concealed.scoring.outcome import Interval, Outcome
 
 USABLE_ENERGY = "usable energy"
 NAMES_GRADE = re.compile(r"grade|elevation|slope|altitude|hills?\b", re.IGNORECASE)
+NOT_SAID = ("wind", "intermittent_load")
+"""Effects that a robot file cannot say: weather, and a rhythm without its beat."""
 STANDARD_NORMAL_975 = 1.959963984540054
 
 
@@ -220,15 +222,31 @@ def _later(outcomes: list[Outcome]) -> list[Table]:
         figures = [np.median(errors) for errors in (nominal, refit, corrected)]
         figures += [np.quantile(errors, 0.9) for errors in (refit, corrected)]
         rows.append((kind, *map(str, shares), *(f"{figure:.2f}" for figure in figures)))
+    means = [_mean_pct(o) for o in outcomes if o.later]
+    files = [
+        Share.over(own > refit + 1.0 for _, refit, own in means),
+        Share.over(own > as_was + 1.0 for as_was, _, own in means),
+    ]
     wanted = [
-        (effect, o.holds) for o in outcomes for effect, seen in o.visible.items() if seen and effect not in INSTRUMENTS
+        (effect, o.holds)
+        for o in outcomes
+        for effect, seen in o.visible.items()
+        if seen and effect not in (*INSTRUMENTS, *NOT_SAID)
     ]
     kept = [
         ("any effect", str(Share.over(bool(holds) for _, holds in wanted))),
         ("the hidden effect", str(Share.over(effect in holds for effect, holds in wanted))),
     ]
-    held = Table("Visible physical effects for which corrected.toml holds", ("", "share"), kept)
-    return [Table("Energy of later drives", columns, rows), held]
+    by_file = Table("Mean error of a file over its later drives", ("", *columns[1:3]), [("all", *map(str, files))])
+    held = Table("Visible effects that a file can say, for which corrected.toml holds", ("", "share"), kept)
+    return [Table("Energy of later drives", columns, rows), by_file, held]
+
+
+def _mean_pct(outcome: Outcome) -> tuple[float, float, float]:
+    """Mean error over the later drives of nominal, refitted and corrected file, %."""
+    errors = [(drive["nominal_pct"], drive["refit_pct"], drive["corrected_pct"]) for drive in outcome.later]
+    nominal, refit, corrected = np.mean(errors, axis=0).tolist()
+    return nominal, refit, corrected
 
 
 def _coverage(outcomes: list[Outcome]) -> list[Table]:

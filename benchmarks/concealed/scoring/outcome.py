@@ -172,15 +172,13 @@ def true_groups(robot: Robot) -> dict[str, float]:
 
 
 def _read_corrected(outcome: Outcome, case: Case, folder: Path) -> None:
-    """Replay corrected.toml and the refit over the later drives; refit.toml is the tool's own, where it writes one."""
+    """Replay corrected.toml and the best refit over the later drives."""
     corrected = load_robot(folder / "corrected.toml")
     outcome.holds = list(corrected.active_effects)
-    written = folder / "refit.toml"
-    refit = load_robot(written) if written.exists() else case.refit
-    if refit is not None:
+    if case.refit is not None:
         outcome.later = [
-            {"kind": drive.kind, "nominal_pct": _error_pct(case.nominal, drive), "refit_pct": _error_pct(refit, drive),
-             "corrected_pct": _error_pct(corrected, drive)}
+            {"kind": drive.kind, "nominal_pct": _error_pct(case.nominal, drive),
+             "refit_pct": _error_pct(case.refit, drive), "corrected_pct": _error_pct(corrected, drive)}
             for drive in case.later
         ]  # fmt: skip
 

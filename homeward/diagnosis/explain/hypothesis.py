@@ -111,6 +111,11 @@ class Term:
         """Whether its columns say all, so that no replay with other sizes is needed."""
         return self.axis != "steady" or self.fixed
 
+    @property
+    def misread(self) -> bool:
+        """Whether it is what a meter reads beyond what was drawn."""
+        return not self.hypothesis.physical and self.linear
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -197,6 +202,10 @@ def _as_usual(setting: Setting) -> Iterator[Numbers]:
     yield {}
 
 
+def _no_limit(runs: Runs) -> Numbers:
+    return {}
+
+
 def _response(one: Hypothesis, setting: Setting) -> Array:
     return setting.response(one, TINY * one.entry.switch.high, {})
 
@@ -256,7 +265,8 @@ class Hypothesis:
     size_names: Callable[[Term], Sequence[tuple[str, str]]] = _level_names  # name and unit of each size
     searched: tuple[Parameter, ...] = ()  # what recordings may determine beside the size
     within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect  # adds it to a replay
-    in_file: Numbers | None = None  # what a robot file says of it, where its sizes are of the day and not of the robot
+    reach: Callable[[Runs], Numbers] = _no_limit  # numbers in its file that say how far recordings reach
+    of_the_day: bool = False  # whether it is weather, of which no robot file says anything
 
     map_channel: str = ""  # without which it may be but what that channel would have told
 

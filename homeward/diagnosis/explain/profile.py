@@ -120,9 +120,11 @@ def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
     for index, term in enumerate(terms):
         one = term.hypothesis
-        if term.axis != "steady" or term.fixed or not one.physical or one.in_file is not None:
+        if term.axis != "steady" or term.fixed or not one.physical or one.of_the_day:
             continue
         for number in one.entry.parameters[1:]:
+            if number.name in one.reach(runs):
+                continue
             for value in np.linspace(number.low, number.high, _TRIED).tolist():
                 shape = {**term.shape, number.name: value}
                 columns = setting.response(one, TINY * one.entry.switch.high, shape)[:, None]

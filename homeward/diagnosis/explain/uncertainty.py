@@ -92,7 +92,7 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     for index, term in enumerate(model.model.terms):
         mine = [first + at for at, one in enumerate(model.model.unknowns) if one.term == index]
         pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > ENTWINED]
-        if not pairs or term.hypothesis.in_file is not None:
+        if not pairs or term.hypothesis.of_the_day:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])

@@ -98,7 +98,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
             outside if run.at_terminals else robot,
             dataclasses.replace(run, speed_mps=true * run.speed_mps, accel_mps2=true * run.accel_mps2),
             headwind_mps=0.0 if met.headwind_mps is None else met.headwind_mps[index],
-            roughness=0.0 if met.roughness is None else cut.samples(met.roughness[runs.run == index], len(run.time_s)),
+            roughness=None if met.roughness is None else cut.samples(met.roughness[runs.run == index], len(run.time_s)),
         )
         if runs.unit == "A":
             wheels_mps = np.maximum(np.abs(run.speed_mps), 0.5 * np.abs(run.yaw_rate_radps) * robot.track_m)

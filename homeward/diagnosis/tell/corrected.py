@@ -23,13 +23,13 @@ class Said:
 
     theta: Array  # (5,)
     effects: Mapping[str, Mapping[str, float]]
-    met: WithEffects  # wind and ground of these drives, lag and scale of their instruments
+    met: WithEffects  # ground of these drives, lag and scale of their instruments
     reading: Array | float = 0.0  # what instruments add, (windows,)
 
 
 def can_be_said(term: Term) -> bool:
     """Whether a robot file can say an effect: of one size, begun at some moment to stay, or uneven ground."""
-    if not term.hypothesis.physical or term.flexible:
+    if not term.hypothesis.physical or term.hypothesis.of_the_day or term.flexible:
         return False
     return term.axis == "steady" or _is_ground(term) or _stays(term)
 
@@ -60,13 +60,15 @@ def said(model: Refit | Corrected, runs: Runs) -> Said:
         if _is_ground(term):
             smoothest, gain, roughness = _ground(model, index, runs)
             theta = np.where(np.arange(len(theta)) == ROLLING, smoothest * theta, theta)
-            effects[term.effect] = {term.hypothesis.entry.switch.name: gain}
+            usual = float(np.average(roughness, weights=np.abs(runs.context["speed_mps"]) * runs.duration_s))
+            of_gain, of_usual = term.hypothesis.entry.parameters
+            effects[term.effect] = {of_gain.name: gain, of_usual.name: usual}
             met = replace(met, roughness=roughness)
         elif can_be_said(term):
-            effects[term.effect] = _numbers(model, index)
+            effects[term.effect] = {**_numbers(model, index), **term.hypothesis.reach(runs)}
             if _stays(term) and term.load is not None and term.schedule is not None:
                 reading -= term.load * model.sizes(index)[0] * (term.schedule.level == 0)  # it had not begun
-        elif not term.hypothesis.physical and term.linear:
+        elif term.misread:
             reading += term.columns @ model.sizes(index)
     return Said(theta, effects, met, reading)
 
@@ -95,11 +97,8 @@ _ENDS = (0.05, 0.95)
 
 def _numbers(model: Corrected, index: int) -> dict[str, float]:
     term = model.model.terms[index]
-    one = term.hypothesis
-    if one.in_file is not None:
-        return dict(one.in_file)
+    one, switch = term.hypothesis, term.hypothesis.entry.switch
     known = {parameter.name for parameter in (*one.entry.parameters, *one.searched)}
-    switch = one.entry.switch
     numbers = {name: value.value for name, value in model.parameters_of(index).items() if name in known}
     if term.of_rolling_kg is not None:
         numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
@@ -130,8 +129,7 @@ def written(robot: Robot, told: Said, unit: Unit) -> Robot:
 def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
     """What a robot file predicts of these drives, shape (windows,).
 
-    They are in the wind and on the ground that they met, read by their instruments, with the current at rest that no
-    file holds.
+    They are on the ground that they met, read by their instruments, with the current at rest that no file holds.
     """
     rest_current_a = float(told.theta[IDLE]) if runs.unit == "A" else 0.0
     return told.reading + predict(runs, robot, rest_current_a, told.met)

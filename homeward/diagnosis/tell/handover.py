@@ -2,12 +2,12 @@
 
 What is proven must be what is handed over. So each fold's fit is written as a robot file, by the code that writes
 corrected.toml, and that file is replayed on what was held out. What a file cannot say is not in it: schedules, but for
-what began once and stays, faults of instruments, and the current at rest, which is added to the replay.
+what began once and stays, weather, faults of instruments, and the current at rest, which is added to the replay.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
+from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
@@ -55,19 +56,32 @@ def determined(
     )
 
 
-def sayable(plain: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]) -> Refit | Corrected | None:
-    """The fit of all that a robot file can say, beside faults of instruments; None where no effect was named.
+def sayable(
+    plain: Refit, corrected: Corrected | None, named: Sequence[Named], runs: Runs, block: NDArray[np.intp]
+) -> Corrected | None:
+    """The fit of all that a robot file can say, beside faults of instruments; None where it can say none of what is
+    `named`.
 
-    What a schedule or a flexible form explains goes to the groups and effects that stay, as far as they take it.
+    What a schedule, weather or a flexible form explains goes to the groups and effects that stay, as far as they take
+    it; so does what may be the robot's as well as its meter's.
     """
     if corrected is None:
         return None
     terms = corrected.model.terms
-    all_plain = [one.plain or one for one in terms]
-    kept = [one for one in all_plain if can_be_said(one) or not one.hypothesis.physical]
+    kept = [
+        form
+        for form, one in zip([term.plain or term for term in terms], named, strict=True)
+        if (can_be_said(form) or not form.hypothesis.physical) and not _may_be_misread(one)
+    ]
     if [id(one) for one in kept] == [id(one) for one in terms]:
         return corrected
     return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
+
+
+def _may_be_misread(named: Named) -> bool:
+    """Whether the recordings leave open if the robot draws it or its meter reads it."""
+    meant = (named.term, *named.rivals)
+    return any(one.misread for one in meant) and any(one.hypothesis.physical for one in meant)
 
 
 def _determined(
@@ -135,7 +149,7 @@ def hand_over(
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, None, Handed("nominal", why))
-    told = "a robot file cannot say when what is missing is at work; " if named else ""
+    told = "what is missing (weather, a schedule, or maybe the meter's) is nothing for a robot file; " if named else ""
     if verdict == "unknown_physics":
         told = "its parameters make up for what is unknown, as far as they can, and are no measurement; "
     if model is not None:

@@ -19,7 +19,10 @@ EFFECT = Effect(
     id="surface",
     kind="force",
     function=surface,
-    parameters=(Parameter("gain", "1", -0.9, 10.0, "rise of C_rr over its value, at roughness 1"),),
+    parameters=(
+        Parameter("gain", "1", -0.9, 10.0, "rise of C_rr over its value, at roughness 1"),
+        Parameter("usual", "1", 0.0, 10.0, "roughness of ground of which nothing is known"),
+    ),
     sentence="The ground changes on the way and rolls harder or easier than assumed.",
     equation="F = max(gain roughness, -1) C_rr m g cos(theta)",
     source="rolling resistance by surface (Wong, Theory of Ground Vehicles)",

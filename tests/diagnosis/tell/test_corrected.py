@@ -33,6 +33,7 @@ NOT_SAID: Mapping[str, str] = {
     "standby": "what always draws is in the idle power, and a file does not say from when on something does",
     "intermittent_load": "a file says a rhythm, and not at which beat a drive begins",
     "ageing": "power shows nothing of it, and it is written as the gauge shows it",
+    "wind": "it is weather",
 }
 """Effects that the joint fit holds in no form that a file can say, and why."""
 
@@ -110,6 +111,25 @@ def test_the_file_replayed_predicts_what_the_joint_fit_predicts(effect: str, rob
     rms = float(np.sqrt(np.mean(model.predicted**2)))
     assert np.abs(model.contribution[0]).max() > 10.0 * ROUNDING * rms  # it is at work
     np.testing.assert_allclose(replayed(file, told, runs), model.predicted, rtol=0.0, atol=ROUNDING * rms)
+
+
+def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robot: Robot, runs: Runs) -> None:
+    runs = recorded(robot, "surface", runs)
+    model = joint_fit(robot, "surface", runs)
+    assert model is not None
+    told = said(model, runs)
+    unknown = dataclasses.replace(told, met=dataclasses.replace(told.met, roughness=None))
+    drawn_w = replayed(written(robot, told, runs.unit), unknown, runs)
+    smooth_w = replayed(written(robot, dataclasses.replace(told, effects={}), runs.unit), unknown, runs)
+    assert float(np.mean(drawn_w)) == pytest.approx(float(np.mean(runs.observed)), rel=0.01)
+    assert float(np.mean(smooth_w)) < 0.97 * float(np.mean(runs.observed))
+
+
+def test_a_radio_is_written_as_far_from_base_as_was_recorded(robot: Robot, runs: Runs) -> None:
+    model = joint_fit(robot, "radio", recorded(robot, "radio", runs))
+    assert model is not None
+    effect = written(robot, said(model, runs), runs.unit).effects["radio"]
+    assert effect["reach_m"] == pytest.approx(float(runs.context["base_distance_m"].max()), rel=1e-5)
 
 
 @pytest.mark.parametrize("effect", NOT_SAID)

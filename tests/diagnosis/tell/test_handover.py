@@ -25,7 +25,7 @@ def replay_equals_fit(analysis: Analysis) -> bool:
     assert evidence is not None and handed is not None and handed.holds != "nominal"
     model: Refit | Corrected | None = evidence.plain
     if handed.holds == "corrected":
-        model = sayable(evidence.plain, evidence.corrected, evidence.runs, evidence.block)
+        model = sayable(evidence.plain, evidence.corrected, evidence.naming.named, evidence.runs, evidence.block)
     assert model is not None
     by_file = replayed(analysis.corrected, said(model, evidence.runs), evidence.runs)
     return float(np.abs(by_file - model.predicted).max()) < 1e-5 * float(np.abs(evidence.runs.observed).max())
@@ -54,6 +54,20 @@ def test_a_drag_of_zero_is_a_value_like_any_other(drive: Drive, husky: Robot) ->
     assert off["c / Gamma"].fitted == pytest.approx(0.0, abs=1.0) and off["c / Gamma"].ci95[0] == 0.0
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
     assert replay_equals_fit(analysis)
+
+
+def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(drive: Drive, husky: Robot) -> None:
+    """A load or a meter's zero that shifts at some moment: a wrong guess is worse than the mean that the refit takes."""
+    recordings = []
+    for number, run in enumerate(drive(husky)):
+        read_w = run.channels["power_w"] + 30.0 * (number > 0)
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
+    analysis = analyse(recordings, husky)
+    (found,) = analysis.diagnosis.missing_physics
+    assert {"standby", "sensor_offset"} <= {found.effect, *found.confused_with}
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
+    assert "maybe the meter's" in analysis.diagnosis.file.why
+    assert not analysis.corrected.active_effects
 
 
 def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(drive: Drive, husky: Robot) -> None:
