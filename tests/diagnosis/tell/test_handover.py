@@ -57,7 +57,7 @@ def test_a_drag_of_zero_is_a_value_like_any_other(drive: Drive, husky: Robot) ->
 
 
 def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(drive: Drive, husky: Robot) -> None:
-    """A load or a meter's zero that shifts at some moment: a wrong guess is worse than the mean that the refit takes."""
+    """A load or a zero that shifts at some moment: a wrong guess is worse than the mean that the refit takes."""
     recordings = []
     for number, run in enumerate(drive(husky)):
         read_w = run.channels["power_w"] + 30.0 * (number > 0)
