@@ -2,3 +2,4 @@
 
 from tests.diagnosis.conftest import drive as drive
 from tests.diagnosis.conftest import husky as husky
+from tests.diagnosis.conftest import short_drive as short_drive

@@ -153,8 +153,8 @@ def test_a_mass_that_level_ground_does_not_show_asks_for_a_slope(drive: Drive, h
     assert told is not None and "m / Gamma" in told.split(", drive ")[0]
 
 
-def test_nothing_is_advised_where_nothing_is_open(drive: Drive, husky: Robot) -> None:
-    assert diagnose(drive(husky), husky).next_experiment is None
+def test_nothing_is_advised_where_nothing_is_open(short_drive: Drive, husky: Robot) -> None:
+    assert diagnose(short_drive(husky), husky).next_experiment is None
 
 
 def test_motor_current_has_drives_too(husky: Robot) -> None:

@@ -15,8 +15,8 @@ Drive = Callable[..., list[Recording]]
 
 
 @pytest.fixture(scope="module")
-def turning(drive: Drive, husky: Robot) -> Analysis:
-    return analyse(drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+def turning(short_drive: Drive, husky: Robot) -> Analysis:
+    return analyse(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
 
 
 def shown(analysis: Analysis, width: int = 80, encoding: str = "utf-8") -> str:
@@ -41,8 +41,8 @@ def test_lines_keep_within_the_terminal(turning: Analysis, width: int) -> None:
         assert f"{arm.rmse:#.3g}" in row and f"{arm.r2:.3f}" in row
 
 
-def test_names_are_no_markup_and_no_control_sequences(drive: Drive, husky: Robot) -> None:
-    (run,) = drive(husky, runs=1)
+def test_names_are_no_markup_and_no_control_sequences(short_drive: Drive, husky: Robot) -> None:
+    (run,) = short_drive(husky, runs=1)
     silent = {**run.channels, "power_w": 0.0 * run.channels["power_w"]}
     name = "[red]run \x1b[2J\udcff漢.csv"
     analysis = analyse([replace(run, name=name, channels=silent)], husky)
