@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.ground_groups import group_runs
 from homeward import Robot
-from homeward.diagnosis import Recording, analyse
+from homeward.diagnosis import Analysis, Recording, analyse
 
 Drive = Callable[..., list[Recording]]
 
@@ -27,6 +27,6 @@ def test_runs_of_little_and_much_scrub_are_two_groups(short_drive: Drive, husky:
     assert np.all(turning[:3] < 0.6 * turning[3:].min())
 
 
-def test_nothing_named_is_nothing_to_group_by(short_drive: Drive, husky: Robot) -> None:
+def test_nothing_named_is_nothing_to_group_by(faultless: Analysis) -> None:
     with pytest.raises(ValueError, match="no effect was named"):
-        group_runs(analyse(short_drive(husky, runs=3), husky))
+        group_runs(faultless)

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from homeward import Robot, load_robot
-from homeward.diagnosis import Recording
+from homeward.diagnosis import Analysis, Recording, analyse
 from homeward.diagnosis.synthetic import STEP_S, record
 
 Drive = Callable[..., list[Recording]]
@@ -66,3 +66,15 @@ def drive() -> Drive:
 def short_drive(drive: Drive) -> Drive:
     """As `drive`, four runs of two minutes, which are too short for the clock of power to be searched for a drift."""
     return functools.partial(drive, runs=4, minutes=2.0)
+
+
+@pytest.fixture(scope="session")
+def scrubbing(short_drive: Drive, husky: Robot) -> Analysis:
+    """What is said of a robot whose turning its file does not know, for all tests that ask something of it."""
+    return analyse(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+
+
+@pytest.fixture(scope="session")
+def faultless(short_drive: Drive, husky: Robot) -> Analysis:
+    """What is said of a robot that is as its file says."""
+    return analyse(short_drive(husky), husky)

@@ -52,8 +52,8 @@ def test_mis_set_rolling_resistance_is_a_parameter_and_not_physics(
     assert change_m is not None and np.sign(change_m) == np.sign(1.0 - factor)
 
 
-def test_concealed_turning_is_missing_physics_located_at_turning(short_drive: Drive, husky: Robot) -> None:
-    diagnosis = diagnose(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+def test_concealed_turning_is_missing_physics_located_at_turning(scrubbing: Analysis) -> None:
+    diagnosis = scrubbing.diagnosis
     assert diagnosis.verdict == "missing_physics"
     assert all("turning faster than" in place.condition for place in diagnosis.where)
     assert sum(place.share_of_excess for place in diagnosis.where) > 0.7
@@ -146,12 +146,19 @@ def test_what_was_not_excited_is_not_a_number(short_drive: Drive, husky: Robot) 
 def test_runs_that_cannot_be_used_are_set_aside(
     short_drive: Drive, husky: Robot, spoil: Callable[[Recording], Recording], said: str
 ) -> None:
-    good, bad = short_drive(husky, runs=2)
+    (bad,) = short_drive(husky, runs=1)
     alone = diagnose([spoil(bad)], husky)
     assert alone.verdict == "not_testable" and said in alone.summary and alone.fit is None
-    both = diagnose([good, spoil(bad)], husky)
-    assert [one.path for one in both.recordings] == [good.name]
-    assert "1 of the runs set aside" in both.summary and said in both.summary
+
+
+def test_runs_beside_those_that_cannot_be_used_are_diagnosed(short_drive: Drive, husky: Robot) -> None:
+    good, dead, milli = short_drive(husky, runs=3)
+    dead = with_channels(dead, power_w=np.zeros(len(dead)))
+    milli = with_channels(milli, power_w=1000.0 * milli.channels["power_w"])
+    diagnosis = diagnose([good, dead, milli], husky)
+    assert [one.path for one in diagnosis.recordings] == [good.name]
+    assert "2 of the runs set aside (run1.csv the recorded power" in diagnosis.summary
+    assert "zero throughout" in diagnosis.summary
 
 
 def test_the_same_run_twice_counts_once(short_drive: Drive, husky: Robot) -> None:
@@ -166,6 +173,6 @@ def test_no_recordings(husky: Robot) -> None:
         diagnose([], husky)
 
 
-def test_the_same_input_gives_the_same_verdict(short_drive: Drive, husky: Robot) -> None:
-    runs = short_drive(husky, effects={"turning": {"scrub": 0.3}})
-    assert diagnose(runs, husky).to_json() == diagnose(runs, husky).to_json()
+def test_the_same_input_gives_the_same_verdict(scrubbing: Analysis, short_drive: Drive, husky: Robot) -> None:
+    again = diagnose(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+    assert again.to_json() == scrubbing.diagnosis.to_json()

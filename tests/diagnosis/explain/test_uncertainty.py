@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from homeward import Robot
-from homeward.diagnosis import Recording, analyse, diagnose
+from homeward.diagnosis import Analysis, Recording, analyse, diagnose
 from homeward.diagnosis.explain.uncertainty import spread
 from homeward.physics import replay
 
@@ -92,10 +92,9 @@ def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(shor
     assert any(one.of == ("C_rr m / Gamma", "cold_battery per_k") for one in diagnosis.products)
 
 
-def test_the_range_is_that_of_the_recorded_trips(short_drive: Drive, husky: Robot) -> None:
+def test_the_range_is_that_of_the_recorded_trips(scrubbing: Analysis, short_drive: Drive, husky: Robot) -> None:
     """Turning costs range on trips with turns, while d_max on the level hardly knows of it."""
-    recordings = short_drive(husky, effects={"turning": {"scrub": 0.3}})
-    analysis = analyse(recordings, husky)
+    recordings, analysis = short_drive(husky, effects={"turning": {"scrub": 0.3}}), scrubbing
     found = analysis.diagnosis.range
     assert found is not None
     said_j = sum(float(np.sum(analysis.per_sample(one.name)) * 0.1) for one in recordings)  # by corrected.toml

@@ -238,12 +238,13 @@ def test_pages_work_in_a_browser_as_narrow_as_a_phone(
     standby: Analysis,
     current: Analysis,
     dead: Analysis,
+    faultless: Analysis,
     short_drive: Drive,
     husky: Robot,
     tmp_path: Path,
 ) -> None:
-    clean, off = analyse(short_drive(husky), husky), analyse(short_drive(husky, rolling_resistance=0.2), husky)
-    analyses = [turning, unnamed(turning), standby, current, dead, clean, off]
+    off = analyse(short_drive(husky, rolling_resistance=0.2), husky)
+    analyses = [turning, unnamed(turning), standby, current, dead, faultless, off]
     frames = []
     for number, analysis in enumerate(analyses):
         (tmp_path / f"{number}.html").write_text(report_html(analysis))
