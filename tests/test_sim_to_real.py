@@ -45,7 +45,7 @@ def args(example: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 @pytest.fixture(scope="module")
-def done(example: Any, args: Any) -> tuple[dict[str, Any], str]:
+def done(example: Any, args: Any, short_curves: None) -> tuple[dict[str, Any], str]:
     """What the example returned and printed."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
