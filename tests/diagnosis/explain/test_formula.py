@@ -123,7 +123,7 @@ def test_two_terms_are_found_together(drive: Drive, husky: Robot) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_follows_no_formula(seed: int, husky: Robot, drive: Drive) -> None:
     robot = dataclasses.replace(husky, rolling_resistance=(0.8 + 0.15 * seed) * husky.rolling_resistance)
-    recordings = drive(robot, runs=4, minutes=4.0)[seed % 2 :]
+    recordings = drive(robot, runs=4)[seed % 2 :]
     assert proposed(with_hidden(recordings, robot, lambda _, channels: 0.0 * channels["speed_mps"]), husky) is None
 
 
@@ -134,7 +134,7 @@ def test_a_power_that_no_channel_tells_has_no_formula(drive: Drive, husky: Robot
     def bursts(robot: Robot, channels: Channels) -> np.ndarray:
         return 20.0 * np.repeat(rng.random(len(channels["time_s"]) // 50) < 0.3, 50)
 
-    assert proposed(with_hidden(drive(husky, minutes=4.0), husky, bursts), husky) is None
+    assert proposed(with_hidden(drive(husky), husky, bursts), husky) is None
 
 
 def test_unknown_physics_is_said_with_its_formula(drive: Drive, husky: Robot) -> None:
