@@ -3,12 +3,14 @@
 import importlib.util
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from hypothesis import settings
+
+from homeward.agents import ppo_curve
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # draws without a display
 
@@ -36,6 +38,14 @@ def load_example(root: Path) -> Callable[[str], ModuleType]:
         return module
 
     return load
+
+
+@pytest.fixture(scope="module")
+def short_curves() -> Iterator[None]:
+    """Learning curves of few missions; most of a tiny training would be spent on them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ppo_curve, "EPISODES", 25)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -23,7 +23,7 @@ from stable_baselines3.common.save_util import save_to_zip_file
 
 import homeward
 from homeward import load_robot
-from homeward.agents import provenance
+from homeward.agents import ppo_curve, provenance
 from homeward.agents.policy_file import DESCRIPTION, WEIGHTS, load_policy
 from homeward.agents.ppo_curve import measure, read_curve
 from homeward.agents.ppo_folder import (
@@ -42,6 +42,8 @@ from homeward.envs.features import NAMES
 from homeward.envs.options import Options, settle
 from train import Args, main, run
 
+pytestmark = pytest.mark.usefixtures("short_curves")
+
 TINY = PPOSettings(n_envs=32, n_steps=16, batch_size=128, epochs=2, hidden=16)
 STEPS = 8 * TINY.rollout
 
@@ -51,7 +53,7 @@ def tiny(out: Path, **changes: Any) -> Args:
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory: pytest.TempPathFactory, short_curves: None) -> Path:
     return main(tiny(tmp_path_factory.mktemp("finished") / "run", checkpoint_s=0.0))
 
 
@@ -104,7 +106,11 @@ def command(out: Path) -> list[str]:
 
 def test_a_killed_run_goes_on_as_if_it_had_not_stopped(finished: Path, tmp_path: Path, root: Path) -> None:
     out = tmp_path / "run"
-    process = subprocess.Popen(command(out), cwd=root, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    script = (
+        f"from homeward.agents import ppo_curve; ppo_curve.EPISODES = {ppo_curve.EPISODES}; import train; train.run()"
+    )
+    short = [sys.executable, "-c", script, *command(out)[2:]]
+    process = subprocess.Popen(short, cwd=root, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 120.0
     while not (out / PREVIOUS).is_file() and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.001)
@@ -168,9 +174,15 @@ def within_safetensors(trap: Trap) -> bytes:
 
 
 @pytest.mark.parametrize(
-    "written", [lambda trap: pickle.dumps(trap), pickled_by_torch, as_stable_baselines_writes_it, within_safetensors]
+    ("written", "name"),
+    [
+        (lambda trap: pickle.dumps(trap), CHECKPOINT),
+        (pickled_by_torch, CHECKPOINT),
+        (as_stable_baselines_writes_it, CHECKPOINT),
+        (within_safetensors, CHECKPOINT),
+        (as_stable_baselines_writes_it, "checkpoint.zip"),
+    ],
 )
-@pytest.mark.parametrize("name", [CHECKPOINT, "checkpoint.zip"])
 def test_a_planted_pickle_is_not_run(
     finished: Path, tmp_path: Path, written: Callable[[Trap], bytes], name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

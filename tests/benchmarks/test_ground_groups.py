@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.ground_groups import group_runs
 from homeward import Robot
-from homeward.diagnosis import Recording, analyse
+from homeward.diagnosis import Analysis, Recording, analyse
 
 Drive = Callable[..., list[Recording]]
 
@@ -17,9 +17,9 @@ def renamed(runs: list[Recording], name: str) -> list[Recording]:
     return [Recording(f"{name}{i}.csv", f"{name}{i}", dict(run.channels)) for i, run in enumerate(runs)]
 
 
-def test_runs_of_little_and_much_scrub_are_two_groups(drive: Drive, husky: Robot) -> None:
-    ice = renamed(drive(husky, runs=3, effects={"turning": {"scrub": 0.15}}), "ice")
-    floor = renamed(drive(husky, runs=3, effects={"turning": {"scrub": 0.5}}), "floor")
+def test_runs_of_little_and_much_scrub_are_two_groups(short_drive: Drive, husky: Robot) -> None:
+    ice = renamed(short_drive(husky, runs=3, effects={"turning": {"scrub": 0.15}}), "ice")
+    floor = renamed(short_drive(husky, runs=3, effects={"turning": {"scrub": 0.5}}), "floor")
     found = group_runs(analyse([*ice, *floor], husky))
     groups = found.group.tolist()
     assert len(set(groups[:3])) == 1 and len(set(groups[3:])) == 1 and groups[0] != groups[3]
@@ -27,6 +27,6 @@ def test_runs_of_little_and_much_scrub_are_two_groups(drive: Drive, husky: Robot
     assert np.all(turning[:3] < 0.6 * turning[3:].min())
 
 
-def test_nothing_named_is_nothing_to_group_by(drive: Drive, husky: Robot) -> None:
+def test_nothing_named_is_nothing_to_group_by(faultless: Analysis) -> None:
     with pytest.raises(ValueError, match="no effect was named"):
-        group_runs(analyse(drive(husky, runs=3), husky))
+        group_runs(faultless)

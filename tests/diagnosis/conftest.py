@@ -1,6 +1,7 @@
 """Recordings for the tests: a plain one to spoil, and drives of a known robot through the project's own kernel."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,8 +10,8 @@ import pandas as pd
 import pytest
 
 from homeward import Robot, load_robot
-from homeward.diagnosis import Recording
-from homeward.diagnosis.synthetic import record
+from homeward.diagnosis import Analysis, Recording, analyse
+from homeward.diagnosis.synthetic import STEP_S, record
 
 Drive = Callable[..., list[Recording]]
 
@@ -48,11 +49,11 @@ def husky() -> Robot:
 
 @pytest.fixture(scope="session")
 def drive() -> Drive:
-    """Noisy recordings of a robot that may differ from what the diagnosis is told."""
+    """Noisy recordings of a robot that may differ from what the diagnosis is told, the first minutes of each drive."""
 
-    def recordings(robot: Robot, runs: int = 3, **changes: object) -> list[Recording]:
+    def recordings(robot: Robot, runs: int = 3, minutes: float = 8.0, **changes: object) -> list[Recording]:
         robot = dataclasses.replace(robot, **changes)  # type: ignore[arg-type]
-        tables = [record(robot, seed) for seed in range(runs)]
+        tables = [record(robot, seed).iloc[: round(60.0 * minutes / STEP_S)] for seed in range(runs)]
         return [
             Recording(f"run{i}.csv", str(i), {str(name): table[name].to_numpy(dtype=float) for name in table})
             for i, table in enumerate(tables)
@@ -64,11 +65,16 @@ def drive() -> Drive:
 @pytest.fixture(scope="session")
 def short_drive(drive: Drive) -> Drive:
     """As `drive`, four runs of two minutes, which are too short for the clock of power to be searched for a drift."""
+    return functools.partial(drive, runs=4, minutes=2.0)
 
-    def recordings(robot: Robot, runs: int = 4, **changes: object) -> list[Recording]:
-        return [
-            dataclasses.replace(run, channels={name: values[:1200] for name, values in run.channels.items()})
-            for run in drive(robot, runs, **changes)
-        ]
 
-    return recordings
+@pytest.fixture(scope="session")
+def scrubbing(short_drive: Drive, husky: Robot) -> Analysis:
+    """What is said of a robot whose turning its file does not know, for all tests that ask something of it."""
+    return analyse(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+
+
+@pytest.fixture(scope="session")
+def faultless(short_drive: Drive, husky: Robot) -> Analysis:
+    """What is said of a robot that is as its file says."""
+    return analyse(short_drive(husky), husky)

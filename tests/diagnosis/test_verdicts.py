@@ -34,9 +34,11 @@ def test_a_robot_that_is_as_its_file_says_has_no_mismatch(drive: Drive, husky: R
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.25])
-def test_mis_set_rolling_resistance_is_a_parameter_and_not_physics(drive: Drive, husky: Robot, factor: float) -> None:
+def test_mis_set_rolling_resistance_is_a_parameter_and_not_physics(
+    short_drive: Drive, husky: Robot, factor: float
+) -> None:
     true = factor * husky.rolling_resistance
-    analysis = analyse(drive(husky, rolling_resistance=true), husky)
+    analysis = analyse(short_drive(husky, rolling_resistance=true), husky)
     assert analysis.diagnosis.verdict == "parameters_off"
     off = {one.group: one for one in analysis.diagnosis.parameters_off}["C_rr m / Gamma"]
     assert off.ci95[0] <= true * husky.mass_kg / husky.traction_efficiency <= off.ci95[1]
@@ -50,17 +52,17 @@ def test_mis_set_rolling_resistance_is_a_parameter_and_not_physics(drive: Drive,
     assert change_m is not None and np.sign(change_m) == np.sign(1.0 - factor)
 
 
-def test_concealed_turning_is_missing_physics_located_at_turning(drive: Drive, husky: Robot) -> None:
-    diagnosis = diagnose(drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+def test_concealed_turning_is_missing_physics_located_at_turning(scrubbing: Analysis) -> None:
+    diagnosis = scrubbing.diagnosis
     assert diagnosis.verdict == "missing_physics"
     assert all("turning faster than" in place.condition for place in diagnosis.where)
     assert sum(place.share_of_excess for place in diagnosis.where) > 0.7
 
 
-def test_concealed_wind_is_named_and_located_by_heading(drive: Drive, husky: Robot) -> None:
+def test_concealed_wind_is_named_and_located_by_heading(short_drive: Drive, husky: Robot) -> None:
     fast = dataclasses.replace(husky, drag_ns2_per_m2=8.0)
     runs = []
-    for seed, run in enumerate(drive(fast)):
+    for seed, run in enumerate(short_drive(fast)):
         time_s, speed = run.channels["time_s"], run.channels["speed_mps"]
         heading = np.pi * (np.arange(len(time_s)) // 400 % 2)
         wind = replay(fast, time_s, speed, headwind_mps=0.0).drive_w
@@ -76,8 +78,8 @@ def test_concealed_wind_is_named_and_located_by_heading(drive: Drive, husky: Rob
 
 
 def test_a_payload_taken_on_in_the_middle_is_named_and_located_in_time(drive: Drive, husky: Robot) -> None:
-    light, heavy = drive(husky, runs=3), drive(husky, runs=3, mass_kg=1.4 * husky.mass_kg)
-    late = light[0].channels["time_s"] > 250.0
+    light, heavy = drive(husky, minutes=4.0), drive(husky, minutes=4.0, mass_kg=1.4 * husky.mass_kg)
+    late = light[0].channels["time_s"] > 125.0
     runs = [
         with_channels(a, power_w=np.where(late, b.channels["power_w"], a.channels["power_w"]))
         for a, b in zip(light, heavy, strict=True)
@@ -87,7 +89,7 @@ def test_a_payload_taken_on_in_the_middle_is_named_and_located_in_time(drive: Dr
     assert load.effect == "payload"
     assert load.parameters["mass_kg"].value == pytest.approx(0.4 * husky.mass_kg, rel=0.15)
     assert [place.condition.split()[0] for place in load.where] == ["after"] * 3
-    assert all(place.start_s == pytest.approx(250.0, abs=20.0) for place in load.where)
+    assert all(place.start_s == pytest.approx(125.0, abs=20.0) for place in load.where)
 
 
 def test_constant_speed_and_a_short_log_test_nothing(husky: Robot) -> None:
@@ -116,9 +118,9 @@ def test_constant_speed_with_jitter_is_no_excitation(husky: Robot) -> None:
     assert diagnose([run], husky).verdict == "not_testable"
 
 
-def test_what_was_not_excited_is_not_a_number(drive: Drive, husky: Robot) -> None:
+def test_what_was_not_excited_is_not_a_number(short_drive: Drive, husky: Robot) -> None:
     flat = []
-    for run in drive(husky):  # power of a flat drive without sensing
+    for run in short_drive(husky):  # power of a flat drive without sensing
         power = 60.0 + 98.8 * run.channels["speed_mps"] + np.random.default_rng(int(run.sha256)).normal(size=len(run))
         nothing = np.zeros(len(run))
         flat.append(with_channels(run, grade_rad=nothing, sensing_hz=nothing, power_w=power))
@@ -142,18 +144,25 @@ def test_what_was_not_excited_is_not_a_number(drive: Drive, husky: Robot) -> Non
     ],
 )
 def test_runs_that_cannot_be_used_are_set_aside(
-    drive: Drive, husky: Robot, spoil: Callable[[Recording], Recording], said: str
+    short_drive: Drive, husky: Robot, spoil: Callable[[Recording], Recording], said: str
 ) -> None:
-    good, bad = drive(husky, runs=2)
+    (bad,) = short_drive(husky, runs=1)
     alone = diagnose([spoil(bad)], husky)
     assert alone.verdict == "not_testable" and said in alone.summary and alone.fit is None
-    both = diagnose([good, spoil(bad)], husky)
-    assert [one.path for one in both.recordings] == [good.name]
-    assert "1 of the runs set aside" in both.summary and said in both.summary
 
 
-def test_the_same_run_twice_counts_once(drive: Drive, husky: Robot) -> None:
-    (run,) = drive(husky, runs=1)
+def test_runs_beside_those_that_cannot_be_used_are_diagnosed(short_drive: Drive, husky: Robot) -> None:
+    good, dead, milli = short_drive(husky, runs=3)
+    dead = with_channels(dead, power_w=np.zeros(len(dead)))
+    milli = with_channels(milli, power_w=1000.0 * milli.channels["power_w"])
+    diagnosis = diagnose([good, dead, milli], husky)
+    assert [one.path for one in diagnosis.recordings] == [good.name]
+    assert "2 of the runs set aside (run1.csv the recorded power" in diagnosis.summary
+    assert "zero throughout" in diagnosis.summary
+
+
+def test_the_same_run_twice_counts_once(short_drive: Drive, husky: Robot) -> None:
+    (run,) = short_drive(husky, runs=1)
     copy = dataclasses.replace(run, name="copy.csv")
     diagnosis = diagnose([run, copy], husky)
     assert len(diagnosis.recordings) == 1 and "is the same as run0.csv" in diagnosis.summary
@@ -164,6 +173,6 @@ def test_no_recordings(husky: Robot) -> None:
         diagnose([], husky)
 
 
-def test_the_same_input_gives_the_same_verdict(drive: Drive, husky: Robot) -> None:
-    runs = drive(husky, runs=1, effects={"turning": {"scrub": 0.3}})
-    assert diagnose(runs, husky).to_json() == diagnose(runs, husky).to_json()
+def test_the_same_input_gives_the_same_verdict(scrubbing: Analysis, short_drive: Drive, husky: Robot) -> None:
+    again = diagnose(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+    assert again.to_json() == scrubbing.diagnosis.to_json()

@@ -96,7 +96,7 @@ def payload_squared(robot: Robot, channels: Channels) -> np.ndarray:
 def test_a_term_outside_the_catalogue_is_found_with_its_size(
     hidden: Hidden, text: str, coefficient: float, unit: str, drive: Drive, husky: Robot
 ) -> None:
-    found = proposed(with_hidden(drive(husky), husky, hidden), husky)
+    found = proposed(with_hidden(drive(husky, minutes=4.0), husky, hidden), husky)
     assert found is not None
     (term,) = found.terms
     assert (term.text, term.unit) == (text, unit)
@@ -108,7 +108,9 @@ def test_a_term_outside_the_catalogue_is_found_with_its_size(
 
 
 def test_two_terms_are_found_together(drive: Drive, husky: Robot) -> None:
-    both = with_hidden(drive(husky), husky, lambda *given: turning_squared(*given) + northern_sector(*given))
+    both = with_hidden(
+        drive(husky, minutes=4.0), husky, lambda *given: turning_squared(*given) + northern_sector(*given)
+    )
     found = proposed(both, husky)
     assert found is not None
     assert {one.text for one in found.terms} == {
@@ -151,7 +153,8 @@ def test_unknown_physics_is_said_with_its_formula(drive: Drive, husky: Robot) ->
 
 def test_the_formula_is_written_with_signs_and_units(drive: Drive, husky: Robot) -> None:
     found = proposed(
-        with_hidden(drive(husky), husky, lambda *given: -turning_squared(*given) + payload_squared(*given)), husky
+        with_hidden(drive(husky), husky, lambda *given: -turning_squared(*given) + payload_squared(*given)),
+        husky,
     )
     assert found is not None
     assert found.constants == {"m": "m = 50 kg", "v_max": "v_max = 1 m/s", "B": "B = 0.5708 m"}
@@ -180,7 +183,7 @@ def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> N
 
 
 def test_candidates_are_products_of_different_channels_each_once(drive: Drive, husky: Robot) -> None:
-    fit, runs, _, _ = prepared(with_hidden(drive(husky), husky, turning_squared), husky)
+    fit, runs, _, _ = prepared(with_hidden(drive(husky, minutes=4.0), husky, turning_squared), husky)
     library = candidates(fit, runs)
     texts = library.texts
     assert len(texts) == len(set(texts)) > 1000

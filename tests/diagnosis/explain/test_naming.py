@@ -12,7 +12,7 @@ import pytest
 
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
-from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
+from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose
 from homeward.diagnosis.explain.change_points import in_time
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Setting
@@ -38,6 +38,9 @@ EFFECTS: Mapping[str, Mapping[str, float]] = {
     "internal_resistance": {"ohm": 0.4},
 }
 
+MINUTES: Mapping[str, float] = {"slip": 8.0, "motor_heating": 8.0}
+"""How long the drives of a robot have to be that show an effect, where two minutes do not."""
+
 
 def with_power(runs: list[Recording], power_w: Callable[[Mapping[str, np.ndarray]], np.ndarray]) -> list[Recording]:
     """The runs with another power, a function of their channels."""
@@ -50,9 +53,12 @@ def chattering(runs: list[Recording]) -> list[Recording]:
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
-def test_a_concealed_effect_is_named_with_its_size(effect: str, drive: Drive, husky: Robot) -> None:
+def test_a_concealed_effect_is_named_with_its_size(
+    effect: str, scrubbing: Analysis, drive: Drive, husky: Robot
+) -> None:
     hidden = EFFECTS[effect]
-    analysis = analyse(drive(husky, runs=4, effects={effect: hidden}), husky)
+    runs = drive(husky, runs=4, minutes=MINUTES.get(effect, 2.0), effects={effect: hidden})
+    analysis = scrubbing if effect == "turning" else analyse(runs, husky)
     diagnosis = analysis.diagnosis
     assert diagnosis.verdict == "missing_physics"
     first = diagnosis.missing_physics[0]
@@ -69,14 +75,14 @@ def test_a_concealed_effect_is_named_with_its_size(effect: str, drive: Drive, hu
     assert replay_equals_fit(analysis)
 
 
-def test_both_effects_of_a_pair_are_named(drive: Drive, husky: Robot) -> None:
+def test_both_effects_of_a_pair_are_named(short_drive: Drive, husky: Robot) -> None:
     hidden = {"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}}
-    diagnosis = diagnose(drive(husky, runs=4, effects=hidden), husky)
+    diagnosis = diagnose(short_drive(husky, effects=hidden), husky)
     assert {one.effect for one in diagnosis.missing_physics} == set(hidden)
 
 
-def test_a_load_switched_on_part_way_is_found_with_its_time(drive: Drive, husky: Robot) -> None:
-    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 300.0))
+def test_a_load_switched_on_part_way_is_found_with_its_time(short_drive: Drive, husky: Robot) -> None:
+    runs = with_power(short_drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0))
     analysis = analyse(runs, husky)
     diagnosis = analysis.diagnosis
     assert diagnosis.file is not None and "a robot file cannot say when" in diagnosis.file.why
@@ -85,23 +91,15 @@ def test_a_load_switched_on_part_way_is_found_with_its_time(drive: Drive, husky:
     assert first.effect == "standby"
     assert first.parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
     assert len(first.where) == 3
-    assert all(place.start_s == pytest.approx(300.0, abs=6.0) for place in first.where)
+    assert all(place.start_s == pytest.approx(75.0, abs=6.0) for place in first.where)
     assert all(place.condition.startswith("after ") for place in first.where)
 
 
-def test_a_load_that_switches_is_found_with_its_rhythm(drive: Drive, husky: Robot) -> None:
-    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0))
-    first = diagnose(runs, husky).missing_physics[0]
-    assert first.effect == "intermittent_load"
-    assert first.parameters["period_s"].value == pytest.approx(100.0, rel=0.05)
-    assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
-
-
 @pytest.mark.parametrize(("air_c", "may_be_a_heater"), [(2.0, True), (25.0, False)])
-def test_a_load_that_switches_in_the_cold_may_be_a_thermostat(
+def test_a_load_that_switches_is_found_with_its_rhythm_and_in_the_cold_may_be_a_thermostat(
     air_c: float, may_be_a_heater: bool, drive: Drive, husky: Robot
 ) -> None:
-    runs = with_power(drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0))
+    runs = with_power(drive(husky), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0))
     runs = [
         dataclasses.replace(
             run, channels={**run.channels, "temperature_c": np.full(len(run.channels["time_s"]), air_c)}
@@ -111,6 +109,10 @@ def test_a_load_that_switches_in_the_cold_may_be_a_thermostat(
     first = diagnose(runs, husky).missing_physics[0]
     assert "intermittent_load" in (first.effect, *first.confused_with)
     assert ("heater" in (first.effect, *first.confused_with)) == may_be_a_heater
+    if not may_be_a_heater:
+        assert first.effect == "intermittent_load"
+        assert first.parameters["period_s"].value == pytest.approx(100.0, rel=0.05)
+        assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
 
 
 def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
@@ -129,9 +131,9 @@ def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     assert levels <= {2}
 
 
-def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(drive: Drive, husky: Robot) -> None:
+def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(short_drive: Drive, husky: Robot) -> None:
     runs = []
-    for run in drive(husky, runs=4):
+    for run in short_drive(husky):
         way_m = np.cumsum(run.channels["speed_mps"] * np.gradient(run.channels["time_s"]))
         base_m = np.minimum(way_m, way_m[-1] - way_m)
         steps_w = 15.0 * np.floor(np.minimum(4.0 * np.sqrt(np.maximum(base_m, 0.0) / base_m.max()), 3.0))
@@ -142,10 +144,10 @@ def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(drive: Drive,
     assert first.where[0].condition.startswith("further from base than")
 
 
-def test_what_began_once_and_stays_is_handed_over(drive: Drive, husky: Robot) -> None:
-    first, *rest = drive(husky, runs=3)
+def test_what_began_once_and_stays_is_handed_over(short_drive: Drive, husky: Robot) -> None:
+    first, *rest = short_drive(husky, runs=3)
     runs = [
-        *with_power([first], lambda of: of["power_w"] + 25.0 * (of["time_s"] > 300.0)),
+        *with_power([first], lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0)),
         *with_power(rest, lambda of: of["power_w"] + 25.0),
     ]
     analysis = analyse(runs, husky)
@@ -155,7 +157,7 @@ def test_what_began_once_and_stays_is_handed_over(drive: Drive, husky: Robot) ->
 
 
 def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(drive: Drive, husky: Robot) -> None:
-    runs = with_power(drive(husky, runs=3), lambda of: np.interp(of["time_s"] - 1.0, of["time_s"], of["power_w"]))
+    runs = with_power(drive(husky), lambda of: np.interp(of["time_s"] - 1.0, of["time_s"], of["power_w"]))
     analysis = analyse(runs, husky)
     first = analysis.diagnosis.missing_physics[0]
     assert first.effect == "clock_lag"
@@ -164,10 +166,10 @@ def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(drive: Drive, 
     assert analysis.corrected.effects == husky.effects
 
 
-def test_a_meter_that_soon_reads_too_much_was_right_before(drive: Drive, husky: Robot) -> None:
+def test_a_meter_that_soon_reads_too_much_was_right_before(short_drive: Drive, husky: Robot) -> None:
     """However long a fault lasts, the robot is as it was read before it began."""
     recordings = []
-    for run, since in zip(drive(husky), (0.4, 0.0, 0.0), strict=True):
+    for run, since in zip(short_drive(husky, runs=3), (0.4, 0.0, 0.0), strict=True):
         after = np.linspace(0.0, 1.0, len(run)) >= since
         read_w = run.channels["power_w"] * np.where(after, 1.25, 1.0)
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
@@ -177,27 +179,26 @@ def test_a_meter_that_soon_reads_too_much_was_right_before(drive: Drive, husky: 
     assert analysis.diagnosis.parameters_off == ()
 
 
-def test_the_corrected_robot_drives_in_the_environments(drive: Drive, husky: Robot, tmp_path: Path) -> None:
-    analysis = analyse(drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
-    write_outputs(analysis, tmp_path)
+def test_the_corrected_robot_drives_in_the_environments(scrubbing: Analysis, tmp_path: Path) -> None:
+    write_outputs(scrubbing, tmp_path)
     written = tomllib.loads((tmp_path / "corrected.toml").read_text())
     assert written["effects"]["turning"]["scrub"] == pytest.approx(0.3, rel=0.1)
     env = gym.make("homeward/OutAndBack-v0", robot=str(tmp_path / "corrected.toml"))
     env.reset(seed=0)
     _, _, _, _, info = env.step(env.action_space.sample())
     assert "turning" in info["energy_j"]
-    assert Diagnosis.from_json((tmp_path / "diagnosis.json").read_text()) == analysis.diagnosis
+    assert Diagnosis.from_json((tmp_path / "diagnosis.json").read_text()) == scrubbing.diagnosis
 
 
 @pytest.fixture(scope="module")
 def real_husky(data_folder: Path) -> Callable[[str], Diagnosis]:
-    """What is said of recordings of the real Husky on a terrain, each diagnosed once."""
+    """What is said of the first four recordings of the real Husky on a terrain, each diagnosed once."""
     if not (data_folder / "husky_borealtc").is_dir():
         pytest.skip("set HOMEWARD_DATA to a folder with husky_borealtc")
 
     @functools.cache
     def diagnosed(terrain: str) -> Diagnosis:
-        runs = sorted((data_folder / "husky_borealtc" / terrain).glob("pro_*.csv"))
+        runs = sorted((data_folder / "husky_borealtc" / terrain).glob("pro_*.csv"))[:4]
         return diagnose(runs, "husky", "husky_borealtc")
 
     return diagnosed
@@ -221,24 +222,24 @@ def test_ice_is_set_apart_from_hard_dry_ground_by_its_turning(real_husky: Callab
     assert scrub["ICE"][1] < 0.5 * min(scrub["FLOORING"][0], scrub["ASPHALT"][0])
 
 
-def test_turning_of_a_robot_without_a_known_track_is_not_named(drive: Drive, husky: Robot) -> None:
+def test_turning_of_a_robot_without_a_known_track_is_not_named(short_drive: Drive, husky: Robot) -> None:
     unknown = load_robot("rusti")
     assert unknown.track_m == 0.0
-    diagnosis = diagnose(drive(unknown, runs=3), unknown)
+    diagnosis = diagnose(short_drive(unknown), unknown)
     assert "turning" not in {one.effect for one in diagnosis.missing_physics}
 
 
-def test_what_motion_tells_is_not_given_the_name_of_a_schedule(drive: Drive, husky: Robot) -> None:
+def test_what_motion_tells_is_not_given_the_name_of_a_schedule(short_drive: Drive, husky: Robot) -> None:
     """A drive that chatters in a band of speeds: no effect of the catalogue, though a schedule would follow it."""
-    runs = chattering(drive(husky, runs=4))
+    runs = chattering(short_drive(husky))
     diagnosis = diagnose(runs, husky)
     assert diagnosis.verdict == "unknown_physics"
     assert diagnosis.where
 
 
-def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(drive: Drive, husky: Robot) -> None:
+def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(short_drive: Drive, husky: Robot) -> None:
     creeping: list[Recording] = []
-    for run in drive(husky, runs=4):
+    for run in short_drive(husky):
         start_w = 10.0 * len(creeping)
         rising_w = start_w + np.linspace(0.0, 10.0, len(run.channels["time_s"]))
         creeping += with_power([run], lambda of, rising_w=rising_w: of["power_w"] + rising_w)  # type: ignore[misc]
@@ -247,9 +248,9 @@ def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(drive: Dri
     assert diagnosis.missing_physics[0].parameters["offset"].value == pytest.approx(40.0, rel=0.1)
 
 
-def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(drive: Drive, husky: Robot) -> None:
+def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(short_drive: Drive, husky: Robot) -> None:
     """Turning, which the catalogue knows, and a drive that chatters in a band of speeds, which it does not."""
-    runs = chattering(drive(husky, runs=4, effects={"turning": {"scrub": 0.5}}))
+    runs = chattering(short_drive(husky, effects={"turning": {"scrub": 0.5}}))
     analysis = analyse(runs, husky)
     assert [one.effect for one in analysis.diagnosis.missing_physics] == ["turning"]
     assert analysis.evidence is not None

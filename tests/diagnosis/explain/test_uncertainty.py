@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from homeward import Robot
-from homeward.diagnosis import Recording, analyse, diagnose
+from homeward.diagnosis import Analysis, Recording, analyse, diagnose
 from homeward.diagnosis.explain.uncertainty import spread
 from homeward.physics import replay
 
@@ -30,10 +30,10 @@ def on_level_ground(drives: list[Recording], robot: Robot, cold: bool = False) -
     return found
 
 
-def test_of_a_mass_that_no_slope_shows_only_its_product_with_inertia_is_known(drive: Drive, husky: Robot) -> None:
+def test_of_a_mass_that_no_slope_shows_only_its_product_with_inertia_is_known(short_drive: Drive, husky: Robot) -> None:
     true = dataclasses.replace(husky, effects={"inertia": {"mass_factor": 0.8}})
     heavier = dataclasses.replace(husky, mass_kg=1.2 * husky.mass_kg)
-    analysis = analyse(on_level_ground(drive(husky), true), heavier)
+    analysis = analyse(on_level_ground(short_drive(husky), true), heavier)
     (product,) = analysis.diagnosis.products
     assert product.of == ("m / Gamma", "inertia mass_factor")
     assert product.value.value == pytest.approx(0.8 * husky.mass_kg / husky.traction_efficiency, rel=0.05)
@@ -62,11 +62,11 @@ def test_of_a_mass_that_no_slope_shows_only_its_product_with_the_scrub_of_turnin
 
 
 def test_of_computing_that_grows_with_the_rate_only_the_share_that_any_sensing_takes_is_known(
-    drive: Drive, husky: Robot
+    short_drive: Drive, husky: Robot
 ) -> None:
     """What grows with the rate may as well be energy per sample: no part of it is called measured."""
     true = dataclasses.replace(husky, effects={"compute": {"power_w": 60.0, "base_share": 0.7}})
-    analysis = analyse(drive(true), husky)
+    analysis = analyse(short_drive(true), husky)
     (computing,) = analysis.diagnosis.missing_physics
     for name, value in true.effects["compute"].items():
         low, high = computing.parameters[name].ci95
@@ -78,10 +78,10 @@ def test_of_computing_that_grows_with_the_rate_only_the_share_that_any_sensing_t
     assert {"P_anc, idle part", "C_rr m / Gamma"} <= {one.group for one in analysis.diagnosis.parameters}
 
 
-def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(drive: Drive, husky: Robot) -> None:
+def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(short_drive: Drive, husky: Robot) -> None:
     """A robot that draws more of everything, or a battery that holds less at any temperature that was met."""
     true = dataclasses.replace(husky, effects={"cold_battery": {"per_k": 0.008, "warm_c": 30.0}})
-    diagnosis = diagnose(on_level_ground(drive(husky), true, cold=True), husky)
+    diagnosis = diagnose(on_level_ground(short_drive(husky), true, cold=True), husky)
     (cold,) = diagnosis.missing_physics
     assert cold.effect == "cold_battery"
     low, high = cold.parameters["warm_c"].ci95
@@ -92,10 +92,9 @@ def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(driv
     assert any(one.of == ("C_rr m / Gamma", "cold_battery per_k") for one in diagnosis.products)
 
 
-def test_the_range_is_that_of_the_recorded_trips(drive: Drive, husky: Robot) -> None:
+def test_the_range_is_that_of_the_recorded_trips(scrubbing: Analysis, short_drive: Drive, husky: Robot) -> None:
     """Turning costs range on trips with turns, while d_max on the level hardly knows of it."""
-    recordings = drive(husky, effects={"turning": {"scrub": 0.3}})
-    analysis = analyse(recordings, husky)
+    recordings, analysis = short_drive(husky, effects={"turning": {"scrub": 0.3}}), scrubbing
     found = analysis.diagnosis.range
     assert found is not None
     said_j = sum(float(np.sum(analysis.per_sample(one.name)) * 0.1) for one in recordings)  # by corrected.toml

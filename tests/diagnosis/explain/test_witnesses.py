@@ -107,8 +107,8 @@ def test_a_battery_that_fades_from_run_to_run_is_named_and_handed_back(
     assert "not as assumed" not in (tmp_path / "report.html").read_text()
 
 
-def test_a_battery_that_holds_less_in_all_runs_is_a_parameter_that_is_off(drive: Drive, small: Robot) -> None:
-    analysis = analyse(with_charge(drive(small, runs=3), small, (0.3, 0.3, 0.3)), small)
+def test_a_battery_that_holds_less_in_all_runs_is_a_parameter_that_is_off(short_drive: Drive, small: Robot) -> None:
+    analysis = analyse(with_charge(short_drive(small, runs=3), small, (0.3, 0.3, 0.3)), small)
     diagnosis = analysis.diagnosis
     assert diagnosis.verdict == "parameters_off"
     (off,) = diagnosis.parameters_off

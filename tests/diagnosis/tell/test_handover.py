@@ -31,14 +31,14 @@ def replay_equals_fit(analysis: Analysis) -> bool:
     return float(np.abs(by_file - model.predicted).max()) < 1e-5 * float(np.abs(evidence.runs.observed).max())
 
 
-def test_a_group_whose_assumed_value_hardly_counts_is_handed_over_as_fitted(drive: Drive, husky: Robot) -> None:
+def test_a_group_whose_assumed_value_hardly_counts_is_handed_over_as_fitted(short_drive: Drive, husky: Robot) -> None:
     """Ten times the idle power, beside a missing effect: it is neither frozen nor written as assumed."""
     idle_w = float(ancillary_power(husky, 0.0))
     hidden = dataclasses.replace(husky, controller_w=husky.controller_w + 9.0 * idle_w)
     small = dataclasses.replace(
         husky, controller_w=0.005 * idle_w, communication_w=0.0, sensing_idle_w=0.0, sensing_j_per_sample=0.7
     )
-    analysis = analyse(drive(hidden, effects={"turning": {"scrub": 0.3}}), small)
+    analysis = analyse(short_drive(hidden, effects={"turning": {"scrub": 0.3}}), small)
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
     assert float(ancillary_power(analysis.corrected, 0.0)) == pytest.approx(10.0 * idle_w, rel=0.01)
     assert replay_equals_fit(analysis)
@@ -56,10 +56,10 @@ def test_a_drag_of_zero_is_a_value_like_any_other(drive: Drive, husky: Robot) ->
     assert replay_equals_fit(analysis)
 
 
-def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(drive: Drive, husky: Robot) -> None:
+def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(short_drive: Drive, husky: Robot) -> None:
     """A load or a zero that shifts at some moment: a wrong guess is worse than the mean that the refit takes."""
     recordings = []
-    for number, run in enumerate(drive(husky)):
+    for number, run in enumerate(short_drive(husky)):
         read_w = run.channels["power_w"] + 30.0 * (number > 0)
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
     analysis = analyse(recordings, husky)
@@ -70,10 +70,10 @@ def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(drive: Drive, husky:
     assert not analysis.corrected.active_effects
 
 
-def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(drive: Drive, husky: Robot) -> None:
+def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(short_drive: Drive, husky: Robot) -> None:
     """A robot that draws more is sooner home empty: the refit is safer than the file, but measures nothing."""
     recordings = []
-    for run in drive(husky, controller_w=1.5 * husky.controller_w):
+    for run in short_drive(husky, controller_w=1.5 * husky.controller_w):
         speed = run.channels["speed_mps"]  # and chatters in a band of speeds
         read_w = run.channels["power_w"] + 60.0 * np.exp(-(((np.abs(speed) - 0.5) / 0.08) ** 2))
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from homeward import Robot, load_robot
-from homeward.diagnosis import Recording, diagnose
+from homeward.diagnosis import Analysis, Recording
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.menu import MENU, SAMPLES
@@ -153,8 +153,8 @@ def test_a_mass_that_level_ground_does_not_show_asks_for_a_slope(drive: Drive, h
     assert told is not None and "m / Gamma" in told.split(", drive ")[0]
 
 
-def test_nothing_is_advised_where_nothing_is_open(drive: Drive, husky: Robot) -> None:
-    assert diagnose(drive(husky), husky).next_experiment is None
+def test_nothing_is_advised_where_nothing_is_open(faultless: Analysis) -> None:
+    assert faultless.diagnosis.next_experiment is None
 
 
 def test_motor_current_has_drives_too(husky: Robot) -> None:

@@ -33,21 +33,24 @@ def with_power(runs: list[Recording], power_w: Callable[[np.ndarray, np.ndarray]
 
 @pytest.fixture(scope="module")
 def turning(drive: Drive, husky: Robot) -> Analysis:
-    runs = [replace(run, name=EVIL + str(i)) for i, run in enumerate(drive(husky, effects={"turning": {"scrub": 0.3}}))]
+    runs = [
+        replace(run, name=EVIL + str(i))
+        for i, run in enumerate(drive(husky, minutes=4.0, effects={"turning": {"scrub": 0.3}}))
+    ]
     return analyse(runs, replace(husky, name="<b>husky</b>"))
 
 
 @pytest.fixture(scope="module")
-def standby(drive: Drive, husky: Robot) -> Analysis:
+def standby(short_drive: Drive, husky: Robot) -> Analysis:
     """A load that is switched on part way: a faulty sensor would read the same."""
-    return analyse(with_power(drive(husky), lambda time_s, power_w: power_w + 25.0 * (time_s > 300.0)), husky)
+    return analyse(with_power(short_drive(husky), lambda time_s, power_w: power_w + 25.0 * (time_s > 75.0)), husky)
 
 
 @pytest.fixture(scope="module")
-def current(drive: Drive, husky: Robot) -> Analysis:
+def current(short_drive: Drive, husky: Robot) -> Analysis:
     """Motor current only, in proportion to what driving takes."""
     runs = []
-    for run in drive(husky, effects={"turning": {"scrub": 0.3}}):
+    for run in short_drive(husky, effects={"turning": {"scrub": 0.3}}):
         motor_a = 0.01 * np.maximum(run.channels["power_w"] - 60.0, 0.0)
         kept = {name: run.channels[name] for name in ("time_s", "speed_mps", "yaw_rate_radps")}
         runs.append(replace(run, channels={**kept, "motor_left_a": motor_a, "motor_right_a": motor_a}))
@@ -55,8 +58,8 @@ def current(drive: Drive, husky: Robot) -> Analysis:
 
 
 @pytest.fixture(scope="module")
-def dead(drive: Drive, husky: Robot) -> Analysis:
-    return analyse(with_power(drive(husky, runs=1), lambda time_s, power_w: 0.0 * power_w), husky)
+def dead(short_drive: Drive, husky: Robot) -> Analysis:
+    return analyse(with_power(short_drive(husky, runs=1), lambda time_s, power_w: 0.0 * power_w), husky)
 
 
 def unnamed(analysis: Analysis) -> Analysis:
@@ -83,8 +86,8 @@ def test_outputs_can_be_read_back(turning: Analysis, tmp_path: Path) -> None:
     assert load_robot(folder / "corrected.toml") == turning.corrected
 
 
-def test_changed_lines_say_what_they_were(drive: Drive, husky: Robot) -> None:
-    analysis = analyse(drive(husky, rolling_resistance=0.2), husky)
+def test_changed_lines_say_what_they_were(short_drive: Drive, husky: Robot) -> None:
+    analysis = analyse(short_drive(husky, rolling_resistance=0.2), husky)
     text = corrected_toml(analysis)
     (line,) = re.findall(r"^rolling_resistance = .*", text, re.MULTILINE)
     assert "it was 0.14" in line and "losses kept as assumed" in line
@@ -169,9 +172,9 @@ def test_current_without_voltage_promises_no_energy(current: Analysis) -> None:
     assert re.search(r"Not in motor current, which follows torque:[^.]*standby", text)
 
 
-def test_runs_of_the_same_name_are_told_apart_without_local_paths(drive: Drive, husky: Robot) -> None:
+def test_runs_of_the_same_name_are_told_apart_without_local_paths(short_drive: Drive, husky: Robot) -> None:
     names = ["/home/someone/ice/1.csv", "/home/someone/snow/1.csv"]
-    runs = [replace(run, name=name) for run, name in zip(drive(husky, runs=2), names, strict=True)]
+    runs = [replace(run, name=name) for run, name in zip(short_drive(husky, runs=2), names, strict=True)]
     page = report_html(analyse(runs, husky))
     assert "ice/1.csv" in page and "snow/1.csv" in page and "someone" not in page
 
@@ -231,10 +234,17 @@ onload = () => setTimeout(() => {
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
 def test_pages_work_in_a_browser_as_narrow_as_a_phone(
-    turning: Analysis, standby: Analysis, current: Analysis, dead: Analysis, drive: Drive, husky: Robot, tmp_path: Path
+    turning: Analysis,
+    standby: Analysis,
+    current: Analysis,
+    dead: Analysis,
+    faultless: Analysis,
+    short_drive: Drive,
+    husky: Robot,
+    tmp_path: Path,
 ) -> None:
-    clean, off = analyse(drive(husky), husky), analyse(drive(husky, rolling_resistance=0.2), husky)
-    analyses = [turning, unnamed(turning), standby, current, dead, clean, off]
+    off = analyse(short_drive(husky, rolling_resistance=0.2), husky)
+    analyses = [turning, unnamed(turning), standby, current, dead, faultless, off]
     frames = []
     for number, analysis in enumerate(analyses):
         (tmp_path / f"{number}.html").write_text(report_html(analysis))

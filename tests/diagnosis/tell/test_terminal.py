@@ -14,11 +14,6 @@ from homeward.diagnosis.tell.terminal import show
 Drive = Callable[..., list[Recording]]
 
 
-@pytest.fixture(scope="module")
-def turning(drive: Drive, husky: Robot) -> Analysis:
-    return analyse(drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
-
-
 def shown(analysis: Analysis, width: int = 80, encoding: str = "utf-8") -> str:
     file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
     show(analysis, Console(file=file, width=width))
@@ -27,22 +22,22 @@ def shown(analysis: Analysis, width: int = 80, encoding: str = "utf-8") -> str:
 
 
 @pytest.mark.parametrize("width", [50, 80, 200])
-def test_lines_keep_within_the_terminal(turning: Analysis, width: int) -> None:
-    text = shown(turning, width)
+def test_lines_keep_within_the_terminal(scrubbing: Analysis, width: int) -> None:
+    text = shown(scrubbing, width)
     assert max(map(len, text.splitlines())) <= width
     words = " ".join(text.split())
-    (effect,) = turning.diagnosis.missing_physics
-    assert words.startswith(f"missing_physics {turning.diagnosis.summary}")
+    (effect,) = scrubbing.diagnosis.missing_physics
+    assert words.startswith(f"missing_physics {scrubbing.diagnosis.summary}")
     low, high = effect.parameters["scrub"].ci95
     assert f"scrub = {effect.parameters['scrub'].value:.3f} (95 %: {low:.3f} to {high:.3f})" in words
-    assert turning.diagnosis.fit is not None
-    for name, arm in turning.diagnosis.fit.arms.items():
+    assert scrubbing.diagnosis.fit is not None
+    for name, arm in scrubbing.diagnosis.fit.arms.items():
         (row,) = [line.split() for line in text.splitlines() if line.strip().startswith(name.replace("_", " ") + " ")]
         assert f"{arm.rmse:#.3g}" in row and f"{arm.r2:.3f}" in row
 
 
-def test_names_are_no_markup_and_no_control_sequences(drive: Drive, husky: Robot) -> None:
-    (run,) = drive(husky, runs=1)
+def test_names_are_no_markup_and_no_control_sequences(short_drive: Drive, husky: Robot) -> None:
+    (run,) = short_drive(husky, runs=1)
     silent = {**run.channels, "power_w": 0.0 * run.channels["power_w"]}
     name = "[red]run \x1b[2J\udcff漢.csv"
     analysis = analyse([replace(run, name=name, channels=silent)], husky)
