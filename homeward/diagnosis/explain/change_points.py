@@ -92,7 +92,7 @@ def by_place(
     shape: Array, residual: Array, runs: Runs, *, signed: bool, shares: Sequence[float] = SHARES
 ) -> list[Schedule]:
     """Find where along the way from base the size of a shape changes; nothing where no place is met twice."""
-    place_m = _place(runs)
+    place_m = place_of(runs)
     if place_m is None:
         return []
     return _schedules("place", shape, residual, [np.argsort(place_m, kind="stable")], _PLACES, signed, shares)
@@ -100,7 +100,7 @@ def by_place(
 
 def profiles(runs: Runs) -> list[Array]:
     """Hats along the way from base, coarse ones to fine, shape (windows, hats) each: of an unknown smooth profile."""
-    place_m = _place(runs)
+    place_m = place_of(runs)
     if place_m is None:
         return []
     columns = []
@@ -130,7 +130,7 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     return all(stood) if how == "standing" else not stood or not all(stood)
 
 
-def _place(runs: Runs) -> Array | None:
+def place_of(runs: Runs) -> Array | None:
     """Way from base to each window along the route, m; None where it is unknown or no place is met twice."""
     place_m = runs.context.get("place_m")
     if place_m is None or not np.isfinite(place_m).all():

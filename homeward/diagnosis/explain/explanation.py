@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from homeward.diagnosis.explain.describe import where_at_work
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.explain.motion import explained, motion_gain, trees_beat
+from homeward.diagnosis.explain.motion import explained, motion_gain, place_gain, trees_beat
 from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate
@@ -31,6 +31,7 @@ from homeward.diagnosis.rules import (
     MOSTLY,
     MUCH_BETTER,
     TAKEN_UP,
+    TOLD_BY_PLACE,
     WITHOUT_A_SCHEDULE,
 )
 
@@ -167,7 +168,8 @@ def _without_what_motion_tells(
             or (share >= HALF * by_motion and not trees_beat(naming.corrected, fit, runs, by_run, seed, MUCH_BETTER))
         )
         return (naming if adequate else naming.nothing_named()), location
-    if by_motion < AS_WELL * first.held_out_gain:
+    by_place = 0.0 if first.term.hypothesis.by_place else place_gain(fit, runs, seed)
+    if by_motion < AS_WELL * first.held_out_gain and by_place < TOLD_BY_PLACE * first.held_out_gain:
         return naming, location
     again = name_missing(fit, runs, block, seed, progress, schedules=False)
     if (

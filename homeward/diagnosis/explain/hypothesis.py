@@ -24,6 +24,7 @@ from homeward.diagnosis.explain.change_points import (
     clearly_apart,
     in_time,
     may_change,
+    place_of,
     profiles,
 )
 from homeward.diagnosis.explain.drive import Drive
@@ -171,8 +172,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         return
     runs = setting.runs
     rolling_kg = float(setting.theta[ROLLING]) if one.of_rolling else None
-    axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
-    for axis in axes:
+    for axis in one.axes(runs):
         for schedule in one.schedules(axis, load, setting.residual, runs, np.ones(len(load), np.bool_), SHARES):
             if one.changes == "repeatedly" and schedule.levels > 2:
                 continue  # what is switched is on or off: more levels follow what creeps
@@ -256,6 +256,7 @@ class Hypothesis:
     signed: bool = False  # whether it may then be below the usual size
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
+    by_time: bool = True  # whether it may change in a place that is met again
     of_rolling: bool = False  # whether it is a share of the rolling resistance, which a file says as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None where a channel tells
     rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _without_rhythm  # what else a schedule shows
@@ -312,6 +313,11 @@ class Hypothesis:
         """Least and largest value of each of its sizes."""
         low, high = self.bounds or (self.entry.switch.low, self.entry.switch.high)
         return np.full(sizes, low if signed else 0.0), np.full(sizes, high)
+
+    def axes(self, runs: Runs) -> tuple[Axis, ...]:
+        """What its size may depend on where it changes for no recorded reason."""
+        in_time: tuple[Axis, ...] = ("time",) if self.by_time or place_of(runs) is None else ()
+        return (*in_time, "place") if self.by_place else in_time
 
     def forms(self, setting: Setting, schedules: bool) -> Iterator[Term]:
         """Every form that these runs allow, those whose size changes for no recorded reason only if asked for."""

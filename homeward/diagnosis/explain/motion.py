@@ -8,11 +8,14 @@ effect must not be named; nor may effects that channels tell, where the trees ex
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from homeward.diagnosis.fit.fitted import Fitted
+from homeward.diagnosis.fit.folds import FEWEST_RUNS
 from homeward.diagnosis.fit.held_out import black_box, held_out
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
@@ -42,16 +45,23 @@ def motion_gain(fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int) -> f
         fold: What is held out together, shape (windows,).
         seed: Seed of the trees.
     """
-    rng = np.random.default_rng(seed)
-    history = _history(fit, runs)
-
-    def by_trees(chosen: NDArray[np.bool_]) -> Array:
-        predicted = fit.fitted_to(chosen, runs.observed).predicted
-        return black_box(runs, predicted, chosen, rng, MOTION, history)
-
-    trees = held_out(by_trees, fold)
-    after = float(((runs.observed - trees) ** 2).sum())
+    after = _by_trees(fit, runs, fold, seed, MOTION, _history(fit, runs))
     return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
+
+
+def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
+    """The same by the place on the way and the height climbed since the start, of whole runs that were held out.
+
+    What comes and goes in the same places on other days is no matter of time. Nothing of fewer than three runs.
+    """
+    place_m, sine = runs.context.get("place_m"), np.sin(runs.context.get("grade_rad", np.zeros(len(runs.run))))
+    if place_m is None or len(runs.signals) < FEWEST_RUNS:
+        return 0.0
+    climbed_m = np.nan_to_num(sine) * runs.context["speed_mps"] * runs.duration_s
+    for run in range(len(runs.signals)):
+        climbed_m[runs.run == run] = np.cumsum(climbed_m[runs.run == run])
+    after = _by_trees(fit, runs, runs.run, seed, ("place_m",), [climbed_m])
+    return 1.0 - after / max(_held_out_error(fit, runs, runs.run), 1e-300)
 
 
 def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int, share: float) -> bool:
@@ -65,13 +75,20 @@ def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: NDArray[np.intp], s
         seed: Seed of the trees.
         share: Of the squared error.
     """
+    after = _by_trees(fit, runs, fold, seed, MOTION)
+    return after < share * _held_out_error(named, runs, fold)
+
+
+def _by_trees(
+    fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int, channels: Sequence[str], beside: Sequence[Array] = ()
+) -> float:
+    """Held-out squared error of boosted trees on channels and further features, beside a fit."""
     rng = np.random.default_rng(seed)
 
-    def by_trees(chosen: NDArray[np.bool_]) -> Array:
-        return black_box(runs, fit.fitted_to(chosen, runs.observed).predicted, chosen, rng, MOTION)
+    def predicted(chosen: NDArray[np.bool_]) -> Array:
+        return black_box(runs, fit.fitted_to(chosen, runs.observed).predicted, chosen, rng, channels, beside)
 
-    after = float(((runs.observed - held_out(by_trees, fold)) ** 2).sum())
-    return after < share * _held_out_error(named, runs, fold)
+    return float(((runs.observed - held_out(predicted, fold)) ** 2).sum())
 
 
 def _history(fit: Fitted, runs: Runs) -> list[Array]:

@@ -21,6 +21,7 @@ from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immateria
 from homeward.diagnosis.explain.motion import motion_gain
 from homeward.diagnosis.explain.profile import profiled
 from homeward.diagnosis.explain.proof import FOLDS, Base, Bench
+from homeward.diagnosis.explain.witnesses import not_contradicted
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.parameter_groups import WithEffects
@@ -121,8 +122,9 @@ def name_missing(
     by_motion: Callable[[], float] = float
     while len(named) < MOST_EFFECTS:
         progress("naming")
-        candidates = tuple(terms(setting, tuple(one.term.effect for one in named), schedules))
-        bench = Bench(base, candidates, setting, block, doubted=in_doubt, refit_error=refit_error)
+        candidates = terms(setting, tuple(one.term.effect for one in named), schedules)
+        candidates = not_contradicted(candidates, base.columns, setting, block, seed)
+        bench = Bench(base, tuple(candidates), setting, block, doubted=in_doubt, refit_error=refit_error)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, seed):

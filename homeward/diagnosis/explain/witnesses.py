@@ -20,7 +20,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import binom, norm, spearmanr
 
 from homeward.diagnosis.explain.hypotheses import CATALOGUE, ageing, internal_resistance, odometry_scale
-from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting
+from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.fit.held_out import evidence, gain, held_out
 from homeward.diagnosis.fit.parameter_groups import WithEffects
@@ -230,6 +230,42 @@ def _gauge(
     alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > ALIKE_IN_SIZE * _gained(best.proof))
     best = dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
     return dataclasses.replace(capacity, off=False), best
+
+
+def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, block: Index, seed: int) -> list[Term]:
+    """Hypotheses that the gauge does not rule out: a battery gives what is drawn, whatever a meter reads.
+
+    Where the state of charge falls by the energy that was read, the meter is right; where it falls by that less what a
+    meter is thought to add, it is the meter, and no load that was put on.
+
+    Args:
+        candidates: The hypotheses.
+        base: Columns of what is fitted beside them, shape (windows, columns).
+        setting: What is known so far.
+        block: Stretches that count as independent, shape (windows,).
+        seed: Of the channel.
+    """
+    runs, soc = setting.runs, setting.runs.context.get("soc")
+    misread = [term for term in candidates if term.misread]
+    if soc is None or runs.unit != "W" or not misread or not np.isfinite(soc).any():
+        return list(candidates)
+    channel = _Channel(-soc, runs, block, seed)
+    drawn = channel.summed(runs.observed)[:, None]
+    as_read = drawn @ _fit(drawn, channel.target)
+    speaks: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
+    left: dict[int, float] = {}
+    for term in misread:
+        design = np.column_stack([base, term.columns])
+        weights = _fit(design, setting.residual)
+        true = channel.summed(runs.observed - term.columns @ weights[base.shape[1] :])[:, None]
+        speaks[id(term)] = evidence(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
+        left[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
+    best = min(left, key=lambda one: left[one])
+    return [
+        one
+        for one in candidates
+        if (speaks[id(one)] > -MUST_PAY if one.misread else one.axis != "time" or speaks[best] < MUST_PAY)
+    ]
 
 
 def _lost(fit: Refit, runs: Runs, channel: _Channel, drawn: Array) -> Witnessed | None:

@@ -20,7 +20,8 @@ _MOST_FOLDS = 10
 _LONGEST_LAG = 400  # windows
 _MOST_CORRELATED = 0.9  # over any lag: beyond it is drift, not noise
 _BLOCK_FOLDS = 5
-_FEWEST_RUNS = 3
+FEWEST_RUNS = 3
+"""To hold out whole runs."""
 
 
 def correlation_windows(residual: Array, run: Index) -> float:
@@ -115,7 +116,7 @@ def cut_stretches(run: Index) -> Index:
 def cut_folds(runs: Runs, block: Index) -> tuple[Index, Literal["run", "block"]]:
     """Fold of each window, shape (windows,): whole runs held out, or long stretches of fewer than three."""
     count = len(runs.signals)
-    if count >= _FEWEST_RUNS:
+    if count >= FEWEST_RUNS:
         return runs.run % _MOST_FOLDS if count > _MOST_FOLDS else runs.run, "run"
     blocks = int(block.max()) + 1
     return block * min(_BLOCK_FOLDS, blocks) // blocks, "block"

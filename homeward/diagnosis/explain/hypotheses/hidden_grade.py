@@ -8,6 +8,7 @@ HYPOTHESIS = Hypothesis(
     changes="moving",
     signed=True,
     by_place=True,
+    by_time=False,
     map_channel="grade_rad",
     shown_by=("base_distance_m",),
     check="survey the slope of the route with a level",
