@@ -15,6 +15,7 @@ from homeward.diagnosis.read.signals import Array
 WHOLE_RUN = "all of the run"
 _AT_WORK = 0.1  # of its usual peak
 _PAUSE_S = 2.0
+_DECIMALS = 6  # of a value: means of what is zero differ by rounding
 _TELLING = 0.6  # overlap (F1) of a condition with when an effect is at work
 _CLEAR_MINORITY = 0.35  # a side with less than this share of the windows is the exception, the other the rule
 
@@ -167,7 +168,7 @@ def condition_of(channel: Channel, contribution: Array, runs: Runs) -> str | Non
     if inside[known].all() or not inside[known].any():
         return None
     values, inside = values[known], inside[known]
-    quantiles = np.unique(np.quantile(values, np.linspace(0.01, 0.99, 99)))
+    quantiles = np.unique(np.round(np.quantile(values, np.linspace(0.01, 0.99, 99)), _DECIMALS))
     best, limit, above = 0.0, 0.0, True
     for middle in ((quantiles[1:] + quantiles[:-1]) / 2.0).tolist():
         for side, meant in ((True, values > middle), (False, values < middle)):

@@ -257,3 +257,17 @@ def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(short_
     assert analysis.evidence.remains is not None
     assert "m/s" in analysis.evidence.remains.location.condition
     assert "Something is left" in analysis.diagnosis.summary
+
+
+def test_a_load_that_comes_on_in_the_same_places_every_day_is_not_said_to_come_by_the_clock(
+    drive: Drive, husky: Robot
+) -> None:
+    recordings = []
+    for run in drive(husky, runs=4, minutes=4.0):
+        way_m = np.cumsum(0.1 * run.channels["speed_mps"])
+        base_m = np.abs(40.0 - np.mod(way_m, 80.0))  # to and fro
+        read_w = run.channels["power_w"] + 40.0 * (np.mod(base_m, 20.0) > 12.0)
+        of = {**run.channels, "power_w": read_w, "base_distance_m": base_m}
+        recordings.append(dataclasses.replace(run, channels=of))
+    named = {one.effect for one in diagnose(recordings, husky).missing_physics}
+    assert not named & {"intermittent_load", "standby", "sensor_offset", "sensor_gain", "payload"}

@@ -218,3 +218,21 @@ def test_what_the_gauge_showed_is_not_asked_for_again(cause: str, drive: Drive, 
     _, (first,), _ = shown(runs, robot)
     _, again, _ = shown(runs, with_effects_of(robot, first.in_file))
     assert first.hypothesis.id not in {one.hypothesis.id for one in again}
+
+
+@pytest.mark.parametrize(
+    ("drawn_w", "read_w", "named", "not_named"),
+    [(60.0, 0.0, "standby", "sensor_offset"), (0.0, 60.0, "sensor_offset", "standby")],
+)
+def test_the_gauge_tells_a_load_from_a_zero_that_has_shifted(
+    drive: Drive, husky: Robot, drawn_w: float, read_w: float, named: str, not_named: str
+) -> None:
+    def with_more(runs: Sequence[Recording], more_w: float) -> list[Recording]:
+        return [
+            dataclasses.replace(run, channels={**run.channels, "power_w": run.channels["power_w"] + more_w * (at > 1)})
+            for at, run in enumerate(runs)
+        ]
+
+    shown = with_charge(with_more(drive(husky, runs=4), drawn_w), husky, [0.0] * 4)
+    (found,) = diagnose(with_more(shown, read_w), husky).missing_physics
+    assert found.effect == named and not_named not in found.confused_with
