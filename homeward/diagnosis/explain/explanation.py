@@ -21,6 +21,7 @@ from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
+from homeward.diagnosis.explain.untold import untold
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.rules import (
@@ -82,7 +83,11 @@ def explain(
         return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
     naming, location = _without_what_motion_tells(naming, location, fit, runs, block, fold, seed, progress)
     if not naming.named and location is None and motion_gain(fit, runs, block % FOLDS, seed) < TAKEN_UP:
-        return Explanation(_instead_of_parameters(naming, fit, runs, block, fold, seed, progress), None, None)
+        naming = _instead_of_parameters(naming, fit, runs, block, fold, seed, progress)
+        in_time = [one for one in found if one.channel.name == "time_s"]
+        if not naming.named and in_time and untold(fit, runs):
+            return Explanation(naming, locate(in_time[0], runs), None)
+        return Explanation(naming, None, None)
     if not naming.named and location is None and _is_much(fit, runs):
         location = locate(found[0], runs)  # where most of what motion tells shows
     empirical = None

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from homeward.diagnosis.explain.describe import condition, largest, total_share
+from homeward.diagnosis.explain.untold import Tells, lasts, unrecorded
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
-from homeward.diagnosis.rules import EXPLAINS, FALSE_ALARM_RATE, FEWEST_BLOCKS, LASTS
+from homeward.diagnosis.rules import EXPLAINS, FALSE_ALARM_RATE, FEWEST_BLOCKS
 from homeward.diagnosis.tell.formats import templates
 
 if TYPE_CHECKING:
@@ -51,32 +52,13 @@ def summary(
     return " ".join(text.split())
 
 
-class _Tells(NamedTuple):
-    what: str  # that power follows beside speed
-    channels: tuple[str, ...]  # that tell it
-    record: str
-
-
-_TELLS = (
-    _Tells("slopes", ("grade_rad",), "grade_rad or elevation_m"),
-    _Tells("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
-    _Tells("the sensing rate", ("sensing_hz",), "sensing_hz"),
-)
-
-
-def _unrecorded(evidence: Evidence, fit: Fit) -> list[_Tells]:
+def _unrecorded(evidence: Evidence, fit: Fit) -> list[Tells]:
     """What was not recorded, where the best model leaves much that lasts; nothing where all was."""
-    runs = evidence.runs
     best, model = fit.arms.get("corrected", fit.arms["refit"]), evidence.predictions.get("corrected", evidence.refit)
     lacks = evidence.naming.unrecorded
     if best.r2 is None or (best.r2 > EXPLAINS and not lacks):
         return []
-    left = runs.observed - model
-    together = runs.run[1:] == runs.run[:-1]
-    if float((left[1:] * left[:-1])[together].sum()) < LASTS * float(left @ left) and not lacks:
-        return []
-    missing = [one for one in _TELLS if not any(name in runs.context for name in one.channels)]
-    return missing if fit.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
+    return unrecorded(evidence.runs) if lacks or lasts(evidence.runs.observed - model, evidence.runs) else []
 
 
 def _excess(evidence: Evidence) -> float | None:

@@ -1,0 +1,53 @@
+"""What no recorded channel tells: power that comes and goes, beyond what the noise of all channels makes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from homeward.diagnosis.fit.doubt import doubted
+from homeward.diagnosis.fit.fitted import Fitted
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.read.noise import white_noise
+from homeward.diagnosis.read.signals import usual_step_s
+from homeward.diagnosis.rules import BEYOND_NOISE, LASTS, MATTERS
+
+
+class Tells(NamedTuple):
+    """What power follows beside speed, and the channels that tell it."""
+
+    what: str
+    channels: tuple[str, ...]
+    record: str
+
+
+_TELLS = (
+    Tells("slopes", ("grade_rad",), "grade_rad or elevation_m"),
+    Tells("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
+    Tells("the sensing rate", ("sensing_hz",), "sensing_hz"),
+)
+
+
+def unrecorded(runs: Runs) -> list[Tells]:
+    """What was not recorded of what power follows; the sensing rate shows in no motor current."""
+    missing = [one for one in _TELLS if not any(name in runs.context for name in one.channels)]
+    return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
+
+
+def lasts(left: Array, runs: Runs) -> bool:
+    """Whether what a model leaves, shape (windows,), goes on from window to window, as no noise of power does."""
+    together = runs.run[1:] == runs.run[:-1]
+    return float((left[1:] * left[:-1])[together].sum()) >= LASTS * float(left @ left)
+
+
+def untold(fit: Fitted, runs: Runs) -> bool:
+    """Whether a fit leaves what no channel tells, though all were recorded: much of it, lasting, and no noise."""
+    left = runs.observed - fit.predicted
+    squared = float(left @ left)
+    if unrecorded(runs) or squared < MATTERS**2 * float(runs.observed @ runs.observed) or not lasts(left, runs):
+        return False
+    of_power = 0.0
+    for number, run in enumerate(runs.signals):
+        here = runs.duration_s[runs.run == number]
+        of_power += float((white_noise(run.observed) ** 2 * usual_step_s(run.time_s) / here).sum())
+    return squared > BEYOND_NOISE * (of_power + doubted(fit, runs))
