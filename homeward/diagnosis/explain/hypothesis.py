@@ -172,10 +172,14 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         return
     runs = setting.runs
     rolling_kg = float(setting.theta[ROLLING]) if one.of_rolling else None
-    for axis in one.axes(runs):
+    axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
+    met_again = place_of(runs) is not None
+    for axis in axes:
         for schedule in one.schedules(axis, load, setting.residual, runs, np.ones(len(load), np.bool_), SHARES):
             if one.changes == "repeatedly" and schedule.levels > 2:
                 continue  # what is switched is on or off: more levels follow what creeps
+            if axis == "time" and one.by_place and met_again and schedule.changes > one.weather * len(runs.signals):
+                continue  # the ground of a place lasts
             natural = axis == "place" or may_change(one.changes, schedule, runs)
             if not natural and one.changes not in _PREFERENCES:
                 continue
@@ -256,7 +260,7 @@ class Hypothesis:
     signed: bool = False  # whether it may then be below the usual size
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
-    by_time: bool = True  # whether it may change in a place that is met again
+    weather: int = 2  # times a run that it may change in places that are met again
     of_rolling: bool = False  # whether it is a share of the rolling resistance, which a file says as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None where a channel tells
     rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _without_rhythm  # what else a schedule shows
@@ -313,11 +317,6 @@ class Hypothesis:
         """Least and largest value of each of its sizes."""
         low, high = self.bounds or (self.entry.switch.low, self.entry.switch.high)
         return np.full(sizes, low if signed else 0.0), np.full(sizes, high)
-
-    def axes(self, runs: Runs) -> tuple[Axis, ...]:
-        """What its size may depend on where it changes for no recorded reason."""
-        in_time: tuple[Axis, ...] = ("time",) if self.by_time or place_of(runs) is None else ()
-        return (*in_time, "place") if self.by_place else in_time
 
     def forms(self, setting: Setting, schedules: bool) -> Iterator[Term]:
         """Every form that these runs allow, those whose size changes for no recorded reason only if asked for."""

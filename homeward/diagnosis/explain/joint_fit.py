@@ -139,7 +139,7 @@ class Corrected:
         return self.model.predict(runs, self.theta, self.values)
 
     def all_at_work(self) -> bool:
-        """Whether each effect has a size whose interval excludes zero.
+        """Whether each effect has a size whose interval excludes zero, and none is pulled to what is hardly physical.
 
         An effect whose other parameters were fitted too is left to other proof: its size may trade against them.
         """
@@ -147,7 +147,9 @@ class Corrected:
             mine = [(one, ci) for one, ci in zip(self.model.unknowns, self.ci95, strict=True) if one.term == index]
             if all(one.column is not None and ci[0] <= 0.0 <= ci[1] for one, ci in mine):
                 return False
-        return True
+        bounds = np.array([(one.low, one.high) for one in self.model.unknowns if one.column is not None])
+        sizes = np.array([v for one, v in zip(self.model.unknowns, self.values, strict=True) if one.column is not None])
+        return bool(((sizes < bounds[:, 1]) & ((sizes > bounds[:, 0]) | (bounds[:, 0] == 0.0))).all())
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""

@@ -206,7 +206,8 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     if not bench.candidates:
         return
     shares = np.array([bench.share(index) for index in range(len(bench.candidates))])
-    independent = bench.independent(int(np.argmax(shares)))  # the same for all, so that shares decide
+    likely = max(_best_forms(bench, np.argsort(-shares, kind="stable")), key=bench.delta_bic)
+    independent = bench.independent(likely)  # the same for all, so that shares decide
     alone = np.array([bench.score(share, independent, index) for index, share in enumerate(shares.tolist())])
     order = _best_forms(bench, np.argsort(-alone, kind="stable"))
     best = float(alone[order[0]])

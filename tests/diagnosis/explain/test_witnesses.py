@@ -236,3 +236,17 @@ def test_the_gauge_tells_a_load_from_a_zero_that_has_shifted(
     shown = with_charge(with_more(drive(husky, runs=4), drawn_w), husky, [0.0] * 4)
     (found,) = diagnose(with_more(shown, read_w), husky).missing_physics
     assert found.effect == named and not_named not in found.confused_with
+
+
+def test_what_began_once_and_stays_is_handed_over_where_the_gauge_shows_that_it_is_drawn(
+    drive: Drive, husky: Robot
+) -> None:
+    runs = []
+    for run, from_s in zip(drive(husky, runs=3), (240.0, 0.0, 0.0), strict=True):
+        read_w = run.channels["power_w"] + 60.0 * (run.channels["time_s"] >= from_s)
+        runs.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
+    runs = with_charge(runs, husky, [0.0] * 3)
+    analysis = analyse(runs, husky)
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
+    assert analysis.corrected.effects["standby"]["power_w"] == pytest.approx(60.0, rel=0.1)
+    assert analyse(runs[1:], analysis.corrected).diagnosis.verdict == "no_mismatch"
