@@ -228,7 +228,7 @@ def _later(outcomes: list[Outcome]) -> list[Table]:
         Share.over(own > as_was + 1.0 for as_was, _, own in means),
     ]
     wanted = [
-        (effect, o.holds)
+        (effect, ["ageing"] if effect == "ageing" and USABLE_ENERGY in o.off else o.holds)  # a smaller battery
         for o in outcomes
         for effect, seen in o.visible.items()
         if seen and effect not in (*INSTRUMENTS, *NOT_SAID)
