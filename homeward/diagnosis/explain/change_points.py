@@ -38,6 +38,7 @@ _PLACES = 150
 _KNOTS = (6, 12, 24)
 _PASSES = 1.8  # places are told from times only where the robot comes by again
 _COMES_BACK = 6  # changes: on and off three times, so that there are two periods
+_IN_SO_MANY_RUNS = 3  # the same
 _CLEARLY_APART = 4.0  # standard deviations
 _SAME = 0.02  # of the windows in which two schedules may differ and still be one
 
@@ -119,7 +120,8 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     if how == "once":
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
-        return sum(len(changes) for changes in within) >= _COMES_BACK
+        comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
+        return comes_on >= _IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= _COMES_BACK
     speeds = np.abs(runs.context["speed_mps"])
     stood = []
     for run, changes in zip(np.unique(runs.run), within, strict=True):

@@ -21,14 +21,13 @@ from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
-from homeward.diagnosis.explain.untold import untold
+from homeward.diagnosis.explain.untold import is_much, times_noise, untold
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.rules import (
     ADEQUATE,
     AS_WELL,
     HALF,
-    MATTERS,
     MOSTLY,
     MUCH_BETTER,
     TAKEN_UP,
@@ -77,18 +76,20 @@ def explain(
         progress: Called with what is being done.
     """
     progress("locating")
+    much = is_much(runs.observed - fit.predicted, runs)
     location = locate(found[0], runs) if found[0].found else None
     naming = name_missing(fit, runs, block, seed, progress)
     if naming.told_by_no_channel(runs):
         return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
     naming, location = _without_what_motion_tells(naming, location, fit, runs, block, fold, seed, progress)
     if not naming.named and location is None and motion_gain(fit, runs, block % FOLDS, seed) < TAKEN_UP:
-        naming = _instead_of_parameters(naming, fit, runs, block, fold, seed, progress)
         in_time = [one for one in found if one.channel.name == "time_s"]
-        if not naming.named and in_time and untold(fit, runs):
+        if in_time and untold(fit, runs):
             return Explanation(naming, locate(in_time[0], runs), None)
+        if not much or times_noise(fit, runs) <= 1.0:  # a refit that takes up all that is missing
+            naming = _instead_of_parameters(naming, fit, runs, block, fold, seed, progress)
         return Explanation(naming, None, None)
-    if not naming.named and location is None and _is_much(fit, runs):
+    if not naming.named and location is None and much:
         location = locate(found[0], runs)  # where most of what motion tells shows
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and found[0].channel.name != "time_s"
@@ -105,12 +106,6 @@ def explain(
         naming, left = naming.nothing_named(), None
         empirical = propose(fit, runs, block, fold, seed)
     return Explanation(naming, location, empirical, left)
-
-
-def _is_much(fit: Refit, runs: Runs) -> bool:
-    """Whether a refit leaves more than the meter, the channels' noise and a few per cent of forms account for."""
-    left = runs.observed - fit.predicted
-    return float(left @ left) >= MATTERS**2 * float(runs.observed @ runs.observed)
 
 
 def _instead_of_parameters(
@@ -164,6 +159,8 @@ def _without_what_motion_tells(
     if naming.corrected is None:
         return naming, location
     first, fold = naming.named[0], block % FOLDS
+    if untold(naming.corrected, runs) and explained(fit, naming.corrected, runs, fold) < HALF:
+        return naming.nothing_named(), location or where_at_work(first.term, naming.corrected.contribution[0], runs)
     by_motion = motion_gain(fit, runs, fold, seed)
     if first.term.axis != "time":
         share = explained(fit, naming.corrected, runs, fold)

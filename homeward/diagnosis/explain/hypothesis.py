@@ -49,6 +49,7 @@ CHECKS: Mapping[str, str] = {
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
 _PIECES = 4  # of a function that only rises
+_SELDOM = 4  # changes: twice there and back
 _PREFERENCES = ("standing", "moving")  # between equals: mostly so; the other ways to change are what an effect means
 
 Numbers = Mapping[str, float]
@@ -178,10 +179,10 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         for schedule in one.schedules(axis, load, setting.residual, runs, np.ones(len(load), np.bool_), SHARES):
             if one.changes == "repeatedly" and schedule.levels > 2:
                 continue  # what is switched is on or off: more levels follow what creeps
-            if axis == "time" and one.by_place and met_again and schedule.changes > one.weather * len(runs.signals):
+            if axis == "time" and one.by_place and met_again and schedule.changes > one.weather:
                 continue  # the ground of a place lasts
             natural = axis == "place" or may_change(one.changes, schedule, runs)
-            if not natural and one.changes not in _PREFERENCES:
+            if not natural and (one.changes not in _PREFERENCES or schedule.changes > _SELDOM):
                 continue
             natural = natural and not one.seldom
             rhythm, spread = one.rhythm(schedule, runs)
@@ -260,7 +261,7 @@ class Hypothesis:
     signed: bool = False  # whether it may then be below the usual size
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
-    weather: int = 2  # times a run that it may change in places that are met again
+    weather: int = 4  # times that it may change in places that are met again: as in two showers
     of_rolling: bool = False  # whether it is a share of the rolling resistance, which a file says as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None where a channel tells
     rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _without_rhythm  # what else a schedule shows

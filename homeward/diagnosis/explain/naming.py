@@ -36,7 +36,6 @@ from homeward.diagnosis.rules import (
     FALSE_ALARM_RATE,
     MOST_EFFECTS,
     MUST_PAY,
-    SMALLEST_GAIN,
     SMALLEST_GAIN_BESIDE,
     SMALLEST_GAIN_OF_A_FAULT,
     SMALLEST_GAIN_TO_NAME,
@@ -187,7 +186,7 @@ def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: NDAr
         for one in (before, after)
     ]
     replayed = gain(runs.observed, predicted[0], predicted[1], fold, seed)
-    return replayed.share >= SMALLEST_GAIN
+    return replayed.share >= SMALLEST_GAIN_TO_NAME
 
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:

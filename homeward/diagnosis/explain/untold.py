@@ -43,11 +43,19 @@ def lasts(left: Array, runs: Runs) -> bool:
 def untold(fit: Fitted, runs: Runs) -> bool:
     """Whether a fit leaves what no channel tells, though all were recorded: much of it, lasting, and no noise."""
     left = runs.observed - fit.predicted
-    squared = float(left @ left)
-    if unrecorded(runs) or squared < MATTERS**2 * float(runs.observed @ runs.observed) or not lasts(left, runs):
-        return False
-    of_power = 0.0
+    return is_much(left, runs) and lasts(left, runs) and not unrecorded(runs) and times_noise(fit, runs) > BEYOND_NOISE
+
+
+def is_much(left: Array, runs: Runs) -> bool:
+    """Whether what a model leaves, shape (windows,), is more than a meter and a few per cent of forms account for."""
+    return float(left @ left) >= MATTERS**2 * float(runs.observed @ runs.observed)
+
+
+def times_noise(fit: Fitted, runs: Runs) -> float:
+    """Squared error of a fit over that which the noise of power and of the other channels makes."""
+    noise = doubted(fit, runs)
     for number, run in enumerate(runs.signals):
         here = runs.duration_s[runs.run == number]
-        of_power += float((white_noise(run.observed) ** 2 * usual_step_s(run.time_s) / here).sum())
-    return squared > BEYOND_NOISE * (of_power + doubted(fit, runs))
+        noise += float((white_noise(run.observed) ** 2 * usual_step_s(run.time_s) / here).sum())
+    left = runs.observed - fit.predicted
+    return float(left @ left) / max(noise, 1e-300)

@@ -339,10 +339,13 @@ def _fading(channel: _Channel, runs: Runs, drawn: Array) -> Witnessed | None:
     lost[numbers] = np.clip(1.0 - 1.0 / np.maximum(rate, 1e-9), 0.0, None)
     last = Value(float(lost[numbers[-1]]), (max(float(ends[0]), 0.0), float(ends[1])), "1")
     of_window = lost[runs.run]
+    lost_w = np.maximum(runs.observed, 0.0) * of_window / (1.0 - of_window)
+    if not _matters(lost_w, runs):
+        return None
     return Witnessed(
         ageing.HYPOTHESIS,
         {ageing.HYPOTHESIS.entry.switch.name: last},
-        np.maximum(runs.observed, 0.0) * of_window / (1.0 - of_window),
+        lost_w,
         proof,
         _in_step(rate, runs, numbers),
         "The battery fades from run to run, as the state of charge falls faster than the energy drawn says: in the "

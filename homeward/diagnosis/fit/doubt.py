@@ -14,7 +14,7 @@ from homeward.diagnosis.rules import SMOOTHING_ERROR
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose error is known."""
 
-_OWN = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "time_s": SMOOTHED}
+_OWN = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "heading_rad": SMOOTHED, "time_s": SMOOTHED}
 
 
 def doubted(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
