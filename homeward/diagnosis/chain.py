@@ -179,7 +179,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     if corrected is not None and any(one.term.axis == "time" for one in told.naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
-    capacity, shown = witnesses(fitted, runs, block, seed) if enough else (None, ())
+    capacity, shown = witnesses(fitted, _as_drawn(runs, corrected), block, seed) if enough else (None, ())
     progress("proving")
     # A group that stays as the file has it because an effect makes up for it is confounded with the effect.
     named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
@@ -219,6 +219,15 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     )
     arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
+
+
+def _as_drawn(runs: Runs, corrected: Corrected | None) -> Runs:
+    """The runs without what a named fault of the meter reads beyond what was drawn."""
+    if corrected is None:
+        return runs
+    terms = zip(corrected.model.terms, corrected.contribution, strict=True)
+    misread = sum((added for one, added in terms if one.misread), np.zeros(len(runs.observed)))
+    return dataclasses.replace(runs, observed=runs.observed - misread)
 
 
 def _known(named: Fitted, determined: Fitted, runs: Runs, block: NDArray[np.intp]) -> tuple[Estimate, ...]:

@@ -32,6 +32,7 @@ from homeward.diagnosis.explain.residual_test import CHANNELS
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.rules import MATTERS
 from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6
@@ -130,6 +131,12 @@ class Setting:
     predicted: Array  # (windows,)
     residual: Array  # (windows,)
 
+    @property
+    def rolling_kg(self) -> float:
+        """C_rr m, of the robot file where a fit without rough ground takes it for none."""
+        fitted, assumed = float(self.theta[ROLLING]), float(self.parameters.start[ROLLING])
+        return fitted if fitted > MATTERS * assumed else assumed
+
     def response(self, one: Hypothesis, size: float, shape: Numbers) -> Array:
         """What an effect of this size adds, per unit of its size, shape (windows,)."""
         lacking = {name: numbers for name, numbers in one.beside.items() if name not in self.present.effects}
@@ -172,7 +179,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     if one.changes is None or load is None:
         return
     runs = setting.runs
-    rolling_kg = float(setting.theta[ROLLING]) if one.of_rolling else None
+    rolling_kg = setting.rolling_kg if one.of_rolling else None
     axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
     met_again = place_of(runs) is not None
     for axis in axes:

@@ -220,7 +220,7 @@ def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     for term in model.terms:
         load = term.hypothesis.load(term.hypothesis, setting) if _of_load(term) else None
         if load is not None and term.at_work is not None:
-            rolling_kg = None if term.of_rolling_kg is None else float(theta[ROLLING])
+            rolling_kg = None if term.of_rolling_kg is None else setting.rolling_kg
             columns = load[:, None] * term.at_work
             term = dataclasses.replace(term, load=load, columns=columns, of_rolling_kg=rolling_kg)
         terms.append(term)

@@ -9,8 +9,6 @@ from homeward.physics.effects.motor_heating import EFFECT
 
 _CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)
 _USUAL_RISE_K = 40.0  # of a winding at mean load
-_HOTTEST_K = 105.0  # rise of a winding that insulation of class F allows (IEC 60034-1)
-_COPPER_PER_K = 0.0039  # rise of its resistance (IEC 60028): were all of the drive's power lost in it, no more
 _MOST_RISE = next(one for one in EFFECT.parameters if one.name == "rise_k_per_w")
 
 
@@ -28,7 +26,6 @@ def _time_constants(setting: Setting) -> Iterator[dict[str, float]]:
 HYPOTHESIS = Hypothesis(
     EFFECT,
     shapes=_time_constants,
-    bounds=(0.0, _COPPER_PER_K * _HOTTEST_K / _USUAL_RISE_K),
     searched=tuple(one for one in EFFECT.parameters if one.name == "time_constant_s"),
     shown_by=(),
     otherwise="as the motors warm up",

@@ -13,7 +13,7 @@ _CHANGE = 1e-3
 
 def _rougher(one: Hypothesis, setting: Setting) -> Array:
     theta = setting.theta.copy()
-    theta[ROLLING] *= 1.0 + _CHANGE
+    theta[ROLLING] += _CHANGE * setting.rolling_kg
     return (setting.parameters.predict(setting.runs, theta, setting.present) - setting.predicted) / _CHANGE
 
 
