@@ -23,6 +23,7 @@ _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
 _MOST_RUNS = 5  # that are asked: all have the same sensor
 _MOST_ASKED = 20_000  # samples of each: half an hour at 10 Hz
 _COARSE_DRIFT_S = 0.5
+_GROUNDS = 12  # knots along the way
 _STRETCH_S = 10.0  # longer than a robot takes to change its speed: their errors count as independent
 _FEWEST_STRETCHES = 12
 _MOST_SAMPLES = 200_000  # a clock that drifts over hours of driving is nothing that a straight line follows
@@ -30,7 +31,10 @@ _ITERATIONS = 4
 
 
 def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
-    """What power is regressed on, shape (n, columns): force balance times speed, starts, turning, sensing."""
+    """What power is regressed on, shape (n, columns): force balance times speed, starts, turning, sensing.
+
+    Where the place is known, ground that rolls harder in some places is not taken for slopes that come at other times.
+    """
     speed = np.abs(run.speed_mps)
     top = robot.max_speed_mps
     slope = np.sin(grade_rad) * np.where(run.speed_mps < 0.0, -1.0, 1.0)
@@ -39,13 +43,25 @@ def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
     moving = (speed > 0.0).astype(np.float64)
     starts = np.maximum(np.diff(moving, prepend=moving[0]), 0.0)  # break-away and inrush last a moment
     return np.column_stack([
-        np.ones(len(speed)), moving, starts, speed, speed**3 / top**2, climbs, pull, np.abs(run.yaw_rate_radps),
-        run.sensing_hz,
+        np.ones(len(speed)), moving, starts, speed[:, None] * _grounds(run), speed**3 / top**2, climbs, pull,
+        np.abs(run.yaw_rate_radps), run.sensing_hz,
     ])  # fmt: skip
 
 
+def _grounds(run: Signals) -> Array:
+    """How much each sample belongs to each of some stretches of the way, shape (n, stretches)."""
+    place_m = run.context.get("place_m")
+    if place_m is None or not np.isfinite(place_m).all() or float(np.ptp(place_m)) == 0.0:
+        return np.ones((len(run.time_s), 1))
+    knots_m = np.linspace(float(place_m.min()), float(place_m.max()), _GROUNDS)
+    return np.column_stack([np.interp(place_m, knots_m, one) for one in np.eye(_GROUNDS)])
+
+
 def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: Robot) -> float:
-    """Time by which the channel of slope is late in all runs of these recordings, s; 0 where that does not matter."""
+    """Time by which the channel of slope is late in all runs of these recordings, s; 0 where that does not matter.
+
+    No filter looks ahead: what would make slopes early is no lag of theirs.
+    """
     sloping = [index for index, run in enumerate(runs) if run.grade_rad.any()][:_MOST_RUNS]
     asked = [runs[index].only(np.arange(len(runs[index].time_s)) < _MOST_ASKED) for index in sloping]
     if not asked:
@@ -58,13 +74,13 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
             left.append(_regression(run, drive_columns(run, robot, np.zeros(1) if slope is None else slope)))
         return np.array(left)
 
-    steps = np.arange(-rules.LONGEST_CHANNEL_LAG_S, rules.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S)
+    steps = np.arange(0.0, rules.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S)
     errors = {late: error(late) for late in steps.tolist()}
     best = min(errors, key=lambda late: float(errors[late].sum()))
     for late in (best + np.arange(-0.75, 1.0, _FINE_S)).tolist():
         errors.setdefault(late, error(late))
     best = min(errors, key=lambda late: float(errors[late].sum()))
-    if abs(best) < rules.SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
+    if best < rules.SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
         return 0.0
     return best if float(errors[best].sum()) < (1.0 - rules.LAG_MUST_EXPLAIN) * _by_power(asked, robot) else 0.0
 

@@ -75,10 +75,7 @@ def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) 
     late_s = late_slope(runs, sources, robot)
     if late_s:
         runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
-        when = "late" if late_s > 0.0 else "early"
-        said.append(
-            Finding(first, f"slopes of all runs are {abs(late_s):.3g} s {when} against power: they are set right")
-        )
+        said.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are set right"))
     if any("grade_rad" in source.channels for source in sources):
         runs, angle = without_tilt(runs)
         if angle:
