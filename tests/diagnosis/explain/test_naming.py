@@ -212,11 +212,16 @@ def test_ice_is_set_apart_from_hard_dry_ground_by_its_turning(real_husky: Callab
     assert scrub["ICE"][1] < 0.5 * min(scrub["FLOORING"][0], scrub["ASPHALT"][0])
 
 
-def test_turning_of_a_robot_without_a_known_track_is_not_named(short_drive: Drive, husky: Robot) -> None:
-    unknown = load_robot("rusti")
-    assert unknown.track_m == 0.0
-    diagnosis = diagnose(short_drive(unknown), unknown)
-    assert "turning" not in {one.effect for one in diagnosis.missing_physics}
+def test_turning_of_a_robot_without_a_known_track_is_named_with_an_interval_for_its_track(short_drive: Drive) -> None:
+    trackless = load_robot("rusti")
+    assert trackless.track_m == 0.0
+    analysis = analyse(short_drive(trackless, track_m=0.5, effects={"turning": {"scrub": 0.3}}), trackless)
+    (named,) = analysis.diagnosis.missing_physics
+    assert named.effect == "turning"
+    for name, true in (("scrub", 0.3), ("track_m", 0.5)):
+        low, high = named.parameters[name].ci95
+        assert low <= true <= high
+    assert analysis.corrected.track_m == pytest.approx(named.parameters["track_m"].value, rel=1e-5)
 
 
 def test_what_motion_tells_is_not_given_the_name_of_a_schedule(short_drive: Drive, husky: Robot) -> None:
