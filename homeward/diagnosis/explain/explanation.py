@@ -76,57 +76,128 @@ def explain(
         progress: Called with what is being done.
     """
     progress("locating")
-    much = is_much(runs.observed - fit.predicted, runs)
-    location = locate(found[0], runs) if found[0].found else None
-    naming = name_missing(fit, runs, block, seed, progress)
+    ask = _Question(fit, runs, block, fold, seed, progress)
+    most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
+    location = locate(most, runs) if most.found else None
+    naming = ask.naming()
     if naming.told_by_no_channel(runs):
         return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
-    naming, location = _without_what_motion_tells(naming, location, fit, runs, block, fold, seed, progress)
-    if not naming.named and location is None and motion_gain(fit, runs, block % FOLDS, seed) < TAKEN_UP:
-        in_time = [one for one in found if one.channel.name == "time_s"]
-        if in_time and untold(fit, runs):
-            return Explanation(naming, locate(in_time[0], runs), None)
-        if not much or times_noise(fit, runs) <= 1.0:  # a refit that takes up all that is missing
-            naming = _instead_of_parameters(naming, fit, runs, block, fold, seed, progress)
-        return Explanation(naming, None, None)
-    if not naming.named and location is None and much:
-        location = locate(found[0], runs)  # where most of what motion tells shows
+    naming, location = ask.without_what_motion_tells(naming, location)
+    if not naming.named and location is None:
+        if ask.by_motion() < TAKEN_UP:
+            if in_time and untold(fit, runs):
+                return Explanation(naming, locate(in_time[0], runs), None)
+            return Explanation(ask.instead_of_parameters(naming), None, None)
+        if ask.much_is_left():
+            location = locate(most, runs)  # where most of what motion tells shows
     empirical = None
-    scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and found[0].channel.name != "time_s"
+    scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and most.channel.name != "time_s"
     if location is not None and (not naming.named or scheduled):
-        empirical = propose(fit, runs, block, fold, seed)
+        empirical = ask.formula()
     if naming.named and empirical is not None:
         if empirical.held_out_gain > naming.named[0].held_out_gain:
             # A recorded channel says better when it happens than a schedule, which is for causes that none records.
             naming = naming.nothing_named()
         else:
             empirical = None
-    left = None if naming.corrected is None else _left(naming.corrected, runs, fold, seed)
-    if left is not None and found[0].found and _of_another_channel(naming, left, found[0]):
+    left = None if naming.corrected is None else ask.left(naming.corrected)
+    if left is not None and most.found and _of_another_channel(naming, left, most):
         naming, left = naming.nothing_named(), None
-        empirical = propose(fit, runs, block, fold, seed)
+        empirical = ask.formula()
     return Explanation(naming, location, empirical, left)
 
 
-def _instead_of_parameters(
-    naming: Naming,
-    fit: Refit,
-    runs: Runs,
-    block: NDArray[np.intp],
-    by_run: NDArray[np.intp],
-    seed: int,
-    progress: Callable[[str], None],
-) -> Naming:
-    """What is named if groups that one effect would make up for stay as the robot file has them."""
-    held = needless(fit, runs)
-    if held is None:
-        return naming
-    sparing = holding(fit, runs, held)
-    again = name_missing(sparing, runs, block, seed, progress, schedules=False)
-    again = _without_what_motion_tells(again, None, sparing, runs, block, by_run, seed, progress)[0]
-    if not again.named or again.told_by_no_channel(runs):
-        return naming
-    return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
+@dataclass(frozen=True)
+class _Question:
+    """A refit of some runs, of which is asked what it leaves."""
+
+    fit: Refit
+    runs: Runs
+    block: NDArray[np.intp]  # (windows,)
+    by_run: NDArray[np.intp]  # (windows,)
+    seed: int
+    progress: Callable[[str], None]
+
+    @property
+    def fold(self) -> NDArray[np.intp]:
+        """Stretches of all runs that are held out together, shape (windows,)."""
+        return self.block % FOLDS
+
+    def naming(self, schedules: bool = True) -> Naming:
+        """What is named."""
+        return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, schedules)
+
+    def formula(self) -> Empirical | None:
+        """The formula that the mismatch follows."""
+        return propose(self.fit, self.runs, self.block, self.by_run, self.seed)
+
+    def by_motion(self) -> float:
+        """Share of what the refit leaves that motion tells."""
+        return motion_gain(self.fit, self.runs, self.fold, self.seed)
+
+    def by(self, naming: Naming) -> float:
+        """Share of it that the named effects explain."""
+        return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
+
+    def much_is_left(self) -> bool:
+        """Whether the refit leaves much."""
+        return is_much(self.runs.observed - self.fit.predicted, self.runs)
+
+    def left(self, corrected: Corrected) -> Left | None:
+        """What the corrected model leaves, by the test that the refit was put to."""
+        blocks = independent_blocks(corrected, self.runs)
+        most = dependences(corrected, self.runs, blocks, self.by_run, self.seed)[0]
+        if not most.found or most.channel.name == "time_s":
+            return None
+        formula = propose(corrected, self.runs, blocks.channels, self.by_run, self.seed)
+        return Left(most.channel.name, locate(most, self.runs), formula)
+
+    def instead_of_parameters(self, naming: Naming) -> Naming:
+        """What is named if groups that one effect would make up for stay as the robot file has them.
+
+        That is asked where the refit takes up all that is missing.
+        """
+        taken_up = not self.much_is_left() or times_noise(self.fit, self.runs) <= 1.0
+        held = needless(self.fit, self.runs) if taken_up else None
+        if held is None:
+            return naming
+        sparing = replace(self, fit=holding(self.fit, self.runs, held))
+        again = sparing.without_what_motion_tells(sparing.naming(schedules=False), None)[0]
+        if not again.named or again.told_by_no_channel(self.runs):
+            return naming
+        return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
+
+    def without_what_motion_tells(self, naming: Naming, location: Location | None) -> tuple[Naming, Location | None]:
+        """Name nothing where the named effects are little of what is missing, or what the first needs a schedule for is
+        told by motion, its history or the place.
+
+        Where no other effect explains it either, say where it is.
+        """
+        if naming.corrected is None:
+            return naming, location
+        first, corrected = naming.named[0], naming.corrected
+        where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
+        if untold(corrected, self.runs) and self.by(naming) < HALF:
+            return naming.nothing_named(), where
+        by_motion = self.by_motion()
+        if first.term.axis != "time":
+            return (naming if self._is_adequate(naming, by_motion) else naming.nothing_named()), location
+        by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
+        if by_motion < AS_WELL * first.held_out_gain and by_place < TOLD_BY_PLACE * first.held_out_gain:
+            return naming, location
+        again = self.naming(schedules=False)
+        if self.by(again) >= WITHOUT_A_SCHEDULE * first.held_out_gain:
+            return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
+        return naming.nothing_named(), where
+
+    def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
+        """Whether the named effects, or the first alone, explain most of what motion and its history tell."""
+        share = self.by(naming)
+        if naming.named[0].held_out_gain >= MOSTLY * by_motion or share >= ADEQUATE * by_motion:
+            return True
+        if naming.corrected is None or share < HALF * by_motion:
+            return False
+        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, MUCH_BETTER)
 
 
 def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
@@ -138,54 +209,5 @@ def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     told = {channel for term in named for channel in term.hypothesis.channels}
     by_named = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
-    untold = most.channel.name not in told and left.channel == most.channel.name
-    return untold and most.held_out_gain > by_named
-
-
-def _without_what_motion_tells(
-    naming: Naming,
-    location: Location | None,
-    fit: Refit,
-    runs: Runs,
-    block: NDArray[np.intp],
-    by_run: NDArray[np.intp],
-    seed: int,
-    progress: Callable[[str], None],
-) -> tuple[Naming, Location | None]:
-    """Name nothing where motion and its history tell more than what is named, or what the first needs a schedule for.
-
-    Where no other effect explains it either, say where it is.
-    """
-    if naming.corrected is None:
-        return naming, location
-    first, fold = naming.named[0], block % FOLDS
-    if untold(naming.corrected, runs) and explained(fit, naming.corrected, runs, fold) < HALF:
-        return naming.nothing_named(), location or where_at_work(first.term, naming.corrected.contribution[0], runs)
-    by_motion = motion_gain(fit, runs, fold, seed)
-    if first.term.axis != "time":
-        share = explained(fit, naming.corrected, runs, fold)
-        adequate = (
-            first.held_out_gain >= MOSTLY * by_motion
-            or share >= ADEQUATE * by_motion
-            or (share >= HALF * by_motion and not trees_beat(naming.corrected, fit, runs, by_run, seed, MUCH_BETTER))
-        )
-        return (naming if adequate else naming.nothing_named()), location
-    by_place = 0.0 if first.term.hypothesis.by_place else place_gain(fit, runs, seed)
-    if by_motion < AS_WELL * first.held_out_gain and by_place < TOLD_BY_PLACE * first.held_out_gain:
-        return naming, location
-    again = name_missing(fit, runs, block, seed, progress, schedules=False)
-    if (
-        again.corrected is not None
-        and explained(fit, again.corrected, runs, fold) >= WITHOUT_A_SCHEDULE * first.held_out_gain
-    ):
-        return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
-    return naming.nothing_named(), location or where_at_work(first.term, naming.corrected.contribution[0], runs)
-
-
-def _left(corrected: Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -> Left | None:
-    """Put what the corrected model leaves to the same test as what the refit left."""
-    blocks = independent_blocks(corrected, runs)
-    most = dependences(corrected, runs, blocks, fold, seed)[0]
-    if not most.found or most.channel.name == "time_s":
-        return None
-    return Left(most.channel.name, locate(most, runs), propose(corrected, runs, blocks.channels, fold, seed))
+    untold_channel = most.channel.name not in told and left.channel == most.channel.name
+    return untold_channel and most.held_out_gain > by_named
