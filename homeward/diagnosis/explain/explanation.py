@@ -76,7 +76,7 @@ def explain(
         progress: Called with what is being done.
     """
     progress("locating")
-    ask = _Question(fit, runs, block, fold, seed, progress)
+    ask = _Question(fit, runs, found[0], block, fold, seed, progress)
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
     naming = ask.naming()
@@ -113,6 +113,7 @@ class _Question:
 
     fit: Refit
     runs: Runs
+    most: Dependence  # that shows most of what it leaves
     block: NDArray[np.intp]  # (windows,)
     by_run: NDArray[np.intp]  # (windows,)
     seed: int
@@ -177,7 +178,8 @@ class _Question:
             return naming, location
         first, corrected = naming.named[0], naming.corrected
         where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
-        if untold(corrected, self.runs) and self.by(naming) < HALF:
+        by_its_channel = self.most.found and self.most.channel.name in first.term.hypothesis.channels
+        if untold(corrected, self.runs) and not by_its_channel and self.by(naming) < HALF:
             return naming.nothing_named(), where
         by_motion = self.by_motion()
         if first.term.axis != "time":
