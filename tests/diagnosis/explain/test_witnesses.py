@@ -250,3 +250,11 @@ def test_what_began_once_and_stays_is_handed_over_where_the_gauge_shows_that_it_
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
     assert analysis.corrected.effects["standby"]["power_w"] == pytest.approx(60.0, rel=0.1)
     assert analyse(runs[1:], analysis.corrected).diagnosis.verdict == "no_mismatch"
+
+
+def test_a_meter_that_reads_more_from_some_run_on_is_no_battery_that_loses_less(drive: Drive, husky: Robot) -> None:
+    runs = [
+        dataclasses.replace(run, channels={**run.channels, "power_w": run.channels["power_w"] * (1.0 + 0.3 * (at > 1))})
+        for at, run in enumerate(with_charge(drive(husky, runs=4), husky, [0.0] * 4))
+    ]
+    assert [one.effect for one in diagnose(runs, husky).missing_physics] == ["sensor_gain"]
