@@ -46,7 +46,7 @@ TRUTHS: dict[str, Truth] = {
         "duty": rng.uniform(0.3, 0.6),
     },
     "breakaway": lambda vehicle, rng: {
-        "start_j": rng.uniform(3.0, 8.0) * _rolling_n(vehicle) * vehicle.robot.max_speed_mps
+        "start_j": min(rng.uniform(3.0, 8.0) * _rolling_n(vehicle) * vehicle.robot.max_speed_mps, 1e5)  # as above
     },
     "cold_battery": lambda vehicle, rng: {"per_k": rng.uniform(0.005, 0.012), "warm_c": rng.uniform(15.0, 22.0)},
 }  # fmt: skip
