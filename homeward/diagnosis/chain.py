@@ -36,7 +36,7 @@ from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, Reco
 from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, GAIN_ERROR, SAMPLES_A_WINDOW, SMALLEST_GAIN
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import of_capacity, range_change
-from homeward.diagnosis.tell.handover import determined, hand_over, sayable
+from homeward.diagnosis.tell.handover import determined, hand_over, sayable, unsaid
 from homeward.diagnosis.tell.next_drive import next_experiment, to_tell_apart
 from homeward.physics import Robot, load_robot
 
@@ -100,7 +100,7 @@ def analyse(
     model = sayable(evidence.plain, evidence.corrected, named, evidence.runs, evidence.block)
     handover = hand_over(
         robot, verdict, (evidence.plain, model), evidence.predictions, evidence.runs, evidence.fold, evidence.trip,
-        seed, bool(named),
+        seed, unsaid(named),
     )  # fmt: skip
     evidence, fit = _with_file(evidence, fit, handover.held_out, seed)
     found = (

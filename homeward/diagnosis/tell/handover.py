@@ -78,6 +78,20 @@ def sayable(
     return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
 
 
+def unsaid(named: Sequence[Named]) -> str:
+    """Why a robot file does not hold what is named, effect by effect; nothing of faults of instruments."""
+    reasons = []
+    for one in named:
+        hypothesis = one.term.hypothesis
+        if _may_be_misread(one):
+            reasons.append(f"{hypothesis.name} may be the robot's or its meter's")
+        elif hypothesis.of_the_day:
+            reasons.append(f"{hypothesis.name} is weather")
+        elif hypothesis.physical and not can_be_said(one.term.plain or one.term):
+            reasons.append(f"a robot file cannot say when {hypothesis.name} is at work")
+    return "; ".join(reasons)
+
+
 def _may_be_misread(named: Named) -> bool:
     """Whether the recordings leave open if the robot draws it or its meter reads it."""
     meant = (named.term, *named.rivals)
@@ -121,7 +135,7 @@ def hand_over(
     fold: NDArray[np.intp],
     trip: NDArray[np.intp],
     seed: int,
-    named: bool = False,
+    reason: str = "",
 ) -> Handover:
     """Choose the robot that is handed over.
 
@@ -138,7 +152,7 @@ def hand_over(
         fold: What is held out together, shape (windows,).
         trip: What counts as one trip, for a bootstrap from `seed`, shape (windows,).
         seed: Of that bootstrap.
-        named: Whether power shows an effect.
+        reason: Why effects that power shows are not in the file, where some are not.
     """
     nominal, (plain, model) = arms.get("nominal"), models
     kept = Handover(
@@ -149,7 +163,7 @@ def hand_over(
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, None, Handed("nominal", why))
-    told = "what is missing (weather, a schedule, or maybe the meter's) is nothing for a robot file; " if named else ""
+    told = f"{reason}; " if reason else ""
     if verdict == "unknown_physics":
         told = "its parameters make up for what is unknown, as far as they can, and are no measurement; "
     if model is not None:
@@ -157,6 +171,7 @@ def hand_over(
         worse = worse_than(arms["refit"], after, runs, trip, seed)
         if not worse:
             why = "replayed as written it predicts what was held out better than the refit"
+            why += f"; {reason}" if reason else ""
             changed, by_file = _filed(robot, model, runs)
             return Handover(changed, after, by_file, Handed("corrected", why))
         told = f"with what is missing, as far as a robot file can say it, {worse}; "

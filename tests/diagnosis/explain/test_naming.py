@@ -87,7 +87,7 @@ def test_a_load_switched_on_part_way_is_found_with_its_time(short_drive: Drive, 
     runs = with_power(short_drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0))
     analysis = analyse(runs, husky)
     diagnosis = analysis.diagnosis
-    assert diagnosis.file is not None and "is nothing for a robot file" in diagnosis.file.why
+    assert diagnosis.file is not None and "may be the robot's or its meter's" in diagnosis.file.why
     assert not analysis.corrected.effects  # a load that is there half of the time is none of all the time
     first = diagnosis.missing_physics[0]
     assert first.effect == "standby"
