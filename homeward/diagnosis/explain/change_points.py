@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.rules import IN_SO_MANY_RUNS
 
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
@@ -38,7 +39,6 @@ _PLACES = 150
 _KNOTS = (6, 12, 24)
 _PASSES = 1.8  # places are told from times only where the robot comes by again
 _COMES_BACK = 6  # changes: on and off three times, so that there are two periods
-_IN_SO_MANY_RUNS = 3  # the same
 _CLEARLY_APART = 4.0  # standard deviations
 _SAME = 0.02  # of the windows in which two schedules may differ and still be one
 
@@ -121,7 +121,7 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
         comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
-        return comes_on >= _IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= _COMES_BACK
+        return comes_on >= IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= _COMES_BACK
     speeds = np.abs(runs.context["speed_mps"])
     stood = []
     for run, changes in zip(np.unique(runs.run), within, strict=True):

@@ -32,7 +32,7 @@ from homeward.diagnosis.explain.residual_test import CHANNELS
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import MATTERS
+from homeward.diagnosis.rules import MATTERS, SELDOM
 from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6
@@ -50,7 +50,6 @@ CHECKS: Mapping[str, str] = {
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
 _PIECES = 4  # of a function that only rises
-_SELDOM = 4  # changes: twice there and back
 _PREFERENCES = ("standing", "moving")  # between equals: mostly so; the other ways to change are what an effect means
 
 Numbers = Mapping[str, float]
@@ -189,7 +188,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
             if axis == "time" and one.by_place and met_again and schedule.changes > one.weather:
                 continue  # the ground of a place lasts
             natural = axis == "place" or may_change(one.changes, schedule, runs)
-            if not natural and (one.changes not in _PREFERENCES or schedule.changes > _SELDOM):
+            if not natural and (one.changes not in _PREFERENCES or schedule.changes > SELDOM):
                 continue
             natural = natural and not one.seldom
             rhythm, spread = one.rhythm(schedule, runs)
@@ -268,7 +267,7 @@ class Hypothesis:
     signed: bool = False  # whether it may then be below the usual size
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
-    weather: int = 4  # times that it may change in places that are met again: as in two showers
+    weather: int = SELDOM  # times that it may change in places that are met again
     of_rolling: bool = False  # whether it is a share of the rolling resistance, which a file says as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None where a channel tells
     rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _without_rhythm  # what else a schedule shows
