@@ -1,23 +1,80 @@
-"""Physical commands as actions: the way back from metres per second and hertz to what `env.step` takes."""
+"""Actions: what the numbers of `env.step` command, and the numbers for a command. Written here, once.
+
+An action is a speed, a sensing rate, and one of stop, go and return. A return heads home at once, and is final once it
+has been asked for in `RETURN_DECISIONS` decisions in a row: a policy that explores does not end its mission by the
+first return that it tries, and one that means it loses nothing.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from homeward.envs.kernel import LEVELS
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
+from homeward.envs.state import RETURN, STOP
+from homeward.physics.jit import inline
+
+LEVELS = 5
+"""Levels of speed and of sensing rate that a discrete action chooses from."""
+MODES = ("stop", "go", "return")
+RETURN_DECISIONS = 8
+"""Decisions in a row that must ask for the return before it is final."""
 
 
-def encode_actions(setting: Setting, speed_mps: ArrayLike, sensing_hz: ArrayLike, mode: ArrayLike) -> NDArray[Any]:
+@dataclass(frozen=True)
+class Commands:
+    """What actions command, arrays of shape (n,).
+
+    Attributes:
+        speed_mps: Speed, m/s; that of the action also where it stops.
+        sensing_hz: Sensing rate, Hz.
+        mode: `STOP`, `GO` or `RETURN` of `homeward.envs.state`.
+    """
+
+    speed_mps: NDArray[np.float64]
+    sensing_hz: NDArray[np.float64]
+    mode: NDArray[np.int64]
+
+    @property
+    def stops(self) -> NDArray[np.bool_]:
+        """Which stop."""
+        return self.mode == STOP
+
+    @property
+    def returns(self) -> NDArray[np.bool_]:
+        """Which ask for the return."""
+        return self.mode == RETURN
+
+
+def action_space(discrete: bool) -> spaces.Space[Any]:
+    """Space of one action: speed, sensing rate, and stop / go / return."""
+    return spaces.MultiDiscrete([LEVELS, LEVELS, len(MODES)]) if discrete else spaces.Box(-1.0, 1.0, (3,), np.float32)
+
+
+def allowed_actions(discrete: bool) -> str:
+    """What an action may be, in words."""
+    if discrete:
+        return f"speed and sensing levels 0 to {LEVELS - 1} and 0 (stop), 1 (go) or 2 (return)"
+    return "three numbers within [-1, 1]"
+
+
+def limits(known: Known) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Least and most of the speed (m/s) and of the sensing rate (Hz) that can be commanded."""
+    shared = known.shared[0]
+    return (float(shared["min_speed_mps"]), float(shared["max_speed_mps"])), (0.0, float(shared["max_sensing_hz"]))
+
+
+def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mode: ArrayLike) -> NDArray[Any]:
     """Actions that carry out commands: exactly in a continuous space, at the nearest levels in a discrete one.
 
     Commands beyond the robot's limits become the limits.
 
     Args:
-        setting: Constants of the environment; its action type is the one encoded for.
+        known: Constants of the environment; its action type is the one encoded for.
         speed_mps: Speed, m/s, shape (n,) or a number for all.
         sensing_hz: Sensing rate, Hz, shape (n,) or a number for all.
         mode: `STOP`, `GO` or `RETURN` of `homeward.envs.state`, shape (n,) or one for all.
@@ -27,14 +84,14 @@ def encode_actions(setting: Setting, speed_mps: ArrayLike, sensing_hz: ArrayLike
 
     >>> from homeward.envs.options import Options, settle
     >>> from homeward.envs.state import GO
-    >>> encode_actions(settle(Options("Survey")), [0.1, 0.6, 1.0], 50.0, GO).tolist()
+    >>> encode_actions(settle(Options("Survey")).known, [0.1, 0.6, 1.0], 50.0, GO).tolist()
     [[0, 2, 1], [2, 2, 1], [4, 2, 1]]
     """
-    s = setting.shared[0]
-    speed = _share(speed_mps, s["min_speed_mps"], s["max_speed_mps"])
-    sensing = _share(sensing_hz, 0.0, s["max_sensing_hz"])
-    columns = np.broadcast_arrays(np.atleast_1d(speed), sensing, np.asarray(mode))
-    if s["discrete"]:
+    speeds, rates = limits(known)
+    columns = np.broadcast_arrays(
+        np.atleast_1d(_share(speed_mps, *speeds)), _share(sensing_hz, *rates), np.asarray(mode)
+    )
+    if known.shared["discrete"][0]:
         speed, sensing = (np.rint((LEVELS - 1) * share) for share in columns[:2])
         return np.stack((speed, sensing, columns[2]), axis=-1).astype(np.int64)
     speed, sensing = (2.0 * share - 1.0 for share in columns[:2])
@@ -42,7 +99,58 @@ def encode_actions(setting: Setting, speed_mps: ArrayLike, sensing_hz: ArrayLike
     return np.stack((speed, sensing, (columns[2] - 1.0) * 2.0 / 3.0), axis=-1).astype(np.float32)
 
 
+def decode_actions(known: Known, actions: NDArray[Any]) -> Commands:
+    """What actions of shape (n, 3) command: what the environment does with them.
+
+    >>> from homeward.envs.options import Options, settle
+    >>> decode_actions(settle(Options("Survey")).known, np.array([[2, 4, 2]])).speed_mps.tolist()
+    [0.6]
+    """
+    (slowest, fastest), (_, most) = limits(known)
+    if known.shared["discrete"][0]:
+        speed, sensing, mode = actions[:, 0] / (LEVELS - 1), actions[:, 1] / (LEVELS - 1), actions[:, 2]
+    else:
+        shares = 0.5 * (actions.astype(np.float64) + 1.0)
+        speed, sensing, mode = shares[:, 0], shares[:, 1], np.minimum((3.0 * shares[:, 2]).astype(np.int64), 2)
+    return Commands(slowest + speed * (fastest - slowest), sensing * most, mode.astype(np.int64))
+
+
 def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
     """Where a value lies between two limits, from 0 to 1; 1 where the limits are one."""
     value = np.asarray(value, dtype=np.float64)
     return np.clip((value - low) / (high - low), 0.0, 1.0) if high > low else np.ones(value.shape)
+
+
+@inline
+def _level(action: Any, low: float, high: float) -> float:
+    return low + (high - low) * action / (LEVELS - 1)
+
+
+@inline
+def first_bad_action(choices: Any, levels: Any, shared: Any) -> int:
+    """Index of the first action that is not in the action space, or -1."""
+    if shared.discrete:
+        for i in range(len(choices)):
+            if not (0 <= choices[i, 0] < LEVELS and 0 <= choices[i, 1] < LEVELS and 0 <= choices[i, 2] < 3):
+                return i
+    else:
+        for i in range(len(levels)):
+            if not (abs(levels[i, 0]) <= 1.0 and abs(levels[i, 1]) <= 1.0 and abs(levels[i, 2]) <= 1.0):
+                return i
+    return -1
+
+
+@inline
+def command(choices: Any, levels: Any, i: int, shared: Any) -> Any:
+    """Speed (m/s), sensing rate (Hz) and mode of an action, in compiled code."""
+    if shared.discrete:
+        return (
+            _level(choices[i, 0], shared.min_speed_mps, shared.max_speed_mps),
+            _level(choices[i, 1], 0.0, shared.max_sensing_hz),
+            choices[i, 2],
+        )
+    return (
+        _level(2.0 * (levels[i, 0] + 1.0), shared.min_speed_mps, shared.max_speed_mps),
+        _level(2.0 * (levels[i, 1] + 1.0), 0.0, shared.max_sensing_hz),
+        min(int(1.5 * (levels[i, 2] + 1.0)), 2),
+    )

@@ -12,9 +12,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from homeward.envs import kernel
+from homeward.envs import kernel, reward
+from homeward.envs.actions import action_space, allowed_actions
 from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
-from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.options import OptionError, Options, Setting, settle
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
 from homeward.envs.threads import Threads
 from homeward.physics.jit import announce_first_compilation
@@ -64,9 +65,6 @@ class EnergyLedger(Mapping[str, float]):
 _COLUMN = {cause: column for column, cause in enumerate(CAUSES)}
 
 
-REWARD_TERMS = ("score", "shaping")
-"""Terms of the reward, of which it is the sum."""
-
 INFO_KEYS = ("energy_j", "reward_terms", "score", "cost", "position_m", "home", "stranded")
 """Keys of `info`, of the scalar and the vector environments."""
 
@@ -86,20 +84,13 @@ def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
 
     return {
         "energy_j": dict(zip(CAUSES, told("ledger_j"), strict=True)),
-        "reward_terms": {term: told(f"{term}_reward") for term in REWARD_TERMS},
+        "reward_terms": {term: told(f"{term}_reward") for term in reward.TERMS},
         "score": told("score"),
         "cost": told("cost"),
         "position_m": told("position_m"),
         "home": told("home"),
         "stranded": told("depleted"),
     }
-
-
-def action_space(options: Options) -> spaces.Space[Any]:
-    """Space of one action: speed, sensing rate, and stop / go / return."""
-    if options.action_type == "discrete":
-        return spaces.MultiDiscrete([kernel.LEVELS, kernel.LEVELS, 3])
-    return spaces.Box(-1.0, 1.0, (3,), np.float32)
 
 
 def observation_space() -> spaces.Box:
@@ -116,7 +107,7 @@ class Batch:
         self.setting = settle(options)
         self.count = count
         self.records = _by_cache_lines(count, MISSION_DTYPE)
-        self._robots = np.full(count, self.setting.true_robot.record()[0], ROBOT_DTYPE)
+        self._robots = np.full(count, self.setting.hidden.robot.record()[0], ROBOT_DTYPE)
         self._routes = _by_cache_lines(count, ROUTE_DTYPE)
         self._constants = np.zeros(1, CONSTANTS_DTYPE)
         self._settle()
@@ -138,12 +129,13 @@ class Batch:
 
     def _settle(self) -> None:
         """Lay the setting out as one record for the kernels, and let the setting show it."""
-        setting, constants = self.setting, self._constants[0]
-        constants["shared"], constants["nominal"] = setting.shared[0], setting.robot.record()[0]
-        constants["truth"] = setting.true_robot.record()[0]
-        constants["fixed"], constants["day"] = setting.fixed[0], setting.day
-        views = self._constants
-        self.setting = dataclasses.replace(setting, shared=views["shared"], fixed=views["fixed"], day=views["day"][0])
+        known, hidden, constants = self.setting.known, self.setting.hidden, self._constants[0]
+        constants["shared"], constants["nominal"] = known.shared[0], known.robot.record()[0]
+        constants["hidden"] = hidden.record[0]
+        self.setting = Setting(
+            dataclasses.replace(known, shared=self._constants["shared"]),
+            dataclasses.replace(hidden, record=self._constants["hidden"]),
+        )
 
     @property
     def generators(self) -> Sequence[np.random.Generator]:
@@ -164,6 +156,11 @@ class Batch:
     def routes(self) -> NDArray[np.void]:
         """Routes, `ROUTE_DTYPE`, shape (count,); a setting says how many of their places are used."""
         return self._routes
+
+    @property
+    def constants(self) -> NDArray[np.void]:
+        """Constants of the environment as the kernels have them, `CONSTANTS_DTYPE`, shape (1,), the hidden ones too."""
+        return self._constants
 
     def reset(self, begin: NDArray[np.bool_], observations: NDArray[np.float32]) -> None:
         """Begin new missions where a mask of shape (count,) says so, and write their observations."""
@@ -235,9 +232,4 @@ class Batch:
         return np.ascontiguousarray(array)
 
     def _refuse(self, actions: Any, index: int) -> None:
-        allowed = (
-            f"speed and sensing levels 0 to {kernel.LEVELS - 1} and 0 (stop), 1 (go) or 2 (return)"
-            if self._discrete
-            else "three numbers within [-1, 1]"
-        )
-        raise OptionError(f"action {np.asarray(actions)[index].tolist()} of env {index} is not allowed; give {allowed}")
+        raise OptionError(f"action {np.asarray(actions)[index].tolist()} of env {index} is not allowed; give {allowed_actions(self._discrete)}")

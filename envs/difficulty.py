@@ -1,7 +1,8 @@
-"""What differs from the robot's file on the day, drawn per mission and hidden from the robot."""
+"""How far robots and days differ from their files: one table, from which missions are drawn and agents have priors."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,37 +10,111 @@ import numpy as np
 from homeward.physics.effects import EFFECTS
 from homeward.physics.jit import inline
 
-DIFFICULTIES = ("known", "uncertain", "harsh")
-KNOWN, UNCERTAIN, HARSH = range(3)
-
 _BIT = {effect.id: np.uint64(1 << index) for index, effect in enumerate(EFFECTS)}
 _WIND, _PAYLOAD, _SURFACE = _BIT["wind"], _BIT["payload"], _BIT["surface"]
 
 
-@inline
-def draw(rng: Any, p: Any, base: Any, m: Any, shared: Any) -> None:
-    """Draw the true robot of a mission around a base, as a rule that of the file; `known` draws nothing.
+@dataclass(frozen=True)
+class Uniform:
+    """A number that is anything between two limits.
 
-    The same numbers are taken from the generator at every difficulty, so that a seed means the same day.
+    >>> round(Uniform(0.8, 1.0).deviation, 4)
+    0.0577
     """
-    health, rolling, payload, surface, bias = rng.random(), rng.random(), rng.random(), rng.random(), rng.random()
-    m.capacity_j = shared.full_j
-    m.gauge_bias = 0.0
+
+    low: float
+    high: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def deviation(self) -> float:
+        """Its standard deviation."""
+        return (self.high - self.low) / float(np.sqrt(12.0))
+
+
+@dataclass(frozen=True)
+class Difficulty:
+    """What is hidden from a robot, and how much of it there is.
+
+    Attributes:
+        instruments: What it reads itself with, unless `Options.instruments` says otherwise.
+        health: Capacity of the battery over that of the file.
+        rolling: Rolling resistance over that of the file.
+        payload: Payload over the robot's mass.
+        surface: How much harder the roughest ground rolls, as a share; a robot keeps what its file says beyond that.
+        route_is_known: Whether all of the route and the wind are seen, or two places ahead and a forecast.
+        weather_changes: Whether wind and temperature change on the way (`homeward.envs.weather`).
+    """
+
+    instruments: str
+    health: Uniform
+    rolling: Uniform
+    payload: Uniform
+    surface: Uniform
+    route_is_known: bool
+    weather_changes: bool
+
+
+# The paper gives no ranges; these are chosen. Health: electric vehicles' batteries are retired at 80 % of their capacity
+# (USABC, Electric vehicle battery test procedures manual, 1996). Rolling resistance and payload: what the same robot
+# meets from one path, and one day's load, to the next. Rough ground: at most twice the rolling resistance.
+DIFFICULTY: dict[str, Difficulty] = {
+    "known": Difficulty(
+        instruments="exact",
+        health=Uniform(1.0, 1.0),
+        rolling=Uniform(1.0, 1.0),
+        payload=Uniform(0.0, 0.0),
+        surface=Uniform(0.0, 0.0),
+        route_is_known=True,
+        weather_changes=False,
+    ),
+    "uncertain": Difficulty(
+        instruments="meter",
+        health=Uniform(0.8, 1.0),
+        rolling=Uniform(0.8, 1.3),
+        payload=Uniform(0.0, 0.2),
+        surface=Uniform(0.0, 0.0),
+        route_is_known=False,
+        weather_changes=True,
+    ),
+    "harsh": Difficulty(
+        instruments="gauge",
+        health=Uniform(0.8, 1.0),
+        rolling=Uniform(0.8, 1.3),
+        payload=Uniform(0.0, 0.2),
+        surface=Uniform(0.2, 1.0),
+        route_is_known=False,
+        weather_changes=True,
+    ),
+}
+"""Difficulties by name."""
+
+DIFFICULTIES = tuple(DIFFICULTY)
+
+DRAWN = ("health", "rolling", "payload", "surface")
+"""Numbers of a difficulty that are drawn for each mission."""
+
+
+@inline
+def draw(rng: Any, p: Any, base: Any, m: Any, hidden: Any) -> None:
+    """Draw the true robot of a mission around a base, as a rule that of the file.
+
+    The same numbers are taken from the generator at every difficulty, so that a seed means the same conditions.
+    """
+    drawn = hidden.drawn
+    health, rolling, payload, surface = rng.random(), rng.random(), rng.random(), rng.random()
+    m.capacity_j = hidden.full_j * (drawn.health.low + drawn.health.span * health)
+    m.energy_j = m.capacity_j
     p.effects = base.effects
-    if shared.difficulty >= UNCERTAIN:
-        # Battery health: *U(0.8, 1.0); the gauge shows the share that is left, not the joules.
-        m.capacity_j *= 0.8 + 0.2 * health
-        # Rolling resistance: *U(0.8, 1.3).
-        p.rolling_resistance = base.rolling_resistance * (0.8 + 0.5 * rolling)
-        # Payload: +U(0, 0.2) of the robot's mass.
-        p.payload_mass_kg = base.payload_mass_kg + 0.2 * payload * base.mass_kg
-        # The day's wind is felt.
+    p.rolling_resistance = base.rolling_resistance * (drawn.rolling.low + drawn.rolling.span * rolling)
+    p.payload_mass_kg = base.payload_mass_kg + (drawn.payload.low + drawn.payload.span * payload) * base.mass_kg
+    if hidden.weather_changes:
         p.wind_exposure = max(base.wind_exposure, 1.0)
         p.effects |= _WIND | _PAYLOAD
-    if shared.difficulty >= HARSH:
-        # Rough patches roll up to U(0.2, 1.0) harder.
-        p.surface_gain = max(base.surface_gain, 0.2 + 0.8 * surface)
+    if drawn.surface.low > 0.0:
+        p.surface_gain = max(base.surface_gain, drawn.surface.low + drawn.surface.span * surface)
         p.effects |= _SURFACE
-        # Fuel gauge: misreads what was used by U(-0.15, 0.15).
-        m.gauge_bias = 0.3 * bias - 0.15
-    m.energy_j = m.capacity_j

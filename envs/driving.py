@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs import missions
-from homeward.envs.difficulty import KNOWN
-from homeward.envs.state import RETURN, STOP, SURVEY
+from homeward.envs import sensing, weather
+from homeward.envs.actions import RETURN_DECISIONS
+from homeward.envs.state import PATROL, RETURN, STOP, SURVEY
 from homeward.physics import model
 from homeward.physics.jit import inline
 from homeward.physics.kernel import Conditions, advance, demand
@@ -26,9 +26,16 @@ def decide(
     mode: int,
 ) -> None:
     """Carry out one decision, place by place, until its time is over, the battery is empty or the robot is home."""
-    if mode == RETURN and not m.returning:
-        m.returning, m.direction, m.dwell_s = True, -1.0, 0.0
-        m.home = m.position_m <= 0.0
+    outwards = m.direction
+    heads_home = mode == RETURN and not m.returning
+    if heads_home:
+        m.direction = -1.0
+        m.asked += 1
+        if m.asked >= RETURN_DECISIONS:
+            m.returning, m.dwell_s = True, 0.0
+            m.home = m.position_m <= 0.0
+    elif not m.returning:
+        m.asked = 0
     m.decisions += 1
     m.sensing_hz = sensing_hz
     # The change of speed is spread over the decision.
@@ -38,7 +45,7 @@ def decide(
         speed, dt_s, border_m, crossing = 0.0, left_s, 0.0, False
         if m.dwell_s > 0.0:
             dt_s = min(left_s, m.dwell_s)
-        elif mode != STOP and (m.direction < 0.0 or m.position_m < shared.length_m):
+        elif mode != STOP and _may_drive(m, shared, heads_home and not m.returning):
             border_m = (m.place + (m.direction > 0.0)) * shared.place_m
             ahead_m = m.direction * (border_m - m.position_m)
             if ahead_m <= 0.0:
@@ -48,7 +55,7 @@ def decide(
             crossing = ahead_m <= speed * left_s
             if crossing:
                 dt_s = ahead_m / speed
-        x = _conditions(m, m.here, speed, sensing_hz, accel, m.here.headwind_mps, m.direction)
+        x = _conditions(m, m.here, speed, sensing_hz, accel, weather.headwind(m, m.here), m.direction)
         passed_s = advance(p, m, x, dt_s)
         left_s -= passed_s
         m.dwell_s = max(m.dwell_s - passed_s, 0.0)
@@ -59,6 +66,16 @@ def decide(
         _account(m, nominal, shared, x, passed_s, new_m)
         if crossing:
             _cross(m, route, nominal, shared)
+    if heads_home and not m.returning and m.direction < 0.0:
+        m.direction = outwards
+
+
+@inline
+def _may_drive(m: Any, shared: Any, heads_home_for_now: bool) -> Any:
+    """Whether there is a way ahead: not beyond the end of the route, nor out again while a return is asked for."""
+    if heads_home_for_now:
+        return m.direction < 0.0 and m.position_m > 0.0
+    return m.direction < 0.0 or m.position_m < shared.length_m
 
 
 @inline
@@ -66,7 +83,7 @@ def _cross(m: Any, route: Any, nominal: Any, shared: Any) -> None:
     """Pass the border ahead: into the next place, or to an end of the route."""
     ahead = m.place + (1 if m.direction > 0.0 else -1)
     if ahead < 0 or ahead == shared.places:
-        missions.arrive(m, shared)
+        _arrive(m, shared)
         return
     m.place = ahead
     if m.place == m.mapped:
@@ -76,19 +93,32 @@ def _cross(m: Any, route: Any, nominal: Any, shared: Any) -> None:
 
 
 @inline
+def _arrive(m: Any, shared: Any) -> None:
+    """Reach an end of the route: home ends a mission that returns, and a patrol turns round after a pit stop."""
+    if shared.mission == PATROL and (m.position_m > 0.0 or m.legs % 2.0 == 1.0):
+        m.legs += 1.0
+    if m.returning:
+        m.home = m.position_m <= 0.0
+    elif shared.mission == PATROL:
+        m.dwell_s = shared.pit_stop_s
+        m.direction = -m.direction
+
+
+@inline
 def map_place(m: Any, place: Any, believed: Any, shared: Any, home_cost_j: float) -> None:
-    """See the place that the robot comes to for the first time, and cost it by its own model."""
-    place.home_cost_j, place.headwind_mps = home_cost_j, 0.0
-    if m.wind_mps > 0.0:
-        place.headwind_mps = model.headwind(m.wind_mps, m.wind_from_rad, place.east, place.north)
+    """Cost the place that the robot comes to for the first time by its own model and the grade that it reads."""
+    place.home_cost_j = home_cost_j
     cruise = shared.cruise_mps
-    headwind = float(place.headwind_mps) if shared.difficulty == KNOWN else 0.0
+    headwind = weather.headwind(m, place) if shared.route_is_known else 0.0
     # The model's powers are worked out in the mission's own record, as if its windings were cold and its clock at 0.
     kept = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.traction_n, m.drive_w, m.power_w
     m.time_s, m.step_s, m.speed_mps, m.winding_k = 0.0, shared.decision_s, cruise, 0.0
+    true_sine = place.sin_grade
+    place.sin_grade = place.sine_read
     standing_w = demand(believed, m, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0))
     out_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
     home_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
+    place.sin_grade = true_sine
     m.time_s, m.step_s, m.speed_mps, m.winding_k, m.traction_n, m.drive_w, m.power_w = kept
     place.standing_w = standing_w
     place.out_j_per_m = (out_w - standing_w) / cruise
@@ -106,8 +136,8 @@ def _account(m: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: 
     sensing_w = model.ancillary_power(nominal, x.sensing_hz) - model.ancillary_power(nominal, 0.0)
     m.modelled_j += (max(drive_j_per_m, 0.0) * x.speed_mps + here.standing_w + sensing_w) * passed_s
     if shared.mission == SURVEY:
-        missions.sense(m, here, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
-        missions.transmit(m, shared, x.speed_mps > 0.0, passed_s)
+        sensing.sense(m, here, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
+        sensing.transmit(m, shared, x.speed_mps > 0.0, passed_s)
 
 
 @inline

@@ -1,4 +1,7 @@
-"""The observation: one table of named features, and nothing in it that the robot cannot know."""
+"""The observation: one table of named features, and nothing in it that the robot cannot know.
+
+Energies are read by the robot's instruments (`homeward.envs.instruments`); ways and loads are costed by its own model.
+"""
 
 from __future__ import annotations
 
@@ -6,31 +9,47 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs.difficulty import KNOWN
-from homeward.envs.missions import fading
+from homeward.envs.actions import RETURN_DECISIONS
+from homeward.envs.sensing import fading
+from homeward.envs.state import AHEAD, IN_SIGHT
 from homeward.physics.jit import inline
 
+GAINS = (10.0, 40.0, 100.0)
+"""Gains at which margins are shown once more, cut at -1 and 1: a hundredth of the battery decides about the turn, and on
+the scale of the whole battery a network hardly sees it."""
+_DRAWN = 0.05
+"""Share of the battery, both used and modelled, with which the consumption is drawn to that of the model."""
+_STRETCHES = tuple(
+    (first, f"places {first} to {last - 1} from here outwards, {'seen' if k < IN_SIGHT else 'known or forecast'}")
+    for k, (first, last) in enumerate(AHEAD)
+)
+
 FEATURES: tuple[tuple[str, str, str], ...] = (
-    ("energy", "usable energy", "energy left by the fuel gauge"),
+    ("energy", "usable energy", "state of charge by the gauge"),
+    ("metered", "usable energy", "state of charge by the power meter, which learns from the gauge what a battery holds"),
+    ("power", "cruise power", "mean power of the last decision by the power meter"),
     ("distance", "reach", "distance from home"),
     ("home_cost", "usable energy", "energy to get home over the ground already driven, by the robot's own model"),
-    ("margin", "usable energy", "energy minus home_cost: the d_max margin"),
-    ("consumption", "1", "used by the gauge over used by the robot's own model, minus 1, within [-1, 1]"),
+    ("margin", "usable energy", "metered minus home_cost: the d_max margin"),
+    *((f"margin_{gain:g}", "-1 to 1", f"the same times {gain:g}, cut at -1 and 1") for gain in GAINS),
+    ("corrected", "usable energy", "metered minus home_cost times 1 + consumption"),
+    *((f"corrected_{gain:g}", "-1 to 1", f"the same times {gain:g}, cut at -1 and 1") for gain in GAINS),
+    ("consumption", "1", "metered use over the model's, both drawn to each other by 0.05, minus 1, within [-1, 1]"),
     ("modelled", "usable energy", "used so far by the robot's own model"),
-    ("returning", "1", "1 once the return has begun"),
+    ("returning", "1", "1 once the return is final; before, the share of the decisions in a row that it takes"),
     ("outbound", "1", "1 if the next metre leads away from home, -1 if towards it"),
-    ("speed", "top speed", "speed of the last decision"),
+    ("speed", "top speed", "speed of the last decision, as it is read"),
     ("sensing", "top rate", "sensing rate of the last decision"),
-    ("grade", "sine 0.1", "slope here in the direction of travel"),
-    ("grade_near", "sine 0.1", "mean slope of the next two places outwards"),
-    ("grade_far", "sine 0.1", "mean slope of the eight places beyond, 0 unless the route is known"),
+    ("grade", "sine 0.1", "slope here in the direction of travel, as it is read"),
+    *((f"grade_{first}", "sine 0.1", f"mean slope of {where}") for first, where in _STRETCHES),
     ("grade_mean", "sine 0.1", "mean slope of the whole route, known beforehand"),
     ("interest", "2", "interest here"),
-    ("interest_near", "2", "mean interest of the next two places outwards"),
-    ("interest_far", "2", "mean interest of the eight places beyond, 0 unless the route is known"),
+    *((f"interest_{first}", "2", f"mean interest of {where}") for first, where in _STRETCHES),
     ("backlog", "memory", "samples on board"),
     ("link", "1", "share of its rate that the radio keeps here"),
-    ("headwind", "10 m/s", "wind against the direction of travel, 0 unless known"),
+    ("headwind", "10 m/s", "wind against the direction of travel, by the forecast"),
+    ("forecast_east", "10 m/s", "forecast of the wind at the start, where it comes from: its part towards east"),
+    ("forecast_north", "10 m/s", "its part towards north"),
     ("east", "1", "direction of travel, as the compass has it: its part towards east"),
     ("north", "1", "its part towards north"),
     ("temperature", "20 K", "air temperature above 10 C"),
@@ -45,16 +64,24 @@ INDEX = {name: index for index, name in enumerate(NAMES)}
 LIMIT = 10.0
 """Bound of every feature; values are cut there."""
 
+_AT = {name: INDEX[f"{name}_{AHEAD[0][0]}"] for name in ("grade", "interest")}
 
-OBSERVATION_DTYPE = np.dtype([(name, np.float32) for name in NAMES], align=True)
+
+def _row_dtype() -> np.dtype[np.void]:
+    """One observation as a record: a field a feature, and one for each profile of the way ahead."""
+    fields: list[Any] = []
+    for name in NAMES:
+        kind, _, first = name.rpartition("_")
+        if kind in _AT and first.isdigit():
+            if first == str(AHEAD[0][0]):
+                fields.append((f"{kind}_ahead", np.float32, (len(AHEAD),)))
+        else:
+            fields.append((name, np.float32))
+    return np.dtype(fields, align=True)
+
+
+OBSERVATION_DTYPE = _row_dtype()
 """One observation as a record; as an array it has shape (len(FEATURES),)."""
-
-
-@inline
-def gauge_energy(m: Any, shared: Any) -> Any:
-    """Energy that the robot believes to have left, J: the gauge's share times what a full battery should hold."""
-    used = (1.0 - m.energy_j / m.capacity_j) * (1.0 + m.gauge_bias)
-    return shared.usable_j * max(1.0 - used, 0.0)
 
 
 @inline
@@ -64,42 +91,50 @@ def home_cost(m: Any, shared: Any) -> Any:
 
 
 @inline
-def observe(m: Any, shared: Any, energy_j: float, cost_j: float, out: Any) -> None:
+def _cut(value: Any, most: float) -> Any:
+    return min(max(value, -most), most)
+
+
+@inline
+def observe(m: Any, shared: Any, cost_j: float, out: Any) -> None:
     """Write the features of a mission.
 
     Args:
         m: Mission record.
         shared: Shared record.
-        energy_j: Energy by the gauge, J.
         cost_j: Energy to get home, J.
         out: Observation record, written.
     """
-    place, per_usable = m.here, shared.per_usable_j
-    out.energy = energy_j * per_usable
+    place = m.here
+    cost, modelled = cost_j * shared.per_usable_j, m.modelled_j * shared.per_usable_j
+    margin = m.metered - cost
+    ratio = (1.0 - m.metered + _DRAWN) / (modelled + _DRAWN)
+    corrected = m.metered - cost * ratio
+    out.energy, out.metered = m.soc, m.metered
+    out.power = _cut(m.read_w * shared.per_cruise_w, LIMIT)
     out.distance = min(m.position_m * shared.per_reach_m, LIMIT)
-    out.home_cost = min(cost_j * per_usable, LIMIT)
-    out.margin = max((energy_j - cost_j) * per_usable, -LIMIT)
-    consumption = 0.0
-    if m.modelled_j > 0.0:
-        consumption = min(max((shared.usable_j - energy_j) / m.modelled_j - 1.0, -1.0), 1.0)
-    out.consumption = consumption
-    out.modelled = min(m.modelled_j * per_usable, LIMIT)
-    out.returning = m.returning
+    out.home_cost = min(cost, LIMIT)
+    out.margin, out.corrected = max(margin, -LIMIT), max(corrected, -LIMIT)
+    out.margin_10, out.corrected_10 = _cut(10.0 * margin, 1.0), _cut(10.0 * corrected, 1.0)
+    out.margin_40, out.corrected_40 = _cut(40.0 * margin, 1.0), _cut(40.0 * corrected, 1.0)
+    out.margin_100, out.corrected_100 = _cut(100.0 * margin, 1.0), _cut(100.0 * corrected, 1.0)
+    out.consumption = _cut(ratio - 1.0, 1.0)
+    out.modelled = min(modelled, LIMIT)
+    out.returning = 1.0 if m.returning else m.asked / RETURN_DECISIONS
     out.outbound = m.direction
-    out.speed = m.speed_mps * shared.per_max_speed
+    out.speed = m.read_mps * shared.per_max_speed
     out.sensing = m.sensing_hz * shared.per_max_sensing
-    out.grade = 10.0 * m.direction * place.sin_grade
-    out.grade_near = 10.0 * place.grade_near
-    out.grade_far = 10.0 * place.grade_far
+    out.grade = 10.0 * m.direction * place.sine_read
+    for k in range(len(AHEAD)):
+        out.grade_ahead[k] = 10.0 * place.sine_ahead[k]
+        out.interest_ahead[k] = min(0.5 * place.interest_ahead[k], LIMIT)
     out.grade_mean = 10.0 * m.mean_grade
     out.interest = min(0.5 * place.interest, LIMIT)
-    out.interest_near = min(0.5 * place.interest_near, LIMIT)
-    out.interest_far = min(0.5 * place.interest_far, LIMIT)
     out.backlog = m.backlog * shared.per_backlog
     out.link = 1.0 / fading(m.position_m, shared.per_link_m)
-    out.headwind = 0.0
-    if shared.difficulty == KNOWN:
-        out.headwind = min(max(0.1 * m.direction * place.headwind_mps, -LIMIT), LIMIT)
+    against = m.forecast_east_mps * place.east + m.forecast_north_mps * place.north
+    out.headwind = _cut(0.1 * m.direction * against, LIMIT)
+    out.forecast_east, out.forecast_north = 0.1 * m.forecast_east_mps, 0.1 * m.forecast_north_mps
     out.east = m.direction * place.east
     out.north = m.direction * place.north
     out.temperature = 0.05 * (m.temperature_c - 10.0)

@@ -12,16 +12,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.difficulty import DIFFICULTIES, KNOWN
+from homeward.envs.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty
+from homeward.envs.instruments import InstrumentError, Instruments, load_instruments
 from homeward.envs.route_files import load_route
-from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route, RouteError
-from homeward.envs.state import INVERSES, MAX_PLACES, OUT_AND_BACK, PATROL, ROUTE_DTYPE, SHARED_DTYPE, SURVEY
-from homeward.physics import Robot, d_max, load_robot, optimal_speed
+from homeward.envs.routes import GENERATED, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
+from homeward.envs.state import (
+    DRAWN_DTYPE,
+    HIDDEN_DTYPE,
+    INVERSES,
+    MAX_PLACES,
+    OUT_AND_BACK,
+    PATROL,
+    ROUTE_DTYPE,
+    SHARED_DTYPE,
+    SURVEY,
+)
+from homeward.physics import Robot, ancillary_power, d_max, load_robot, optimal_speed
 from homeward.physics.bounds import Bounds
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")
 SHAPINGS = ("dmax", "none")
+_SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
 _PLACES, _PATROL_PLACES = 32, 4
 _DECISIONS = 200
@@ -38,8 +50,6 @@ _MOST_CROSSINGS = 10_000
 _LONGEST = {OUT_AND_BACK: 4.0, SURVEY: 4.0, PATROL: 1.0}
 """Longest route, over d_max. From half a d_max a robot comes home: of a way of four d_max, cut into `MAX_PLACES`, that
 is eight places, and on a longer one it would hardly leave the first. A patrol must at least see its far post."""
-_TYPICAL_INTEREST = 1.23
-"""Mean interest of generated routes, measured over 2,000 of them."""
 _HALF_INFORMATION = 0.25
 """Samples per metre that yield half of the information there, over those of the fastest rate at cruise. Chosen so that
 the five sensing levels yield 0, 1/2, 2/3, 3/4 and 4/5 at cruise: the first is worth much, the last little."""
@@ -75,15 +85,18 @@ class Options:
         route: `generated`, `hidden_wind` (generated, with a wind that helps on the way out and hurts on the way home),
             the name of a profile that ships, the path of a CSV profile or of a track (GPX, FIT, or CSV with positions),
             or a `Route`. Wind is felt by robots with the effect `wind`: from `uncertain` on, by all.
-        difficulty: `known` (as in the files, route seen), `uncertain` (battery health, rolling resistance, payload and
-            headwind hidden, route seen a little ahead) or `harsh` (also rough patches and a biased fuel gauge).
+        difficulty: `known` (as in the files, route and wind known), `uncertain` (battery health, rolling resistance,
+            payload and wind hidden, the weather changes, the route is seen a little ahead and forecast beyond) or
+            `harsh` (also rough patches); see `homeward.envs.difficulty`.
+        instruments: What the robot reads itself with: `exact`, `meter`, `gauge`, the path of a TOML file with sizes, or
+            `Instruments`; by default what its difficulty has: these three in turn.
         action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).
         shaping: `dmax` (potential-based, from d_max) or `none` (the score on coming home, and nothing else).
         discount: Discount factor that the shaping is consistent with, in (0, 1].
         decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts at cruise, and
             between a 20,000th and a fifth of it.
         true_robot: The robot that really drives, where it is not `robot`, which the robot then only takes itself for:
-            its map home, its gauge and its commands are those of `robot`, what it consumes is not.
+            its map home and its commands are those of `robot`, what it consumes is not.
         scaled_for: The robot that lengths, times and memory are scaled for, where it is not `robot`: robots that differ
             then meet the same routes and limits.
 
@@ -95,6 +108,7 @@ class Options:
     robot: str | Path | Robot = "rusti_computer"
     route: str | Path | Route = GENERATED
     difficulty: str = "uncertain"
+    instruments: str | Path | Instruments | None = None
     action_type: str = "discrete"
     shaping: str = "dmax"
     discount: float = 0.9995
@@ -112,6 +126,11 @@ class Options:
             if not isinstance(value, str) or value not in allowed:
                 raise OptionError(f"{name} = {value!r} is not allowed; choose from {', '.join(allowed)}")
         object.__setattr__(self, "discount", _number("discount", self.discount, 1.0))
+        if self.instruments is not None:
+            try:
+                load_instruments(self.instruments)
+            except InstrumentError as error:
+                raise OptionError(str(error)) from None
         if self.decision_s is not None:
             object.__setattr__(self, "decision_s", _number("decision_s", self.decision_s, 1e9))
 
@@ -143,14 +162,41 @@ def _number(name: str, value: Any, most: float) -> float:
 
 
 @dataclass(frozen=True)
-class Setting:
-    """An environment's constants: robots, `SHARED_DTYPE` record (1,), a given route and its day."""
+class Known:
+    """What an agent may know of its environment: no more than the robot does.
 
-    robot: Robot  # as its file says, and as it takes itself to be
-    true_robot: Robot  # that really drives; hidden from agents
+    Attributes:
+        robot: As its file says, and as it takes itself to be.
+        shared: `SHARED_DTYPE`, shape (1,).
+        difficulty: How far robots and days differ from their files.
+        instruments: What the robot reads itself with.
+    """
+
+    robot: Robot
     shared: NDArray[np.void]
-    fixed: NDArray[np.void]  # (1,), `ROUTE_DTYPE`
-    day: NDArray[np.float64]  # (3,): temperature, wind, its direction
+    difficulty: Difficulty
+    instruments: Instruments
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """What no agent may know.
+
+    Attributes:
+        robot: The one that really drives, around which those of missions are drawn.
+        record: `HIDDEN_DTYPE`, shape (1,).
+    """
+
+    robot: Robot
+    record: NDArray[np.void]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """An environment's constants: what agents get, and what they do not."""
+
+    known: Known
+    hidden: Hidden
 
 
 def settle(options: Options) -> Setting:
@@ -161,7 +207,7 @@ def settle(options: Options) -> Setting:
     decisions with any robot.
 
     Raises:
-        RobotError, RouteError, OptionError: An option cannot be used.
+        RobotError, RouteError, OptionError, InstrumentError: An option cannot be used.
     """
     robot = load_robot(options.robot)
     truth, scale = (robot if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
@@ -178,20 +224,29 @@ def settle(options: Options) -> Setting:
 
     length_m = 4.0 * cruise * decision_s if mission == PATROL else reach_m
     places = _PATROL_PLACES if mission == PATROL else _PLACES
-    fixed, day, interest = np.zeros(1, ROUTE_DTYPE), np.array([20.0, 0.0, 0.0]), _TYPICAL_INTEREST
+    difficulty = DIFFICULTY[options.difficulty]
+    instruments = load_instruments(difficulty.instruments if options.instruments is None else options.instruments)
+    hidden, interest = np.zeros(1, HIDDEN_DTYPE), MEAN_INTEREST
+    h = hidden[0]
     if not generated:
         route = options.route if isinstance(options.route, Route) else load_route(options.route, length_m / places)
         _check_route(route, scale, mission, range_m, decision_s)
-        _write(route, fixed)
+        _write(route, h["fixed"])
         places, length_m, interest = len(route.grade_rad), route.length_m, float(route.interest.mean())
-        day = np.array([route.temperature_c, route.wind_mps, route.wind_from_rad])
+        for name in ("temperature_c", "wind_mps", "wind_from_rad"):
+            h[name] = getattr(route, name)
     pit_stop_s = 0.5 * length_m / cruise if mission == PATROL else 0.0
+    h["truth"], h["full_j"] = truth.record()[0], truth.usable_energy_j
+    h["generated"], h["hidden_wind"] = generated, generated and options.route == HIDDEN_WIND
+    h["own_robots"] = difficulty.weather_changes or truth is not robot
+    h["weather_changes"] = difficulty.weather_changes
+    for name in DRAWN_DTYPE.names or ():
+        drawn = getattr(difficulty, name)
+        h["drawn"][name] = drawn.low, drawn.high - drawn.low
 
     shared = np.zeros(1, SHARED_DTYPE)
     s = shared[0]
-    s["mission"], s["difficulty"] = mission, DIFFICULTIES.index(options.difficulty)
-    s["own_robots"] = s["difficulty"] > KNOWN or truth is not robot
-    s["generated"], s["hidden_wind"] = generated, generated and options.route == HIDDEN_WIND
+    s["mission"], s["route_is_known"] = mission, difficulty.route_is_known
     s["shaped"], s["discrete"] = options.shaping == "dmax", options.action_type == "discrete"
     s["max_decisions"] = int(np.ceil(2.0 * lasts_s / decision_s))
     s["decision_s"], s["discount"] = decision_s, options.discount
@@ -199,7 +254,7 @@ def settle(options: Options) -> Setting:
     s["max_sensing_hz"] = robot.max_sensing_hz
     s["places"], s["length_m"], s["place_m"], s["reach_m"] = places, length_m, length_m / places, reach_m
     s["usable_j"], s["cruise_mps"] = robot.usable_energy_j, float(optimal_speed(robot))
-    s["full_j"] = truth.usable_energy_j
+    s["cruise_w"] = robot.usable_energy_j * s["cruise_mps"] / d_max(robot)
     s["saturation_per_m"] = _HALF_INFORMATION * scale.max_sensing_hz / cruise
     s["backlog_limit"] = _MEMORY * scale.max_sensing_hz * lasts_s
     s["radio_hz"], s["link_m"] = _RADIO * scale.max_sensing_hz, _LINK * reach_m
@@ -220,9 +275,27 @@ def settle(options: Options) -> Setting:
             "route has no interest anywhere, so a survey cannot score; give some place an interest above 0"
         )
     s["score_scale"] = (half_m, half_m * s["information_per_m"], half_m / length_m)[mission]
+    _write_instruments(instruments, robot, difficulty, s)
     for inverse, name in INVERSES.items():
-        s[inverse] = 1.0 / s[name]
-    return Setting(robot, truth, shared, fixed, day)
+        s[inverse] = 1.0 / s[name] if s[name] else 0.0
+    return Setting(Known(robot, shared, difficulty, instruments), Hidden(truth, hidden))
+
+
+def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Difficulty, s: Any) -> None:
+    s["inexact"] = instruments != Instruments()
+    for name in ("soc_step", "soc_noise", "power_gain", "power_noise", "speed_noise", "grade_noise"):
+        s[name] = getattr(instruments, name)
+    s["soc_follows"] = 1.0 - np.exp(-s["decision_s"] / instruments.soc_lag_s) if instruments.soc_lag_s else 1.0
+    fastest = np.array([robot.max_speed_mps])
+    full_w = robot.usable_energy_j * fastest / d_max(robot, fastest) + float(
+        ancillary_power(robot, robot.max_sensing_hz) - ancillary_power(robot, 0.0)
+    )
+    s["power_offset_w"] = instruments.power_offset * full_w[0]
+    # A metered joule is 1 / (health * gain) of what the file says of a joule: mean and deviation to first order.
+    health = difficulty.health
+    s["soc_per_metered"] = (1.0 + (health.deviation / health.mean) ** 2) / health.mean
+    deviation = float(s["soc_per_metered"]) * np.hypot(health.deviation / health.mean, instruments.power_gain / _SQRT_3)
+    s["soc_prior"] = instruments.soc_variance / deviation**2 if deviation > 0.0 else 1e12
 
 
 def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:
@@ -252,11 +325,11 @@ def _check_route(route: Route, robot: Robot, mission: int, range_m: float, decis
         )
 
 
-def _write(route: Route, target: NDArray[np.void]) -> None:
+def _write(route: Route, target: Any) -> None:
     count = len(route.grade_rad)
     if count > MAX_PLACES:
         raise OptionError(f"route has {count} places; give at most {MAX_PLACES}")
-    places = target["places"][0, :count]
+    places = target["places"][:count]
     places["sin_grade"] = np.sin(route.grade_rad)
     places["roughness"], places["interest"] = route.roughness, route.interest
     places["curvature_per_m"] = route.curvature_per_m

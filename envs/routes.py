@@ -93,7 +93,11 @@ class Route:
 
 KNOTS = 8
 """Pieces of a generated route: grade is linear and curvature constant between knots."""
-HOT_SPOTS = 6
+INTEREST_LENGTH = 0.1
+"""Length over which interest is correlated, over that of the route. Chosen so that what is sensed tells of what comes
+next, and there is a good deal of different ground on the way."""
+MEAN_INTEREST, INTEREST_DEVIATION = 1.23, 1.0
+"""Mean of the interest, and standard deviation of its logarithm: a fifth of the ground has over half of it."""
 
 
 @inline
@@ -110,8 +114,8 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
 
     Further:
 
-    * interest: 0.3 everywhere, and six hot spots anywhere of height U(0.5, 3.5) and half width U(0.03, 0.09) of the
-      route, falling as a parabola;
+    * interest: log-normal of mean 1.23; its logarithm is a Gaussian process of deviation 1 whose correlation falls as
+      exp(-distance / a tenth of the route);
     * temperature: N(12, 8) within -10 to 35 C; wind: Rayleigh of scale 1.5 m/s from any direction.
 
     In the case `hidden_wind` the wind of U(3, 6) m/s blows along the way out: the robot drives home against it.
@@ -119,6 +123,8 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
     mean_grade, heading = 0.02 * rng.standard_normal(), 2.0 * np.pi * rng.random()
     slope, turn, roughness = rng.standard_normal(), rng.standard_normal(), 0.0
     sine = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
+    keeps = np.exp(-1.0 / (INTEREST_LENGTH * count))
+    new, weight = np.sqrt(1.0 - keeps * keeps), rng.standard_normal()
     first = 0
     for knot in range(KNOTS):
         # The new part of an autoregressive step that keeps half: sqrt(1 - 0.5^2).
@@ -141,19 +147,11 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
             place.roughness = roughness
             place.curvature_per_m = curvature
             place.east, place.north = east, north
-            place.interest = 0.3
+            place.interest = MEAN_INTEREST * np.exp(INTEREST_DEVIATION * (weight - 0.5 * INTEREST_DEVIATION))
+            weight = keeps * weight + new * rng.standard_normal()
             heading += bend
             east, north = east * cos_bend - north * sin_bend, north * cos_bend + east * sin_bend
         sine, first = after, last
-    for _ in range(HOT_SPOTS):
-        height, half_width, centre = (
-            0.5 + 3.0 * rng.random(),
-            (0.03 + 0.06 * rng.random()) * count,
-            count * rng.random(),
-        )
-        for k in range(max(int(centre - half_width), 0), min(int(centre + half_width) + 1, count)):
-            offset = (k + 0.5 - centre) / half_width
-            route.places[k].interest += height * max(1.0 - offset * offset, 0.0)
     m.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
     strength, direction = rng.random(), rng.random()
     m.wind_mps = 1.5 * np.sqrt(-2.0 * np.log(1.0 - strength))

@@ -8,7 +8,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.batch import Batch, EnergyLedger, action_space, info_of, observation_space
+from homeward.envs.actions import action_space
+from homeward.envs.batch import Batch, EnergyLedger, info_of, observation_space
 from homeward.envs.options import parse_options
 from homeward.envs.viewer.viewer import FRAMES_PER_S, MODES, Viewer
 
@@ -39,7 +40,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         self.render_mode = render_mode
         self.options = parse_options({"mission": mission, **options}, ("render_mode",))
         self.observation_space: Any = observation_space()
-        self.action_space = action_space(self.options)
+        self.action_space = action_space(self.options.action_type == "discrete")
         self.batch = Batch(self.options, 1)
         self._viewer = None if render_mode is None else Viewer(self.batch, render_mode)
         self._live = info_of(self.batch.records)

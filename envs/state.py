@@ -10,33 +10,35 @@ from homeward.physics.robot import ROBOT_DTYPE
 OUT_AND_BACK, SURVEY, PATROL = range(3)
 STOP, GO, RETURN = range(3)
 
+AHEAD = ((1, 2), (2, 3), (3, 5), (5, 9), (9, 17), (17, 33), (33, 65))
+"""Stretches of the way ahead whose mean grade and interest are observed: first and after-last place from here. The
+farther, the coarser; together they hold the longest route."""
+IN_SIGHT = 2
+"""Stretches that are seen; beyond, there is a forecast, unless the route is known."""
+
 PLACE_DTYPE = np.dtype(
     [
-        (name, np.float32)
-        for name in (
-            # The ground, as the route is drawn or read.
-            "sin_grade",  # along the way out
-            "roughness",
-            "curvature_per_m",
-            "east",  # direction of the way out, as a unit vector
-            "north",
-            "interest",
-            "grade_near",  # mean ahead, within sight
-            "interest_near",
-            "grade_far",  # mean ahead, beyond it; 0 unless the route is known
-            "interest_far",
-            # What the mission knows once the robot has come here.
-            "headwind_mps",  # along the way out, on this day
-            "home_cost_j",  # from the start of this place home; this and the rest by the robot's own model
-            "home_j_per_m",  # towards home, all power
-            "back_j_per_m",  # towards home, drive only
-            "out_j_per_m",  # away from home, drive only
-            "standing_w",  # standing here, nothing sensed
-        )
+        # The ground, as the route is drawn or read.
+        ("sin_grade", np.float32),  # along the way out
+        ("roughness", np.float32),
+        ("curvature_per_m", np.float32),
+        ("east", np.float32),  # direction of the way out, as a unit vector
+        ("north", np.float32),
+        ("interest", np.float32),
+        # What the robot reads and, once it has come here, works out.
+        ("sine_read", np.float32),  # of the grade
+        ("home_cost_j", np.float32),  # from the start of this place home; this and the rest by the robot's own model
+        ("home_j_per_m", np.float32),  # towards home, all power
+        ("back_j_per_m", np.float32),  # towards home, drive only
+        ("out_j_per_m", np.float32),  # away from home, drive only
+        ("standing_w", np.float32),  # standing here, nothing sensed
+        ("unused", np.float32, (6,)),  # to the end of the second line
+        ("sine_ahead", np.float32, (len(AHEAD),)),  # means, as they are seen or forecast from here
+        ("interest_ahead", np.float32, (len(AHEAD),)),
     ],
     align=True,
 )
-"""One place of a route: one line of the processor's cache, as a robot that comes to it has to wait for each."""
+"""One place of a route: two lines of the processor's cache, as a robot that comes to it has to wait for each."""
 
 MISSION_DTYPE = np.dtype(
     [
@@ -51,10 +53,31 @@ MISSION_DTYPE = np.dtype(
         ("delivered", np.float64),  # information sent home by radio
         ("lost", np.float64),  # information that did not fit on board
         ("modelled_j", np.float64),  # what the robot's own model says it has used
-        ("gauge_bias", np.float64),  # share by which the fuel gauge misreads what was used
-        ("temperature_c", np.float64),  # air, on this day
-        ("wind_mps", np.float64),
+        # Weather (`homeward.envs.weather`).
+        ("temperature_c", np.float64),  # air, now
+        ("warming_k", np.float64),  # in a decision
+        ("wind_mps", np.float64),  # mean of the mission, and where it comes from
         ("wind_from_rad", np.float64),
+        ("mean_east_mps", np.float64),  # the same as a vector, towards where it comes from
+        ("mean_north_mps", np.float64),
+        ("gust_east_mps", np.float64),  # what the wind now has beyond its mean
+        ("gust_north_mps", np.float64),
+        ("gust_keeps", np.float64),  # share of it that a decision leaves, and what it adds
+        ("gust_kick", np.float64),
+        ("forecast_east_mps", np.float64),  # of the wind at the start
+        ("forecast_north_mps", np.float64),
+        # Instruments (`homeward.envs.instruments`): what is wrong with them, and what they read.
+        ("meter_gain", np.float64),
+        ("meter_offset_w", np.float64),
+        ("soc_followed", np.float64),  # state of charge that the gauge has come to
+        ("sum_used_metered", np.float64),  # sums over the readings, to learn the battery's energy by the meter
+        ("sum_metered_squared", np.float64),
+        ("soc", np.float64),  # read
+        ("metered", np.float64),  # state of charge by the meter
+        ("metered_j", np.float64),  # energy by the meter since the start
+        ("read_w", np.float64),
+        ("read_mps", np.float64),
+        ("key", np.uint64),  # that weather and noise follow from (`homeward.envs.draws`)
         ("mean_grade", np.float64),  # sine of the route's mean slope, known beforehand
         ("sensing_hz", np.float64),  # in the decision before
         ("potential", np.float64),  # of the state, for the shaping
@@ -65,7 +88,8 @@ MISSION_DTYPE = np.dtype(
         ("place", np.int64),  # index of the place that the robot is in
         ("mapped", np.int64),  # places whose cost is known: those driven
         ("decisions", np.int64),
-        ("returning", np.bool_),
+        ("asked", np.int64),  # decisions in a row that have asked for the return
+        ("returning", np.bool_),  # for good
         ("home", np.bool_),
         ("over", np.bool_),
         ("here", PLACE_DTYPE),  # copy of the place that the robot is in
@@ -95,16 +119,16 @@ INVERSES = {
     "per_decision": "decision_s",
     "per_energy_per_m": "energy_per_m",
     "per_place_m": "place_m",
+    "per_soc_step": "soc_step",
+    "per_cruise_w": "cruise_w",
 }
 """Fields of the shared record that hold the inverse of another: a step has no time for divisions."""
 
 SHARED_DTYPE = np.dtype(
     [
         ("mission", np.int64),
-        ("difficulty", np.int64),
-        ("own_robots", np.bool_),  # whether missions have true robots that are not the one of the file
-        ("hidden_wind", np.bool_),
-        ("generated", np.bool_),
+        ("route_is_known", np.bool_),
+        ("inexact", np.bool_),  # whether instruments have errors
         ("shaped", np.bool_),
         ("discrete", np.bool_),
         ("max_decisions", np.int64),
@@ -117,7 +141,7 @@ SHARED_DTYPE = np.dtype(
         ("length_m", np.float64),  # of the route
         ("reach_m", np.float64),  # distance scale of the observation
         ("usable_j", np.float64),  # of a full battery, as the robot believes
-        ("full_j", np.float64),  # the same in truth, before the day's battery health
+        ("cruise_w", np.float64),  # power that drives this battery empty at cruise
         ("cruise_mps", np.float64),  # speed at which the way home is costed
         ("energy_per_m", np.float64),  # of the robot's own model, from d_max
         ("saturation_per_m", np.float64),  # samples per metre that give half of the information
@@ -129,19 +153,49 @@ SHARED_DTYPE = np.dtype(
         ("score_scale", np.float64),  # score of a good mission
         ("discount", np.float64),
         ("drag_j_per_m", np.float64),  # drive energy per metre against drag at 1 m/s, by the robot's own model
+        # Sizes of the instruments' errors, see `homeward.envs.instruments`.
+        ("soc_step", np.float64),
+        ("soc_noise", np.float64),
+        ("soc_follows", np.float64),  # share of its distance that the gauge goes towards the truth in a decision
+        ("power_gain", np.float64),
+        ("power_offset_w", np.float64),
+        ("power_noise", np.float64),
+        ("speed_noise", np.float64),
+        ("grade_noise", np.float64),
+        ("soc_per_metered", np.float64),  # expected: state of charge used over energy by the meter, as shares
+        ("soc_prior", np.float64),  # weight of that, as a sum of squares of metered shares
         *((name, np.float64) for name in INVERSES),
     ],
     align=True,
 )
 """What all missions of an environment share."""
 
+UNIFORM_DTYPE = np.dtype([("low", np.float64), ("span", np.float64)])
+DRAWN_DTYPE = np.dtype([(name, UNIFORM_DTYPE) for name in ("health", "rolling", "payload", "surface")])
+
+HIDDEN_DTYPE = np.dtype(
+    [
+        ("own_robots", np.bool_),  # whether missions have true robots that are not the one of the file
+        ("weather_changes", np.bool_),
+        ("generated", np.bool_),  # whether every mission has a route of its own
+        ("hidden_wind", np.bool_),
+        ("full_j", np.float64),  # usable energy of the true robot's full battery, before its health
+        ("drawn", DRAWN_DTYPE),
+        ("temperature_c", np.float64),  # of a given route, and its wind
+        ("wind_mps", np.float64),
+        ("wind_from_rad", np.float64),
+        ("truth", ROBOT_DTYPE),  # the robot around which the true ones are drawn: as a rule the nominal one
+        ("fixed", ROUTE_DTYPE),  # the route of every mission, unless routes are generated
+    ],
+    align=True,
+)
+"""What no mission changes and no robot knows."""
+
 CONSTANTS_DTYPE = np.dtype(
     [
         ("shared", SHARED_DTYPE),
         ("nominal", ROBOT_DTYPE),  # the robot as its file says, and as it takes itself to be
-        ("fixed", ROUTE_DTYPE),  # the route of every mission, unless routes are generated
-        ("day", np.float64, (3,)),  # of that route: temperature (C), wind (m/s) and its direction (rad)
-        ("truth", ROBOT_DTYPE),  # the robot around which the true ones are drawn: as a rule the nominal one
+        ("hidden", HIDDEN_DTYPE),
     ],
     align=True,
 )

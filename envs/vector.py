@@ -13,7 +13,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from homeward.envs.batch import INFO_KEYS, Batch, action_space, info_of, observation_space
+from homeward.envs.actions import action_space
+from homeward.envs.batch import INFO_KEYS, Batch, info_of, observation_space
 from homeward.envs.options import OptionError, parse_options
 
 
@@ -58,7 +59,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self.num_envs = num_envs
         self.render_mode = None
         self.single_observation_space = observation_space()
-        self.single_action_space = action_space(self.options)
+        self.single_action_space = action_space(self.options.action_type == "discrete")
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.batch = Batch(self.options, num_envs)

@@ -1,16 +1,13 @@
-"""The three missions: what a robot does at the end of the route, what it scores, and what more it may hope for."""
+"""Information: found where the robot drives and senses, kept on board while there is room, and sent by radio."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from homeward.envs.state import OUT_AND_BACK, PATROL, SURVEY
 from homeward.physics.jit import inline
 
 DRIVING_LINK = 0.5
 """Share of its rate that the radio keeps while driving: antennas move and the channel fades."""
-
-
 _ANY = 1e-9  # samples, against a division by none
 
 
@@ -57,39 +54,3 @@ def transmit(m: Any, shared: Any, moving: bool, passed_s: float) -> None:
     m.delivered += sent
     m.backlog_information -= sent
     m.backlog -= share * m.backlog
-
-
-@inline
-def arrive(m: Any, shared: Any) -> None:
-    """Reach an end of the route: home ends a mission that returns, and a patrol turns round after a pit stop."""
-    if shared.mission == PATROL and (m.position_m > 0.0 or m.legs % 2.0 == 1.0):
-        m.legs += 1.0
-    if m.returning:
-        m.home = m.position_m <= 0.0
-    elif shared.mission == PATROL:
-        m.dwell_s = shared.pit_stop_s
-        m.direction = -m.direction
-
-
-@inline
-def score(m: Any, shared: Any) -> Any:
-    """What the mission is worth once the robot is home: furthest distance (m), information, or laps."""
-    if shared.mission == OUT_AND_BACK:
-        return m.furthest_m
-    if shared.mission == SURVEY:
-        return m.delivered + m.backlog_information
-    return 0.5 * m.legs
-
-
-@inline
-def hope(m: Any, shared: Any, spare_j: float) -> Any:
-    """What the mission may still add to its score with spare energy, by the range that it buys (Eq. 8)."""
-    if m.returning:
-        return 0.0
-    out_m = 0.5 * max(spare_j, 0.0) * shared.per_energy_per_m
-    if shared.mission == PATROL:
-        return out_m / shared.length_m
-    room_m = min(out_m, shared.length_m - m.position_m)
-    if shared.mission == OUT_AND_BACK:
-        return max(m.position_m + room_m - m.furthest_m, 0.0)
-    return room_m * shared.information_per_m

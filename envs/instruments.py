@@ -1,0 +1,177 @@
+"""What a robot reads of itself: state of charge, power, speed and grade, with the errors that instruments have."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from homeward.envs.draws import GRADE, POWER, SOC, SPEED, normal
+from homeward.physics.bounds import Bounds
+from homeward.physics.jit import inline
+
+
+class InstrumentError(ValueError):
+    """Instruments that cannot be used; the message says what is allowed."""
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """Sizes of the errors with which a robot reads itself; 0 throughout is exact. Its position it knows exactly.
+
+    Each mission draws a gain and an offset of the power meter, uniformly within what is given here, and keeps them.
+    Noise is normal, of the standard deviation given, and drawn anew for each reading; that of the grade belongs to the
+    place, as the pitch is averaged over the way through it.
+
+    Attributes:
+        soc_step: Step in which the state of charge is shown, as a share of a full battery.
+        soc_noise: Noise of the state of charge before it is rounded, as a share of a full battery.
+        soc_lag_s: Time constant with which the state of charge follows the battery, s.
+        power_gain: Largest gain error of the power meter, as a share of the power.
+        power_offset: Largest offset of the power meter, as a share of the robot's power at top speed, sensing fastest.
+        power_noise: Noise of a reading of the power, as a share of the power.
+        speed_noise: Noise of a reading of the speed, as a share of the speed.
+        grade_noise: Noise of the sine of a place's grade.
+
+    Raises:
+        InstrumentError: A size is not within its bounds.
+    """
+
+    soc_step: float = 0.0
+    soc_noise: float = 0.0
+    soc_lag_s: float = 0.0
+    power_gain: float = 0.0
+    power_offset: float = 0.0
+    power_noise: float = 0.0
+    speed_noise: float = 0.0
+    grade_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            bounds = Bounds(0.0, _MOST_LAG_S if field.name == "soc_lag_s" else _MOST_SHARE)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not bounds.hold(value):
+                raise InstrumentError(f"{field.name} = {value!r} is not allowed; give a number in {bounds}")
+
+    @property
+    def soc_variance(self) -> float:
+        """Variance of a reading of the state of charge: its noise, and a twelfth of the square of a step."""
+        return self.soc_noise**2 + self.soc_step**2 / 12.0
+
+
+_MOST_SHARE, _MOST_LAG_S = 0.5, 3600.0
+
+INSTRUMENTS: dict[str, Instruments] = {
+    # What a simulator knows.
+    "exact": Instruments(),
+    # A battery monitor with a shunt: state of charge in steps of 0.1 % and a current within 0.4 % (Victron BMV-700
+    # manual, technical data), by a shunt of class 0.5 (IEC 60051-8): 1 % together. Wheel speed and a pitch of 0.2
+    # degrees (Xsens MTi-300 data sheet: 0.2 to 0.3 degrees RMS), averaged over the ten and more seconds of a place.
+    "meter": Instruments(
+        soc_step=1e-3, power_gain=0.01, power_noise=0.005, speed_noise=0.005, grade_noise=0.001
+    ),
+    # The management system of a battery pack: relative state of charge in whole per cent, filtered (Smart Battery Data
+    # Specification 1.1, RelativeStateOfCharge), and a current within 3 % and 0.5 % of the range, as sensors without
+    # calibration have it (Allegro ACS712 data sheet: 1.5 % at 25 C, with temperature 3 % and more). A low-cost IMU.
+    "gauge": Instruments(
+        soc_step=1e-2, soc_noise=3e-3, soc_lag_s=30.0, power_gain=0.03, power_offset=0.005, power_noise=0.01,
+        speed_noise=0.01, grade_noise=0.003,
+    ),
+}  # fmt: skip
+"""Instruments by name."""
+
+
+def load_instruments(given: str | Path | Instruments) -> Instruments:
+    """Instruments by name, from a TOML file that names their sizes, or as they are.
+
+    Raises:
+        InstrumentError: There are none of that name, or the file cannot be used.
+
+    >>> load_instruments("meter").soc_step
+    0.001
+    """
+    if isinstance(given, Instruments):
+        return given
+    if isinstance(given, str) and given in INSTRUMENTS:
+        return INSTRUMENTS[given]
+    path = Path(given)
+    if path.suffix != ".toml":
+        raise InstrumentError(f"instruments = {str(given)!r}; choose {', '.join(INSTRUMENTS)} or name a TOML file")
+    try:
+        sizes = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InstrumentError(f"{path}: {error}") from None
+    known = [field.name for field in dataclasses.fields(Instruments)]
+    for name in sizes:
+        if name not in known:
+            raise InstrumentError(f"{path}: unknown size {name!r}; allowed: {', '.join(known)}")
+    try:
+        return Instruments(**sizes)
+    except InstrumentError as error:
+        raise InstrumentError(f"{path}: {error}") from None
+
+
+@inline
+def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
+    """Begin to read: nothing is metered yet, and the gauge shows a full battery.
+
+    Args:
+        m: Mission record.
+        shared: Shared record.
+        gain: Where in its range the meter's gain lies, from 0 to 1.
+        offset: The same of its offset.
+    """
+    m.meter_gain = 1.0 + shared.power_gain * (2.0 * gain - 1.0)
+    m.meter_offset_w = shared.power_offset_w * (2.0 * offset - 1.0)
+    m.soc = m.soc_followed = m.metered = 1.0
+    m.metered_j = m.read_w = m.read_mps = 0.0
+    m.sum_used_metered = m.sum_metered_squared = 0.0
+
+
+@inline
+def read(m: Any, shared: Any, used_j: float) -> None:
+    """Read the instruments after a decision that took so much energy.
+
+    The state of charge that is metered goes on evenly between the steps of the gauge: the energy by the meter over the
+    energy of a full battery by the same meter, which least squares learn from all readings of the gauge, drawn to what
+    the robot's file says.
+    """
+    soc, power_w = m.energy_j / m.capacity_j, used_j * shared.per_decision
+    if not shared.inexact:
+        m.soc = m.metered = soc
+        m.read_w, m.read_mps = power_w, m.speed_mps
+        m.metered_j += used_j
+        return
+    m.read_mps = m.speed_mps * (1.0 + shared.speed_noise * normal(m.key, m.decisions, SPEED))
+    noise = shared.power_noise * normal(m.key, m.decisions, POWER)
+    m.read_w = power_w * (m.meter_gain + noise) + m.meter_offset_w
+    m.metered_j += m.read_w * shared.decision_s
+    m.soc_followed += (soc - m.soc_followed) * shared.soc_follows
+    shown = m.soc_followed
+    if shared.soc_noise > 0.0:
+        shown += shared.soc_noise * normal(m.key, m.decisions, SOC)
+    if shared.soc_step > 0.0:
+        shown = shared.soc_step * np.floor(shown * shared.per_soc_step + 0.5)
+    m.soc = min(max(shown, 0.0), 1.0)
+    metered = m.metered_j * shared.per_usable_j
+    m.sum_used_metered += (1.0 - m.soc) * metered
+    m.sum_metered_squared += metered * metered
+    per_metered = shared.soc_prior * shared.soc_per_metered + m.sum_used_metered
+    per_metered /= shared.soc_prior + m.sum_metered_squared
+    m.metered = min(max(1.0 - metered * per_metered, 0.0), 1.0)
+
+
+@inline
+def sine_read(key: Any, place: int, sin_grade: float, shared: Any) -> Any:
+    """Sine of a place's grade as the robot reads it."""
+    if shared.grade_noise > 0.0:
+        return min(max(sin_grade + shared.grade_noise * normal(key, place, GRADE), -_STEEPEST), _STEEPEST)
+    return sin_grade
+
+
+_STEEPEST = 0.8
+"""Largest sine that is read, that of the steepest grade of a route."""

@@ -1,0 +1,70 @@
+"""The reward: what a mission scores, and the potential that shapes the way there.
+
+A decision is rewarded with the score when it brings the robot home, over that of a good mission, and with
+`discount * potential after - potential before`, which changes no policy's order (Ng, Harada, Russell, Policy invariance
+under reward transformations, ICML 1999). The potential is worked out with the true energy, not with readings: it is a
+function of the mission's state, as the theorem asks, and is seen in training only.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from homeward.envs.state import OUT_AND_BACK, PATROL, SURVEY
+from homeward.physics.jit import inline
+
+TERMS = ("score", "shaping")
+"""Terms of the reward, of which it is the sum."""
+
+
+@inline
+def score(m: Any, shared: Any) -> Any:
+    """What the mission is worth once the robot is home: furthest distance (m), information, or laps."""
+    if shared.mission == OUT_AND_BACK:
+        return m.furthest_m
+    if shared.mission == SURVEY:
+        return m.delivered + m.backlog_information
+    return 0.5 * m.legs
+
+
+@inline
+def attainable(m: Any, shared: Any, margin_j: float) -> Any:
+    """What the mission may still add to its score with energy beyond the way home, by the range it buys (Eq. 8)."""
+    if m.returning:
+        return 0.0
+    out_m = 0.5 * max(margin_j, 0.0) * shared.per_energy_per_m
+    if shared.mission == PATROL:
+        return out_m / shared.length_m
+    room_m = min(out_m, shared.length_m - m.position_m)
+    if shared.mission == OUT_AND_BACK:
+        return max(m.position_m + room_m - m.furthest_m, 0.0)
+    return room_m * shared.information_per_m
+
+
+@inline
+def potential(m: Any, shared: Any, margin_j: float) -> Any:
+    """Potential of a state, from d_max: the score so far and what is attainable, if the way home still fits.
+
+    It fades to nothing as the energy falls short of the way home by a tenth of the battery.
+    """
+    fits = min(max(1.0 + 10.0 * margin_j * shared.per_usable_j, 0.0), 1.0)
+    return fits * (m.score + attainable(m, shared, margin_j)) * shared.per_score
+
+
+@inline
+def reward(m: Any, shared: Any, margin_j: float) -> Any:
+    """Score a mission after a decision, note the terms of the reward, and return their sum.
+
+    Args:
+        m: Mission record.
+        shared: Shared record.
+        margin_j: True energy beyond the way home by the robot's own model, J.
+    """
+    m.score = 0.0 if m.depleted else score(m, shared)
+    m.cost = 1.0 if m.depleted else 0.0
+    m.score_reward = m.score * shared.per_score if m.home else 0.0
+    if shared.shaped:
+        after = 0.0 if m.home or m.depleted else potential(m, shared, margin_j)
+        m.shaping_reward = shared.discount * after - m.potential
+        m.potential = after
+    return m.score_reward + m.shaping_reward

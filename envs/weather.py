@@ -1,0 +1,64 @@
+"""Wind and temperature of a mission: drawn at its start, and at `uncertain` and `harsh` changing on the way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from homeward.envs.draws import GUST_EAST, GUST_NORTH, normal
+from homeward.physics.jit import inline
+
+GUSTINESS = 0.3
+"""Standard deviation of either part of the wind about its mean, over the mean speed. Chosen between the turbulence
+within ten minutes (0.12 to 0.16 by IEC 61400-1) and a wind that turns round: direction wanders by 17 degrees."""
+WANDERS_S = (300.0, 3600.0)
+"""Range of the autocorrelation time of that, s: five minutes to an hour, log-uniform."""
+FORECAST_ERROR_MPS = 1.0
+"""Standard deviation of the error of either part of the wind that is forecast, m/s. Chosen: two thirds of the 1.5 m/s
+by which winds of generated routes vary, so that a forecast says something and leaves something to find out."""
+WARMING_K_PER_H = 2.0
+"""Most by which it gets warmer or colder in an hour, K. Chosen: 12 K from dawn to noon, as on a clear day."""
+
+
+@inline
+def begin(m: Any, rng: Any, shared: Any, hidden: Any) -> None:
+    """Begin the weather of a mission whose mean wind and temperature stand in its record.
+
+    The same numbers are taken from the generator in every setting.
+    """
+    wanders, warms = rng.random(), rng.random()
+    gust_east, gust_north = rng.standard_normal(), rng.standard_normal()
+    error_east, error_north = rng.standard_normal(), rng.standard_normal()
+    m.mean_east_mps, m.mean_north_mps = m.wind_mps * np.cos(m.wind_from_rad), m.wind_mps * np.sin(m.wind_from_rad)
+    m.gust_keeps, m.gust_kick, m.warming_k = 1.0, 0.0, 0.0
+    m.gust_east_mps = m.gust_north_mps = 0.0
+    if hidden.weather_changes:
+        lasts_s = WANDERS_S[0] * (WANDERS_S[1] / WANDERS_S[0]) ** wanders
+        m.gust_keeps = np.exp(-shared.decision_s / lasts_s)
+        m.gust_kick = GUSTINESS * m.wind_mps * np.sqrt(1.0 - m.gust_keeps * m.gust_keeps)
+        m.warming_k = WARMING_K_PER_H * (2.0 * warms - 1.0) * shared.decision_s / 3600.0
+        m.gust_east_mps, m.gust_north_mps = GUSTINESS * m.wind_mps * gust_east, GUSTINESS * m.wind_mps * gust_north
+    m.forecast_east_mps, m.forecast_north_mps = m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps
+    if hidden.weather_changes:
+        m.forecast_east_mps += FORECAST_ERROR_MPS * error_east
+        m.forecast_north_mps += FORECAST_ERROR_MPS * error_north
+        if hidden.hidden_wind:
+            m.forecast_east_mps = m.forecast_north_mps = 0.0
+
+
+@inline
+def change(m: Any) -> None:
+    """Let the weather change from one decision to the next."""
+    if m.gust_kick > 0.0:
+        m.gust_east_mps *= m.gust_keeps
+        m.gust_north_mps *= m.gust_keeps
+        m.gust_east_mps += m.gust_kick * normal(m.key, m.decisions, GUST_EAST)
+        m.gust_north_mps += m.gust_kick * normal(m.key, m.decisions, GUST_NORTH)
+    m.temperature_c += m.warming_k
+
+
+@inline
+def headwind(m: Any, place: Any) -> Any:
+    """Wind against the way out at a place, m/s."""
+    return (m.mean_east_mps + m.gust_east_mps) * place.east + (m.mean_north_mps + m.gust_north_mps) * place.north
