@@ -1,8 +1,8 @@
 """Actions: what the numbers of `env.step` command, and the numbers for a command. Written here, once.
 
 An action is a speed, a sensing rate, and one of stop, go and return. A return heads home at once, and is final once it
-has been asked for in `RETURN_DECISIONS` decisions in a row: a policy that explores does not end its mission by the
-first return that it tries, and one that means it loses nothing.
+has been asked for in some decisions in a row (`homeward.envs.options.RETURN_SHARE`): a policy that explores does not
+end its mission by the first return that it tries, and one that means it loses nothing.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ from homeward.physics.jit import inline
 LEVELS = 5
 """Levels of speed and of sensing rate that a discrete action chooses from."""
 MODES = ("stop", "go", "return")
-RETURN_DECISIONS = 8
-"""Decisions in a row that must ask for the return before it is final."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +40,12 @@ class Commands:
     @property
     def stops(self) -> NDArray[np.bool_]:
         """Which stop."""
-        return self.mode == STOP
+        return np.asarray(self.mode == STOP)
 
     @property
     def returns(self) -> NDArray[np.bool_]:
         """Which ask for the return."""
-        return self.mode == RETURN
+        return np.asarray(self.mode == RETURN)
 
 
 def action_space(discrete: bool) -> spaces.Space[Any]:
@@ -122,7 +120,7 @@ def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
 
 
 @inline
-def _level(action: Any, low: float, high: float) -> float:
+def _level(action: Any, low: float, high: float) -> Any:
     return low + (high - low) * action / (LEVELS - 1)
 
 

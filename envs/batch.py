@@ -13,7 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from homeward.envs import kernel, reward
-from homeward.envs.actions import action_space, allowed_actions
+from homeward.envs.actions import allowed_actions
 from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
 from homeward.envs.options import OptionError, Options, Setting, settle
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
@@ -232,4 +232,5 @@ class Batch:
         return np.ascontiguousarray(array)
 
     def _refuse(self, actions: Any, index: int) -> None:
-        raise OptionError(f"action {np.asarray(actions)[index].tolist()} of env {index} is not allowed; give {allowed_actions(self._discrete)}")
+        given, allowed = np.asarray(actions)[index].tolist(), allowed_actions(self._discrete)
+        raise OptionError(f"action {given} of env {index} is not allowed; give {allowed}")

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from homeward.envs import sensing, weather
-from homeward.envs.actions import RETURN_DECISIONS
 from homeward.envs.state import PATROL, RETURN, STOP, SURVEY
 from homeward.physics import model
 from homeward.physics.jit import inline
@@ -31,7 +30,7 @@ def decide(
     if heads_home:
         m.direction = -1.0
         m.asked += 1
-        if m.asked >= RETURN_DECISIONS:
+        if m.asked >= shared.return_decisions:
             m.returning, m.dwell_s = True, 0.0
             m.home = m.position_m <= 0.0
     elif not m.returning:

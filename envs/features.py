@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs.actions import RETURN_DECISIONS
 from homeward.envs.sensing import fading
 from homeward.envs.state import AHEAD, IN_SIGHT
 from homeward.physics.jit import inline
 
 GAINS = (10.0, 40.0, 100.0)
-"""Gains at which margins are shown once more, cut at -1 and 1: a hundredth of the battery decides about the turn, and on
-the scale of the whole battery a network hardly sees it."""
+"""Gains at which margins are shown once more, cut at -1 and 1: a hundredth of the battery decides about the turn, and
+on the scale of the whole battery a network hardly sees it."""
 _DRAWN = 0.05
 """Share of the battery, both used and modelled, with which the consumption is drawn to that of the model."""
 _STRETCHES = tuple(
@@ -26,7 +25,11 @@ _STRETCHES = tuple(
 
 FEATURES: tuple[tuple[str, str, str], ...] = (
     ("energy", "usable energy", "state of charge by the gauge"),
-    ("metered", "usable energy", "state of charge by the power meter, which learns from the gauge what a battery holds"),
+    (
+        "metered",
+        "usable energy",
+        "state of charge by the power meter, which learns the capacity from the gauge",
+    ),
     ("power", "cruise power", "mean power of the last decision by the power meter"),
     ("distance", "reach", "distance from home"),
     ("home_cost", "usable energy", "energy to get home over the ground already driven, by the robot's own model"),
@@ -120,7 +123,7 @@ def observe(m: Any, shared: Any, cost_j: float, out: Any) -> None:
     out.margin_100, out.corrected_100 = _cut(100.0 * margin, 1.0), _cut(100.0 * corrected, 1.0)
     out.consumption = _cut(ratio - 1.0, 1.0)
     out.modelled = min(modelled, LIMIT)
-    out.returning = 1.0 if m.returning else m.asked / RETURN_DECISIONS
+    out.returning = 1.0 if m.returning else m.asked * shared.per_return_decisions
     out.outbound = m.direction
     out.speed = m.read_mps * shared.per_max_speed
     out.sensing = m.sensing_hz * shared.per_max_sensing

@@ -23,7 +23,6 @@ from homeward.envs.state import (
     MAX_PLACES,
     OUT_AND_BACK,
     PATROL,
-    ROUTE_DTYPE,
     SHARED_DTYPE,
     SURVEY,
 )
@@ -33,6 +32,9 @@ from homeward.physics.bounds import Bounds
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")
 SHAPINGS = ("dmax", "none")
+RETURN_SHARE = 0.04
+"""Decisions in a row that must ask for the return before it is final, over those in which the battery lasts at cruise:
+as a rule eight of two hundred. Chosen so that a policy that chooses at random seldom ends its mission by it."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
 _PLACES, _PATROL_PLACES = 32, 4
@@ -249,6 +251,7 @@ def settle(options: Options) -> Setting:
     s["mission"], s["route_is_known"] = mission, difficulty.route_is_known
     s["shaped"], s["discrete"] = options.shaping == "dmax", options.action_type == "discrete"
     s["max_decisions"] = int(np.ceil(2.0 * lasts_s / decision_s))
+    s["return_decisions"] = max(round(RETURN_SHARE * lasts_s / decision_s), 1)
     s["decision_s"], s["discount"] = decision_s, options.discount
     s["min_speed_mps"], s["max_speed_mps"] = robot.min_speed_mps, robot.max_speed_mps
     s["max_sensing_hz"] = robot.max_sensing_hz

@@ -119,6 +119,7 @@ INVERSES = {
     "per_decision": "decision_s",
     "per_energy_per_m": "energy_per_m",
     "per_place_m": "place_m",
+    "per_return_decisions": "return_decisions",
     "per_soc_step": "soc_step",
     "per_cruise_w": "cruise_w",
 }
@@ -132,6 +133,7 @@ SHARED_DTYPE = np.dtype(
         ("shaped", np.bool_),
         ("discrete", np.bool_),
         ("max_decisions", np.int64),
+        ("return_decisions", np.int64),  # in a row that ask for it make the return final
         ("places", np.int64),  # of a route
         ("decision_s", np.float64),
         ("min_speed_mps", np.float64),

@@ -28,7 +28,7 @@ def dials_of(scene: Scene) -> list[Dial]:
     speed, sensing = scene.speed_mps / scene.max_speed_mps, scene.sensing_hz / scene.max_sensing_hz
     dials = [
         Dial("Speed", f"{scene.speed_mps:.2f}", "m/s", f"at most {scene.max_speed_mps:.2g} m/s", speed, palette.BLUE),
-        Dial("Power", f"{scene.power_w:.3g}", "W", "mean of the decision", None, palette.AMBER),
+        Dial("Power", f"{scene.power_w:.3g}", "W", f"the meter reads {scene.read_w:.3g} W", None, palette.AMBER),
         Dial("Sensing", f"{scene.sensing_hz:.3g}", "Hz", f"at most {scene.max_sensing_hz:.3g} Hz", sensing,
              palette.VIOLET),
     ]  # fmt: skip

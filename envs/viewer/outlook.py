@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.difficulty import KNOWN
-from homeward.envs.options import Setting
-from homeward.envs.state import PATROL
+from homeward.envs.options import Known
+from homeward.envs.state import IN_SIGHT, PATROL
 from homeward.physics import ancillary_power, d_max
 
 _SINES = np.linspace(-0.7, 0.7, 57)
-_IN_SIGHT = 2  # places ahead whose slope the robot sees
 _HOPELESS_J_PER_M = 1e12  # of a slope that the robot cannot climb on any battery
 
 
@@ -25,16 +23,16 @@ class Outlook:
     else that of the next two places and beyond them the mean.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
     """
 
-    def __init__(self, setting: Setting) -> None:
-        self._setting = setting
-        s = setting.shared[0]
-        range_m = np.asarray(d_max(setting.robot, float(s["cruise_mps"]), np.arcsin(_SINES)))
+    def __init__(self, known: Known) -> None:
+        self._known = known
+        s = known.shared[0]
+        range_m = np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(_SINES)))
         with np.errstate(divide="ignore"):
             self._j_per_m = np.minimum(s["usable_j"] / range_m, _HOPELESS_J_PER_M)
-        self._pit_stops_j = 2.0 * float(s["pit_stop_s"] * ancillary_power(setting.robot, 0.0))
+        self._pit_stops_j = 2.0 * float(s["pit_stop_s"] * ancillary_power(known.robot, 0.0))
 
     def no_return_m(self, m: Any, places: NDArray[np.void], spare_j: float) -> float | None:
         """Furthest point from which the robot, driving on and turning there, still gets home.
@@ -44,12 +42,12 @@ class Outlook:
         Args:
             m: Mission record.
             places: Its route, `PLACE_DTYPE`, shape (places,).
-            spare_j: Energy by the gauge beyond what the way home costs, J.
+            spare_j: Energy by the power meter beyond what the way home costs, J.
 
         Returns:
             Distance along the route, m; None where it lies beyond the end of the route.
         """
-        s = self._setting.shared[0]
+        s = self._known.shared[0]
         there_and_back = self._cost(self._known_sines(m, places)) + self._cost(-self._known_sines(m, places))
         edges = np.arange(len(places) + 1) * float(s["place_m"])
         needed = np.concatenate(([0.0], np.cumsum(there_and_back * float(s["place_m"]))))
@@ -64,26 +62,26 @@ class Outlook:
         if spare_j >= 0.0:
             return None
         driven = places[: int(m["mapped"])]
-        edges = np.arange(len(driven) + 1) * float(self._setting.shared[0]["place_m"])
+        edges = np.arange(len(driven) + 1) * float(self._known.shared[0]["place_m"])
         last = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
         # What the battery does not pay for is left when it is empty.
         return float(np.interp(-spare_j, np.append(driven["home_cost_j"], last), edges))
 
     def laps_left(self, m: Any, places: NDArray[np.void], spare_j: float) -> float:
         """Laps of a patrol that the spare energy pays for; arguments as in `no_return_m`."""
-        s = self._setting.shared[0]
+        s = self._known.shared[0]
         sines = self._known_sines(m, places)
         lap_j = float((self._cost(sines) + self._cost(-sines)).sum() * s["place_m"]) + self._pit_stops_j
         return max(spare_j, 0.0) / lap_j
 
     def is_patrol(self) -> bool:
         """Whether the mission goes to and fro, so that no point of the route is one of no return."""
-        return bool(self._setting.shared[0]["mission"] == PATROL)
+        return bool(self._known.shared[0]["mission"] == PATROL)
 
     def _known_sines(self, m: Any, places: NDArray[np.void]) -> NDArray[np.float64]:
-        sines = places["sin_grade"].astype(np.float64)
-        if self._setting.shared[0]["difficulty"] != KNOWN:
-            sines[max(int(m["mapped"]), int(m["place"]) + 1 + _IN_SIGHT) :] = m["mean_grade"]
+        sines = places["sine_read"].astype(np.float64)
+        if not self._known.shared[0]["route_is_known"]:
+            sines[max(int(m["mapped"]), int(m["place"]) + 1 + IN_SIGHT) :] = m["mean_grade"]
         return sines
 
     def _cost(self, sines: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.envs import weather
 from homeward.envs.batch import Batch
-from homeward.envs.features import gauge_energy, home_cost
-from homeward.envs.missions import information
+from homeward.envs.features import home_cost
+from homeward.envs.sensing import information
 from homeward.envs.viewer.outlook import Outlook
 from homeward.physics.kernel import CAUSES
 
@@ -65,6 +66,8 @@ class Scene:
         left_j: Energy left, J.
         gauge_j: Energy left by the fuel gauge, J.
         home_j: Energy of the way home by the robot's own model, J.
+        spare_j: Energy by the power meter beyond that, J: the d_max margin.
+        read_w: Mean power over the last decision by the power meter, W.
         used_j: Energy used, J, by the names of `GROUPS`.
         power_w: Mean power over the last decision, W.
         speed_mps: Speed of the last decision, m/s; 0 once the mission is over, like the rate below.
@@ -106,6 +109,8 @@ class Scene:
     left_j: float
     gauge_j: float
     home_j: float
+    spare_j: float
+    read_w: float
     used_j: Mapping[str, float]
     power_w: float
     speed_mps: float
@@ -127,11 +132,6 @@ class Scene:
         """Length of the route, m."""
         return float(self.edges_m[-1])
 
-    @property
-    def spare_j(self) -> float:
-        """Energy by the gauge beyond what the way home costs, J: the d_max margin."""
-        return self.gauge_j - self.home_j
-
 
 def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 0) -> Scene:
     """See one mission of a batch as it is now.
@@ -143,14 +143,16 @@ def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 
         index: Which mission.
     """
     # As records with attributes, which the formulas of the environment take.
-    m, s = batch.records.view(np.recarray)[index], batch.setting.shared.view(np.recarray)[0]
+    m, s = batch.records.view(np.recarray)[index], batch.setting.known.shared.view(np.recarray)[0]
     places = batch.routes["places"][index, : int(s.places)]
-    robot = batch.robots[index] if s.own_robots else batch.setting.robot.record()[0]
-    spare_j = gauge_energy(m, s) - home_cost(m, s)
+    known, hidden = batch.setting.known, batch.setting.hidden
+    robot = batch.robots[index] if hidden.record["own_robots"][0] else known.robot.record()[0]
+    gauge_j, home_j = float(m.soc * s.usable_j), float(home_cost(m, s))
+    spare_j = float(m.metered * s.usable_j) - home_j
     state = _state(m)
     going = not m.over and not outlook.is_patrol()
     return Scene(
-        heading=f"{batch.options.difficulty}, {batch.setting.robot.name}",
+        heading=f"{batch.options.difficulty}, {known.robot.name}",
         mission=batch.options.mission,
         state=state,
         over=bool(m.over),
@@ -172,9 +174,11 @@ def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 
         full_j=float(s.usable_j),
         worn_j=max(float(s.usable_j - m.capacity_j), 0.0),
         left_j=float(m.energy_j),
-        gauge_j=float(gauge_energy(m, s)),
-        home_j=float(home_cost(m, s)),
+        gauge_j=gauge_j,
+        home_j=home_j,
+        spare_j=spare_j,
         used_j={name: float(m.ledger_j[columns].sum()) for name, columns in _COLUMNS.items()},
+        read_w=float(m.read_w),
         power_w=_power(states),
         speed_mps=0.0 if m.over else float(m.speed_mps),
         max_speed_mps=float(s.max_speed_mps),
@@ -187,7 +191,7 @@ def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 
         sending=bool(np.diff(states["delivered"][-2:]).sum() > 0.0),
         score=float(m.score),
         good_score=float(s.score_scale),
-        headwind_mps=float(m.direction * m.here.headwind_mps),
+        headwind_mps=float(m.direction * weather.headwind(m, m.here)),
         temperature_c=float(m.temperature_c),
     )
 
