@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from homeward.envs import kernel, reward
 from homeward.envs.actions import allowed_actions
 from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
-from homeward.envs.options import OptionError, Options, Setting, settle
+from homeward.envs.options import OptionError, Options, settle
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
 from homeward.envs.threads import Threads
 from homeward.physics.jit import announce_first_compilation
@@ -104,10 +104,11 @@ class Batch:
     def __init__(self, options: Options, count: int) -> None:
         announce_first_compilation()
         self.options = options
-        self.setting = settle(options)
+        setting = settle(options)
+        self.known, self.hidden = setting.known, setting.hidden
         self.count = count
         self.records = _by_cache_lines(count, MISSION_DTYPE)
-        self._robots = np.full(count, self.setting.hidden.robot.record()[0], ROBOT_DTYPE)
+        self._robots = np.full(count, self.hidden.robot.record()[0], ROBOT_DTYPE)
         self._routes = _by_cache_lines(count, ROUTE_DTYPE)
         self._constants = np.zeros(1, CONSTANTS_DTYPE)
         self._settle()
@@ -128,14 +129,12 @@ class Batch:
         self.threads = Threads(self.count) if Threads.pay(self.count) else None  # of the machine where this is now
 
     def _settle(self) -> None:
-        """Lay the setting out as one record for the kernels, and let the setting show it."""
-        known, hidden, constants = self.setting.known, self.setting.hidden, self._constants[0]
+        """Lay the setting out as one record for the kernels, and let both halves show it."""
+        known, hidden, constants = self.known, self.hidden, self._constants[0]
         constants["shared"], constants["nominal"] = known.shared[0], known.robot.record()[0]
         constants["hidden"] = hidden.record[0]
-        self.setting = Setting(
-            dataclasses.replace(known, shared=self._constants["shared"]),
-            dataclasses.replace(hidden, record=self._constants["hidden"]),
-        )
+        self.known = dataclasses.replace(known, shared=self._constants["shared"])
+        self.hidden = dataclasses.replace(hidden, record=self._constants["hidden"])
 
     @property
     def generators(self) -> Sequence[np.random.Generator]:

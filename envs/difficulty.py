@@ -60,8 +60,8 @@ class Difficulty:
 
 
 # The paper gives no ranges; these are chosen. Health: electric vehicles' batteries are retired at 80 % of their
-# capacity (USABC, Electric vehicle battery test procedures manual, 1996). Rolling resistance and payload: what the same robot
-# meets from one path, and one day's load, to the next. Rough ground: at most twice the rolling resistance.
+# capacity (USABC, Electric vehicle battery test procedures manual, 1996). Rolling resistance and payload: what the same
+# robot meets from one path, and one day's load, to the next. Rough ground: at most twice the rolling resistance.
 DIFFICULTY: dict[str, Difficulty] = {
     "known": Difficulty(
         instruments="exact",

@@ -143,9 +143,9 @@ def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 
         index: Which mission.
     """
     # As records with attributes, which the formulas of the environment take.
-    m, s = batch.records.view(np.recarray)[index], batch.setting.known.shared.view(np.recarray)[0]
+    m, s = batch.records.view(np.recarray)[index], batch.known.shared.view(np.recarray)[0]
     places = batch.routes["places"][index, : int(s.places)]
-    known, hidden = batch.setting.known, batch.setting.hidden
+    known, hidden = batch.known, batch.hidden
     robot = batch.robots[index] if hidden.record["own_robots"][0] else known.robot.record()[0]
     gauge_j, home_j = float(m.soc * s.usable_j), float(home_cost(m, s))
     spare_j = float(m.metered * s.usable_j) - home_j

@@ -58,7 +58,7 @@ class Viewer:
     def scene(self) -> Scene:
         """What there is to see now."""
         if self._outlook is None:
-            self._outlook = Outlook(self._batch.setting.known)
+            self._outlook = Outlook(self._batch.known)
         states = np.frombuffer(b"".join(self._trail), MISSION_DTYPE)
         return look(self._batch, states, self._outlook, self._index)
 
