@@ -146,6 +146,6 @@ def test_bare_name_is_refused(name: str) -> None:
 
 
 def test_the_checks_see_every_form_of_import() -> None:
-    source = "from .. import agents\nfrom ..envs import base\nimport homeward.agents.ppo\ndef f():\n    import torch\n"
+    source = "from .. import agents\nfrom ..envs import base\nimport homeward.agents.base\ndef f():\n    import torch\n"
     names = set(imports(ast.parse(source), "homeward.physics.model"))
-    assert names == {"homeward.agents", "homeward.envs.base", "homeward.agents.ppo", "torch"}
+    assert names == {"homeward.agents", "homeward.envs.base", "homeward.agents.base", "torch"}

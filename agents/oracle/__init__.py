@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.agents.evaluation_tasks import self_contained
+from homeward.agents.evaluation.tasks import self_contained
 from homeward.agents.oracle.case import Case, case_of
 from homeward.agents.oracle.plan import bound_out_and_back, bound_patrol
 from homeward.agents.oracle.rates import REFUSED, measure_rates
@@ -55,7 +55,7 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
 
     Args:
         options: Keyword arguments of the environment.
-        seeds: Seed of each episode, as in `homeward.agents.evaluation.run_episodes`.
+        seeds: Seed of each episode, as in `homeward.agents.evaluation.evaluation.run_episodes`.
         jobs: Processes at once on this machine.
         cluster: HOST:PORT of a Ray cluster to use instead.
 

@@ -1,0 +1,1 @@
+"""Agents on the same episodes: figures with intervals, and plots."""

@@ -1,0 +1,1 @@
+"""The planner: when to turn back by what the robot finds out, speed, sensing and stops by prices."""

@@ -1,0 +1,1 @@
+"""The shield: around any agent, it brings home what would strand."""

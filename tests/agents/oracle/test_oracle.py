@@ -1,0 +1,198 @@
+"""No policy exceeds the oracle's upper bound, and the actions that it gives come close to it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import homeward
+from homeward.agents import AGENTS, make_policy
+from homeward.agents.evaluation.evaluation import episode_seeds, run_episodes
+from homeward.agents.oracle import Optimum, OracleError, score_of, solve
+from homeward.agents.oracle.bound import Prices, allowed, bounds_by_turn, patrol_bound
+from homeward.agents.oracle.case import case_of
+from homeward.agents.oracle.rates import PIECES, REFUSED, Rates, measure_rates
+from homeward.agents.registry import FROM_FILES
+from homeward.envs.options import MISSIONS, Options
+from homeward.envs.routes import Route
+from homeward.envs.scalar import HomewardEnv
+from homeward.envs.state import GO, RETURN, STOP
+from homeward.envs.vector import HomewardVectorEnv
+from homeward.physics.effects import EFFECTS
+
+SEEDS = episode_seeds(5, 8)
+OUT_AND_BACK = ["OutAndBack", "Survey"]
+
+
+@pytest.fixture(scope="module", params=[(m, d) for m in MISSIONS for d in ("uncertain", "harsh")], ids="-".join)
+def solved(request: pytest.FixtureRequest) -> tuple[Options, Optimum]:
+    mission, difficulty = request.param
+    options = Options(mission, difficulty=difficulty)
+    return options, solve(options, SEEDS)
+
+
+def test_the_two_figures_are_close(solved: tuple[Options, Optimum]) -> None:
+    _, optimum = solved
+    ratio = optimum.lower / optimum.upper
+    assert (ratio <= 1.0).all()
+    assert ratio.mean() > 0.99
+    assert ratio.min() > 0.98
+
+
+def test_the_lower_figure_is_the_score_of_the_actions(solved: tuple[Options, Optimum]) -> None:
+    options, optimum = solved
+    env = HomewardEnv(**vars(options))
+    for seed, actions, lower in zip(SEEDS[:3], optimum.actions, optimum.lower, strict=False):
+        env.reset(seed=seed)
+        steps = [env.step(action) for action in actions]
+        assert [terminated for _, _, terminated, _, _ in steps] == [False] * (len(actions) - 1) + [True]
+        info = steps[-1][4]
+        assert info["home"]
+        assert info["score"] == lower
+
+
+@pytest.mark.parametrize("agent", sorted(set(AGENTS) - FROM_FILES))
+def test_no_agent_exceeds_the_upper_figure(solved: tuple[Options, Optimum], agent: str) -> None:
+    options, optimum = solved
+    policy = make_policy(agent, HomewardVectorEnv(**vars(options)))
+    assert (run_episodes(policy, options, SEEDS).episodes.score <= optimum.upper).all()
+
+
+def test_no_random_actions_exceed_the_upper_figure(solved: tuple[Options, Optimum]) -> None:
+    """Some go on for a random time with habits of their own, and then return at cruise."""
+    options, optimum = solved
+    rng = np.random.default_rng(1)
+    copies = 30
+    sequences = []
+    for _ in SEEDS * copies:
+        count = int(rng.integers(1, 200))
+        speed, rate = rng.dirichlet(np.full(5, 0.5), 2)
+        modes = np.where(rng.random(count) < rng.random() ** 3, STOP, GO)
+        actions = np.stack([rng.choice(5, count, p=speed), rng.choice(5, count, p=rate), modes], axis=1)
+        sequences.append(np.concatenate([actions, [[4, 0, RETURN]]]))
+    scores = score_of(options, SEEDS * copies, sequences).reshape(copies, -1)
+    assert (scores.max(axis=0) > 0.0).all()
+    assert (scores <= optimum.upper).all()
+
+
+def test_no_hill_climbed_actions_exceed_the_upper_figure(solved: tuple[Options, Optimum]) -> None:
+    options, optimum = solved
+    rng = np.random.default_rng(2)
+    climbers = 32
+    for seed, upper, start in zip(SEEDS[:2], optimum.upper, optimum.actions, strict=False):
+        best, best_score = start, 0.0
+        for _ in range(12):
+            tries = [best, *(_changed(best, rng) for _ in range(climbers - 1))]
+            scores = score_of(options, [seed] * climbers, tries)
+            assert (scores <= upper).all()
+            best, best_score = tries[int(scores.argmax())], float(scores.max())
+        assert best_score > 0.0
+
+
+def _changed(actions: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+    """Actions with some changed, taken out or put in."""
+    changed = actions.copy()
+    for _ in range(rng.integers(1, 4)):
+        at = int(rng.integers(len(changed)))
+        match rng.integers(4):
+            case 0:
+                changed[at, :2] = rng.integers(5, size=2)
+            case 1:
+                changed = np.delete(changed, at, axis=0) if len(changed) > 1 else changed
+            case 2:
+                changed = np.insert(changed, at, [*rng.integers(5, size=2), GO], axis=0)
+            case _:
+                changed[at : at + 5, 0] = rng.integers(5)
+    changed[-1, 2] = RETURN
+    return changed
+
+
+@pytest.mark.parametrize("mission", OUT_AND_BACK)
+@settings(deadline=None, max_examples=60)
+@given(joule=st.floats(0.0, 1.0), second=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
+def test_the_bound_holds_at_any_prices(mission: str, joule: float, second: float, scale: float, seed: int) -> None:
+    rates, lower = _measured(mission), _lower(mission)
+    sample = scale * np.random.default_rng(seed).random(rates.places * PIECES) ** 4
+    assert bounds_by_turn(rates, allowed(rates, Prices(joule, second, sample))).max() >= lower
+
+
+@settings(deadline=None, max_examples=60)
+@given(joule=st.floats(1e-9, 1.0), second=st.floats(0.0, 1.0))
+def test_a_patrol_s_bound_holds_at_any_prices(joule: float, second: float) -> None:
+    rates = _measured("Patrol")
+    pit_stop_s = float(HomewardVectorEnv(mission="Patrol").batch.setting.shared["pit_stop_s"][0])
+    assert patrol_bound(rates, pit_stop_s, Prices(joule, second, np.zeros(0))) >= _lower("Patrol")
+
+
+EXTRA = {effect.id: {effect.switch.name: 0.2} for effect in EFFECTS} | {
+    "slip": {"per_load": 0.1},
+    "breakaway": {"start_j": 5.0},
+    "rate_capacity": {"excess": 0.1, "reference_w": 5.0},
+    "radio": {"w_per_km2": 0.5},
+    "heater": {"w_per_k": 0.05, "on_below_c": 20.0},
+    "cold_battery": {"per_k": 0.005, "warm_c": 25.0},
+    "intermittent_load": {"power_w": 2.0, "period_s": 400.0, "duty": 0.3},
+    "motor_heating": {"per_k": 0.005, "rise_k_per_w": 3.0, "time_constant_s": 600.0},
+    "hidden_grade": {"slope": 0.02},
+}
+
+
+LEAST = {"intermittent_load": 0.8, "motor_heating": 0.8}
+"""Share of the upper figure that the lower one reaches at least, where what was before matters: the bound is loose."""
+
+
+@pytest.mark.parametrize("effect", sorted(set(EXTRA) - set(REFUSED)))
+def test_the_figures_enclose_each_other_with_every_effect(effect: str) -> None:
+    robot = homeward.load_robot("rusti_computer")
+    options = Options("Survey", robot=dataclasses.replace(robot, track_m=0.2, effects={effect: EXTRA[effect]}))
+    optimum = solve(options, SEEDS[:1])
+    assert (optimum.lower <= optimum.upper).all()
+    assert (optimum.lower > LEAST.get(effect, 0.95) * optimum.upper).all()
+
+
+def test_a_robot_with_inertia_is_refused() -> None:
+    robot = dataclasses.replace(homeward.load_robot("rusti"), effects={"inertia": {"mass_factor": 1.0}})
+    with pytest.raises(OracleError, match="no bound for a robot with the effect inertia; switch it off"):
+        solve(Options("Survey", robot=robot), SEEDS[:1])
+
+
+def test_continuous_actions_are_refused() -> None:
+    with pytest.raises(OracleError, match="choose 'discrete'"):
+        solve(Options("Survey", action_type="continuous"), SEEDS[:1])
+
+
+def test_many_processes_find_the_same() -> None:
+    options, seeds = Options("Patrol"), episode_seeds(6, 24)
+    one, two = solve(options, seeds), solve(options, seeds, jobs=2)
+    np.testing.assert_array_equal(one.upper, two.upper)
+    np.testing.assert_array_equal(one.lower, two.lower)
+
+
+def test_a_robot_that_cannot_leave_the_first_place_scores_no_more_than_it_can() -> None:
+    steep = Route(100.0, np.full(4, 0.6), np.zeros(4), np.ones(4), np.zeros(4))
+    for mission in MISSIONS:
+        optimum = solve(Options(mission, route=steep), SEEDS[:2])
+        assert (optimum.lower <= optimum.upper).all()
+
+
+MEASURED: dict[str, Rates] = {}
+LOWER: dict[str, float] = {}
+
+
+def _measured(mission: str) -> Rates:
+    if mission not in MEASURED:
+        env = HomewardVectorEnv(mission=mission)
+        env.reset(seed=SEEDS[:1])
+        MEASURED[mission] = measure_rates(case_of(env.batch, 0))
+    return MEASURED[mission]
+
+
+def _lower(mission: str) -> float:
+    if mission not in LOWER:
+        LOWER[mission] = float(solve(Options(mission), SEEDS[:1]).lower[0])
+    return LOWER[mission]
