@@ -17,7 +17,7 @@ from homeward.agents.rules.rule import BelievingRule, Outlook
 from homeward.agents.rules.tuned import PACES, RESERVES
 from homeward.envs.kernel import LEVELS
 from homeward.envs.options import Setting
-from homeward.envs.state import RETURN, STOP
+from homeward.envs.state import STOP
 
 NO_GUIDE, ADAPTIVE, PLANNER = "none", "dmax_adaptive", "planner"
 GUIDES = (NO_GUIDE, ADAPTIVE, PLANNER)
@@ -66,29 +66,30 @@ class Guide:
 
         An observation that is shown twice counts once.
         """
-        actions = self._policy.act(observations, begun)
+        returns = self._rule.turns(observations, begun)
+        actions = self._policy.drive(observations, returns)
         again = np.zeros(len(begun), np.bool_)
         outlook = self._rule.look(observations, again)
         spare = self._rule.spare_by(outlook, observations)
         beliefs = _beliefs(feature(observations, "energy"), outlook)
-        sure = np.clip(-spare / self._rule.sharp, -1.0, 1.0)
+        returning = _agreeing(np.clip(-spare / self._rule.sharp, -1.0, 1.0), returns)
         propose = self._choices if self._discrete else self._commands
-        return np.concatenate((observations, beliefs, propose(actions, sure)), axis=1, dtype=np.float32)
+        return np.concatenate((observations, beliefs, propose(actions, returning)), axis=1, dtype=np.float32)
 
-    def _choices(self, actions: NDArray[Any], sure: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _choices(self, actions: NDArray[Any], returning: NDArray[np.float64]) -> NDArray[np.float64]:
         columns = np.zeros((len(actions), self.proposals))
         rows = np.arange(len(actions))
         columns[rows, actions[:, 0]] = 1.0
         columns[rows, LEVELS + actions[:, 1]] = 1.0
         columns[:, -3] = np.where(actions[:, 2] == STOP, 1.0, -1.0)
-        columns[:, -1] = _agreeing(sure, actions[:, 2] == RETURN)
+        columns[:, -1] = returning
         return columns
 
-    def _commands(self, actions: NDArray[Any], sure: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _commands(self, actions: NDArray[Any], returning: NDArray[np.float64]) -> NDArray[np.float64]:
         columns = actions.astype(np.float64)
         # Each mode has a third of [-1, 1]: between the middles of go, 0, and return, 2 / 3, the rule is less sure.
-        going = columns[:, 2] > -1.0 / 3.0
-        columns[:, 2] = np.where(going, (1.0 + _agreeing(sure, columns[:, 2] > 1.0 / 3.0)) / 3.0, columns[:, 2])
+        stops = columns[:, 2] < -1.0 / 3.0
+        columns[:, 2] = np.where(stops, columns[:, 2], (1.0 + returning) / 3.0)
         return columns
 
 

@@ -64,7 +64,6 @@ class Planner(Policy):
         else:
             self.rule = rule = IdentifiedDmaxRule(setting, pace, deviations)
             self._identification = rule.identification
-        self._turned = 1.5 if s["discrete"] else 1.0 / 3.0  # between go and return
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
         model["speeds_mps"] = np.linspace(s["min_speed_mps"], s["max_speed_mps"], LEVELS)
@@ -84,7 +83,13 @@ class Planner(Policy):
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
-        homebound = self.rule.act(observations, begun)[:, 2] > self._turned
+        return self.drive(observations, self.rule.turns(observations, begun))
+
+    def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
+        """Actions as planned for missions that go on or, where `homebound` of shape (n,), head home.
+
+        `rule.turns` must have been called with the same observations before: it updates the beliefs.
+        """
         turns = homebound & (feature(observations, "outbound") > 0.0)
         s = self._setting.shared[0]
         speed_mps = self._thriftiest(0.1 * feature(observations, "grade") * np.where(turns, -1.0, 1.0))

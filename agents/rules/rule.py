@@ -70,6 +70,10 @@ class TurnBackRule(Policy):
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
+        return self.drive(observations, self.turns(observations, begun))
+
+    def turns(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which missions head home, including those already returning, shape (n,). Arguments as in `act`."""
         s = self._setting.shared[0]
         distance_m = feature(observations, "distance") * self._reach_m
         turns = (self.spare(observations, begun) < 0.0) | self._late(observations, distance_m)
@@ -77,7 +81,11 @@ class TurnBackRule(Policy):
             turns &= self._may_turn(distance_m)
         elif not self._patrol:
             turns |= distance_m >= (1.0 - 1e-6) * s["length_m"]
-        return self._pace.act(self._setting, observations, turns | (feature(observations, "returning") > 0.0))
+        return np.asarray(turns | (feature(observations, "returning") > 0.0))
+
+    def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
+        """Actions at the rule's pace for missions that go on or, where `homebound` of shape (n,), head home."""
+        return self._pace.act(self._setting, observations, homebound)
 
     def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Where a patrol may turn back for good, shape (n,)."""

@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.base import Observations
 from homeward.agents.evaluation.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.planner.planner import Planner
 from homeward.agents.registry import FROM_FILES
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import NO_SENSING, Pace
+from homeward.agents.rules.rule import TurnBackRule
 from homeward.agents.rules.tuned import RESERVES
+from homeward.agents.shield.shield import decode_actions
 from homeward.envs.features import INDEX, NAMES
 from homeward.envs.options import MISSIONS, Options, settle
 from homeward.envs.state import GO, RETURN, STOP
@@ -132,6 +135,23 @@ def test_patrols_turn_back_at_the_home_post_only(name: str) -> None:
     assert mode(policy, observed(energy=0.02, margin=0.02, distance=0.0)) == RETURN
     assert mode(policy, observed(energy=0.02, margin=0.02, distance=0.01)) == GO
     assert mode(policy, observed(energy=0.9, margin=0.9, distance=0.0)) == GO
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+@pytest.mark.parametrize("name", [*RULES, "planner"])
+def test_it_heads_home_where_its_rule_turns(name: str, action_type: str) -> None:
+    env = HomewardVectorEnv(mission="Survey", action_type=action_type)
+    shown = np.concatenate(
+        [observed(energy=energy, distance=0.3, home_cost=0.2, margin=energy - 0.2) for energy in (1.0, 0.8, 0.1, 1.0)]
+    )
+    shown[3, INDEX["returning"]] = 1.0
+    policies = [make_policy(name, env) for _ in range(2)]
+    rule = policies[0].rule if isinstance(policies[0], Planner) else policies[0]
+    assert isinstance(rule, TurnBackRule)
+    turns = rule.turns(shown, np.ones(4, np.bool_))
+    assert turns.tolist() == [False, False, True, True]
+    commands = decode_actions(env.batch.setting, policies[1].act(shown, np.ones(4, np.bool_)))
+    np.testing.assert_array_equal(commands.homeward, turns)
 
 
 @pytest.mark.parametrize("name", RULES)
