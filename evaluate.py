@@ -21,14 +21,14 @@ from rich.table import Table
 
 from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
+from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.episode_plots import episode_png, route_png
-from homeward.agents.evaluation.evaluation import episode_seeds
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
 from homeward.agents.learning.policy_file import DESCRIPTION, NetworkPolicy
 from homeward.agents.learning.provenance import differences
-from homeward.agents.shield.shield import Shield
+from homeward.agents.shield import Shield
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError

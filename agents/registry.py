@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from homeward.agents.base import Policy
-from homeward.agents.planner.planner import Planner
+from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax import DmaxRule
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule

@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 
 from homeward.agents import make_policy
-from homeward.agents.evaluation.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.parallel import run_tasks

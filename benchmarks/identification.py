@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 
 from homeward import cli
 from homeward.agents.base import Observations, Policy, feature
-from homeward.agents.evaluation.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.identification import Identification
 from homeward.agents.registry import AGENTS, Request
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule

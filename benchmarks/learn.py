@@ -27,7 +27,7 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 import train
 from homeward import cli
-from homeward.agents.evaluation.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import stratified_means, wilson
 from homeward.agents.learning.curve import EPISODES, SEED, Point, read_curve
 from homeward.agents.learning.policy_file import load_policy

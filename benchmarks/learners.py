@@ -36,7 +36,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 from benchmarks.learn import best_rule, interval
 from homeward import cli
 from homeward.agents.base import Observations, Policy
-from homeward.agents.evaluation.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import wilson
 from homeward.agents.learning.network import _MODE_LOGITS
 from homeward.agents.learning.ppo import deployed, make_model, one_thread

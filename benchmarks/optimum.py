@@ -25,7 +25,7 @@ from scipy import stats
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
 from homeward import cli
-from homeward.agents.evaluation.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.oracle import OracleError, solve
 from homeward.agents.registry import AGENTS, Request
 from homeward.envs.options import OptionError, Options, settle

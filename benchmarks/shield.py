@@ -27,9 +27,9 @@ from rich.table import Table
 from homeward import agents, cli
 from homeward.agents import AgentError, Policy, make_policy
 from homeward.agents.base import Observations
-from homeward.agents.evaluation.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
-from homeward.agents.shield.shield import DEVIATIONS, Shield
+from homeward.agents.shield import DEVIATIONS, Shield
 from homeward.envs.actions import encode_actions
 from homeward.envs.kernel import LEVELS
 from homeward.envs.options import MISSIONS, OptionError, Options, Setting, settle

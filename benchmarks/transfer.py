@@ -21,7 +21,7 @@ from rich.table import Table
 
 from homeward import cli
 from homeward.agents import AgentError, make_policy
-from homeward.agents.evaluation.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import Bootstrap, interval
 from homeward.agents.learning.policy_file import WEIGHTS
 from homeward.agents.learning.provenance import made_with

@@ -21,8 +21,8 @@ from rich.progress import track
 from rich.table import Table
 
 from homeward.agents.base import Policy
-from homeward.agents.evaluation.evaluation import run_episodes
-from homeward.agents.planner.planner import Planner
+from homeward.agents.evaluation import run_episodes
+from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax import DmaxRule
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule

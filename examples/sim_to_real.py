@@ -33,7 +33,7 @@ from scipy.ndimage import uniform_filter1d
 
 from homeward import Robot, RobotError, cli, load_robot
 from homeward.agents import AgentError, make_policy
-from homeward.agents.evaluation.evaluation import Run, episode_seeds, run_episodes
+from homeward.agents.evaluation import Run, episode_seeds, run_episodes
 from homeward.agents.evaluation.summary import Evaluation
 from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.commands import train

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from homeward.agents.evaluation.evaluation import TRACED, Run
+from homeward.agents.evaluation.episodes import TRACED, Run
 from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of
 from homeward.agents.evaluation.summary import Evaluation
 from homeward.envs.options import settle

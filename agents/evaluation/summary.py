@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import homeward
-from homeward.agents.evaluation.evaluation import Episodes, Run
+from homeward.agents.evaluation.episodes import Episodes, Run
 from homeward.agents.evaluation.statistics import (
     Bootstrap,
     Scores,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from homeward.agents.base import Policy
-from homeward.agents.evaluation.evaluation import SIDE_BY_SIDE, Run, run_episodes
+from homeward.agents.evaluation.episodes import SIDE_BY_SIDE, Run, run_episodes
 from homeward.envs.options import Options, settle
 from homeward.envs.route_files import load_route
 from homeward.envs.routes import Route

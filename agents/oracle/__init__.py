@@ -55,7 +55,7 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
 
     Args:
         options: Keyword arguments of the environment.
-        seeds: Seed of each episode, as in `homeward.agents.evaluation.evaluation.run_episodes`.
+        seeds: Seed of each episode, as in `homeward.agents.evaluation.run_episodes`.
         jobs: Processes at once on this machine.
         cluster: HOST:PORT of a Ray cluster to use instead.
 

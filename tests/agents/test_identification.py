@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from homeward.agents.evaluation.evaluation import episode_seeds
+from homeward.agents.evaluation import episode_seeds
 from homeward.agents.identification import Identification
 from homeward.envs.features import INDEX
 from homeward.envs.options import Options, settle

@@ -9,7 +9,7 @@ import pytest
 from benchmarks import learners
 from benchmarks.learners import Args, PaidAsItGoes, choices, main, missions, train_recurrent
 from homeward.agents.learning.settings import TrainingError
-from homeward.agents.shield.shield import decode_actions
+from homeward.agents.shield import decode_actions
 from homeward.envs.options import Options, settle
 from homeward.envs.vector import HomewardVectorEnv
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from homeward.agents import Policy, make_policy
 from homeward.agents.base import Observations
-from homeward.agents.evaluation import evaluation
+from homeward.agents.evaluation import TRACED, Episodes, Run, episode_seeds, run_episodes
+from homeward.agents.evaluation import episodes as evaluation_episodes
 from homeward.agents.evaluation.episode_plots import episode_png, route_png, typical_episode
-from homeward.agents.evaluation.evaluation import TRACED, Episodes, Run, episode_seeds, run_episodes
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.envs.actions import encode_actions
@@ -85,7 +85,7 @@ def test_an_episode_is_that_of_the_scalar_environment_with_its_seed() -> None:
 def test_results_do_not_depend_on_how_many_run_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     seeds = episode_seeds(6, 7)
     whole = run_episodes(policy("dmax_adaptive"), SURVEY, seeds)
-    monkeypatch.setattr(evaluation, "SIDE_BY_SIDE", 3)
+    monkeypatch.setattr(evaluation_episodes, "SIDE_BY_SIDE", 3)
     parts = run_episodes(policy("dmax_adaptive"), SURVEY, seeds)
     for name in ("score", "home", "energy_left_j", "time_s", "decisions"):
         np.testing.assert_array_equal(getattr(parts.episodes, name), getattr(whole.episodes, name))

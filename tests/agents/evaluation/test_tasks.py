@@ -10,10 +10,9 @@ import pytest
 
 from homeward import load_robot
 from homeward.agents import make_policy
-from homeward.agents.evaluation import tasks
-from homeward.agents.evaluation.evaluation import TRACED, Episodes, Run, episode_seeds, run_episodes
+from homeward.agents.evaluation import TRACED, Episodes, Run, episode_seeds, run_episodes, tasks
 from homeward.agents.evaluation.tasks import run_agents, self_contained
-from homeward.agents.shield.shield import Shield
+from homeward.agents.shield import Shield
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 

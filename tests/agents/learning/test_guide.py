@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from homeward.agents.evaluation.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.learning.guide import BELIEFS, Guide, guide_from, make_guide
 from homeward.agents.learning.ppo import deployed, make_model
 from homeward.agents.learning.sb3_adapter import SB3Adapter

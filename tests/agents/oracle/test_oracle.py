@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import homeward
 from homeward.agents import AGENTS, make_policy
-from homeward.agents.evaluation.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.oracle import Optimum, OracleError, score_of, solve
 from homeward.agents.oracle.bound import Prices, allowed, bounds_by_turn, patrol_bound
 from homeward.agents.oracle.case import case_of

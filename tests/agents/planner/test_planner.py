@@ -11,8 +11,8 @@ from scipy import stats
 
 from homeward.agents import make_policy
 from homeward.agents.base import Observations
-from homeward.agents.evaluation.evaluation import run_episodes
-from homeward.agents.planner.planner import Planner
+from homeward.agents.evaluation import run_episodes
+from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
 from homeward.envs.features import INDEX, NAMES

@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from homeward.agents import make_policy
-from homeward.agents.evaluation.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
 from homeward.agents.learning.curve import read_curve
 from homeward.agents.learning.policy_file import NetworkPolicy
 from homeward.agents.learning.provenance import differences

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.base import Observations
-from homeward.agents.evaluation.evaluation import Episodes, episode_seeds, run_episodes
-from homeward.agents.planner.planner import Planner
+from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.planner import Planner
 from homeward.agents.registry import FROM_FILES
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import NO_SENSING, Pace
 from homeward.agents.rules.rule import TurnBackRule
 from homeward.agents.rules.tuned import RESERVES
-from homeward.agents.shield.shield import decode_actions
+from homeward.agents.shield import decode_actions
 from homeward.envs.features import INDEX, NAMES
 from homeward.envs.options import MISSIONS, Options, settle
 from homeward.envs.state import GO, RETURN, STOP

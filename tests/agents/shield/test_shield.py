@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from homeward.agents import Policy, make_policy
-from homeward.agents.evaluation.evaluation import Run, episode_seeds, run_episodes
-from homeward.agents.shield.shield import Shield, decode_actions
+from homeward.agents.evaluation import Run, episode_seeds, run_episodes
+from homeward.agents.shield import Shield, decode_actions
 from homeward.envs.actions import encode_actions
 from homeward.envs.options import MISSIONS, Options, settle
 from homeward.envs.state import GO, RETURN, STOP
