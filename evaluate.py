@@ -21,13 +21,13 @@ from rich.table import Table
 
 from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
-from homeward.agents.episode_plots import episode_png, route_png
 from homeward.agents.evaluation import episode_seeds
-from homeward.agents.evaluation_plots import profiles_png, scores_png
-from homeward.agents.evaluation_summary import Bounds, Evaluation
-from homeward.agents.evaluation_tasks import run_agents
-from homeward.agents.policy_file import DESCRIPTION, NetworkPolicy
-from homeward.agents.provenance import differences
+from homeward.agents.evaluation.episode_plots import episode_png, route_png
+from homeward.agents.evaluation.plots import profiles_png, scores_png
+from homeward.agents.evaluation.summary import Bounds, Evaluation
+from homeward.agents.evaluation.tasks import run_agents
+from homeward.agents.learning.policy_file import DESCRIPTION, NetworkPolicy
+from homeward.agents.learning.provenance import differences
 from homeward.agents.shield import Shield
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options

@@ -20,9 +20,9 @@ import tyro
 from rich.console import Console
 
 from homeward import cli
-from homeward.agents.ppo_folder import RunState, extended_from, locked, open_run
-from homeward.agents.ppo_settings import PPOSettings, TrainingError
-from homeward.agents.provenance import made_with
+from homeward.agents.learning.folder import RunState, extended_from, locked, open_run
+from homeward.agents.learning.provenance import made_with
+from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, Setting, settle
 from homeward.envs.routes import RouteError
@@ -90,7 +90,7 @@ def main(args: Args) -> Path:
 def _train(args: Args, options: Options, setting: Setting, settings: Mapping[str, Any]) -> Path:
     code = made_with(setting)
     try:  # before an older run may be removed
-        from homeward.agents.ppo import check_device, train
+        from homeward.agents.learning.ppo import check_device, train
     except ModuleNotFoundError as error:
         raise TrainingError(f"training needs {error.name}: pip install 'homeward[train]'") from None
     check_device(args.ppo)

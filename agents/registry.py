@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from homeward.agents.base import Policy
-from homeward.agents.dmax import DmaxRule
-from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
-from homeward.agents.dmax_mapped import MappedDmaxRule
 from homeward.agents.planner import Planner
-from homeward.agents.random_policy import RandomPolicy
-from homeward.agents.soc50 import StateOfChargeRule
-from homeward.agents.tuned import PACES, RESERVES
+from homeward.agents.rules.dmax import DmaxRule
+from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.rules.dmax_mapped import MappedDmaxRule
+from homeward.agents.rules.random_policy import RandomPolicy
+from homeward.agents.rules.soc50 import StateOfChargeRule
+from homeward.agents.rules.tuned import PACES, RESERVES
 from homeward.envs.batch import action_space, observation_space
 from homeward.envs.options import Options, Setting
 
@@ -56,7 +56,7 @@ def _planner(request: Request) -> Policy:
 
 
 def _ppo(request: Request) -> Policy:
-    from homeward.agents.policy_file import PolicyFileError, load_policy
+    from homeward.agents.learning.policy_file import PolicyFileError, load_policy
 
     try:
         policy = load_policy(request.file or SHIPPED / request.options.mission, request.setting)

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
 from homeward import cli
-from homeward.agents.statistics import wilson
+from homeward.agents.evaluation.statistics import wilson
 from homeward.diagnosis import Recording, RecordingError, diagnose
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.fit.folds import cut_folds

@@ -21,11 +21,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 
 from homeward import cli
 from homeward.agents.base import Observations, Policy, feature
-from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.identification import Identification
-from homeward.agents.pace import NO_SENSING
 from homeward.agents.registry import AGENTS, Request
+from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.rules.pace import NO_SENSING
 from homeward.envs.features import INDEX
 from homeward.envs.kernel import LEVELS
 from homeward.envs.options import OptionError, Options, settle

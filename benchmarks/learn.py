@@ -28,12 +28,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 import train
 from homeward import cli
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.evaluation.statistics import stratified_means, wilson
+from homeward.agents.learning.curve import EPISODES, SEED, Point, read_curve
+from homeward.agents.learning.policy_file import load_policy
+from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.agents.oracle import solve
-from homeward.agents.policy_file import load_policy
-from homeward.agents.ppo_curve import EPISODES, SEED, Point, read_curve
-from homeward.agents.ppo_settings import PPOSettings, TrainingError
 from homeward.agents.registry import AGENTS, Request
-from homeward.agents.statistics import stratified_means, wilson
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, settle
 from homeward.files import write_whole

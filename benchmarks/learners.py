@@ -37,12 +37,12 @@ from benchmarks.learn import best_rule, interval
 from homeward import cli
 from homeward.agents.base import Observations, Policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
-from homeward.agents.ppo import deployed, make_model, one_thread
-from homeward.agents.ppo_network import _MODE_LOGITS
-from homeward.agents.ppo_settings import PPOSettings, TrainingError
-from homeward.agents.provenance import made_with
-from homeward.agents.sb3_adapter import SB3Adapter
-from homeward.agents.statistics import wilson
+from homeward.agents.evaluation.statistics import wilson
+from homeward.agents.learning.network import _MODE_LOGITS
+from homeward.agents.learning.ppo import deployed, make_model, one_thread
+from homeward.agents.learning.provenance import made_with
+from homeward.agents.learning.sb3_adapter import SB3Adapter
+from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.envs.actions import encode_actions
 from homeward.envs.kernel import LEVELS
 from homeward.envs.options import OptionError, Options, Setting, settle

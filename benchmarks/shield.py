@@ -3,7 +3,7 @@
 `python benchmarks/shield.py` runs every policy on the same episodes bare and shielded and prints the table of
 docs/evaluation.md; OUT/shield.json holds it. Finished rows are kept, so that a run that was killed goes on.
 `--tune` prints the strandings by deviations kept back instead, on training seeds, and how many of them each confidence
-of `agents/shield.py` takes.
+of `agents/shield/shield.py` takes.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from homeward import cli
-from homeward.agents import AgentError, Policy, make_policy, shield
+from homeward import agents, cli
+from homeward.agents import AgentError, Policy, make_policy
 from homeward.agents.base import Observations
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
 from homeward.agents.shield import DEVIATIONS, Shield
-from homeward.agents.statistics import Bootstrap, interval, wilson
 from homeward.envs.actions import encode_actions
 from homeward.envs.kernel import LEVELS
 from homeward.envs.options import MISSIONS, OptionError, Options, Setting, settle
@@ -175,8 +175,8 @@ def _rows(args: Args) -> Iterator[tuple[str, str, str]]:
 
 def _digest() -> str:
     """Hash of the sources of the shield: rows that another shield made are not kept."""
-    folder = Path(shield.__file__).parent
-    sources = sorted([*folder.glob("shield*.py"), *folder.glob("identification*.py")])
+    folder = Path(agents.__file__).parent
+    sources = sorted([*folder.glob("shield/*.py"), *folder.glob("identification*.py")])
     return hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()[:16]
 
 

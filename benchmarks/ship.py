@@ -15,9 +15,9 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 from homeward import cli
-from homeward.agents.policy_file import DESCRIPTION, WEIGHTS, PolicyFileError, load_policy
-from homeward.agents.ppo_curve import EPISODES, Point, read_curve
-from homeward.agents.ppo_folder import CURVE
+from homeward.agents.learning.curve import EPISODES, Point, read_curve
+from homeward.agents.learning.folder import CURVE
+from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, PolicyFileError, load_policy
 from homeward.agents.registry import SHIPPED
 from homeward.files import write_whole
 

@@ -369,8 +369,8 @@ def ppo_rate() -> Row:
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
 
-    from homeward.agents.ppo import make_model, one_thread
-    from homeward.agents.ppo_settings import PPOSettings
+    from homeward.agents.learning.ppo import make_model, one_thread
+    from homeward.agents.learning.settings import PPOSettings
     from homeward.envs.options import Options
 
     ours = make_model(Options("Survey"), PPOSettings(), seed=0)

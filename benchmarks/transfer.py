@@ -22,10 +22,10 @@ from rich.table import Table
 from homeward import cli
 from homeward.agents import AgentError, make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
-from homeward.agents.policy_file import WEIGHTS
-from homeward.agents.provenance import made_with
+from homeward.agents.evaluation.statistics import Bootstrap, interval
+from homeward.agents.learning.policy_file import WEIGHTS
+from homeward.agents.learning.provenance import made_with
 from homeward.agents.registry import SHIPPED
-from homeward.agents.statistics import Bootstrap, interval
 from homeward.envs.options import MISSIONS, OptionError, Options, settle
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.files import write_whole

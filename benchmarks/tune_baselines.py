@@ -1,4 +1,4 @@
-"""Tune the baselines: the numbers of `agents/tuned.py`, by grid search over mean scores.
+"""Tune the baselines: the numbers of `agents/rules/tuned.py`, by grid search over mean scores.
 
 `python benchmarks/tune_baselines.py` prints the tables and the numbers in about ten minutes. Missions are those of
 training seeds, at difficulty `uncertain` with the default robot; a stranded robot scores 0. The pace has the highest
@@ -21,14 +21,14 @@ from rich.progress import track
 from rich.table import Table
 
 from homeward.agents.base import Policy
-from homeward.agents.dmax import DmaxRule
-from homeward.agents.dmax_adaptive import AdaptiveDmaxRule
-from homeward.agents.dmax_mapped import MappedDmaxRule
 from homeward.agents.evaluation import run_episodes
-from homeward.agents.pace import NO_SENSING, Pace
 from homeward.agents.planner import Planner
-from homeward.agents.soc50 import StateOfChargeRule
-from homeward.agents.tuned import PACES
+from homeward.agents.rules.dmax import DmaxRule
+from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.rules.dmax_mapped import MappedDmaxRule
+from homeward.agents.rules.pace import NO_SENSING, Pace
+from homeward.agents.rules.soc50 import StateOfChargeRule
+from homeward.agents.rules.tuned import PACES
 from homeward.envs.options import Options, Setting, settle
 
 EPISODES = 1024
@@ -138,7 +138,7 @@ def reserve_table(mission: str, tables: Tables, chosen: dict[str, float]) -> Tab
 
 
 def main() -> None:
-    """Tune all missions and print what belongs into `agents/tuned.py`."""
+    """Tune all missions and print what belongs into `agents/rules/tuned.py`."""
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
     console = Console()
     tuned = {mission: tune(mission, console) for mission in ("OutAndBack", "Survey", "Patrol")}

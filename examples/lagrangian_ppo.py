@@ -21,8 +21,8 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from homeward import cli
-from homeward.agents.sb3_adapter import SB3Adapter
-from homeward.agents.statistics import wilson
+from homeward.agents.evaluation.statistics import wilson
+from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.envs import IDS
 from homeward.envs.options import OptionError
 from homeward.envs.vector import HomewardVectorEnv

@@ -34,8 +34,8 @@ from scipy.ndimage import uniform_filter1d
 from homeward import Robot, RobotError, cli, load_robot
 from homeward.agents import AgentError, make_policy
 from homeward.agents.evaluation import Run, episode_seeds, run_episodes
-from homeward.agents.evaluation_summary import Evaluation
-from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.agents.evaluation.summary import Evaluation
+from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.commands import train
 from homeward.diagnosis import Analysis, RecordingError, analyse
 from homeward.diagnosis.tell.report import write_outputs

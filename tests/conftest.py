@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 from hypothesis import settings
 
-from homeward.agents import ppo_curve
+from homeward.agents.learning import curve
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # draws without a display
 
@@ -44,7 +44,7 @@ def load_example(root: Path) -> Callable[[str], ModuleType]:
 def short_curves() -> Iterator[None]:
     """Learning curves of few missions; most of a tiny training would be spent on them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ppo_curve, "EPISODES", 25)
+        patch.setattr(curve, "EPISODES", 25)
         yield
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward import load_robot
-from homeward.agents.ppo_settings import PPOSettings
+from homeward.agents.learning.settings import PPOSettings
 
 TASKS = {f"seed {seed}": seed for seed in range(6)}
 SETTINGS = PPOSettings(guide="none", n_envs=8, n_steps=8, batch_size=32, epochs=1, hidden=8)

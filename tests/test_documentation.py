@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from homeward.agents.ppo_settings import PPOSettings
+from homeward.agents.learning.settings import PPOSettings
 
 
 @pytest.fixture(scope="module")

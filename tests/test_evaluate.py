@@ -15,9 +15,9 @@ import evaluate
 import train
 from evaluate import Args, main, run
 from homeward import load_robot
-from homeward.agents import evaluation_tasks
-from homeward.agents.policy_file import DESCRIPTION
-from homeward.agents.ppo_settings import PPOSettings
+from homeward.agents.evaluation import tasks as evaluation_tasks
+from homeward.agents.learning.policy_file import DESCRIPTION
+from homeward.agents.learning.settings import PPOSettings
 
 SMALL = ["--episodes", "3", "--agents", "dmax"]
 PICTURES = ("scores_png", "profiles_png", "episode_png", "route_png")

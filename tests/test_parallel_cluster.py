@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import evaluate
 from homeward import load_robot
-from homeward.agents import evaluation_tasks
+from homeward.agents.evaluation import tasks as evaluation_tasks
 from homeward.commands import fleet, sweep, train
 from homeward.parallel import TaskError, run_tasks
 from tests.parallel_cases import SETTINGS, TASKS, assert_equal, draws, draws_slowly, fails, policies, write_recording

@@ -11,7 +11,7 @@ import pytest
 
 from homeward import __main__ as command
 from homeward import load_robot
-from homeward.agents.ppo_settings import TrainingError
+from homeward.agents.learning.settings import TrainingError
 from homeward.commands import fleet, sweep, train
 from homeward.diagnosis import Diagnosis, RecordingError
 from homeward.parallel import TaskError

@@ -23,10 +23,10 @@ from stable_baselines3.common.save_util import save_to_zip_file
 
 import homeward
 from homeward import load_robot
-from homeward.agents import ppo_curve, provenance
-from homeward.agents.policy_file import DESCRIPTION, WEIGHTS, load_policy
-from homeward.agents.ppo_curve import measure, read_curve
-from homeward.agents.ppo_folder import (
+from homeward.agents.learning import curve as learning_curve
+from homeward.agents.learning import provenance
+from homeward.agents.learning.curve import measure, read_curve
+from homeward.agents.learning.folder import (
     CHECKPOINT,
     CURVE,
     LOCK,
@@ -37,7 +37,8 @@ from homeward.agents.ppo_folder import (
     locked,
     open_run,
 )
-from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, load_policy
+from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, settle
 from train import Args, main, run
@@ -107,7 +108,8 @@ def command(out: Path) -> list[str]:
 def test_a_killed_run_goes_on_as_if_it_had_not_stopped(finished: Path, tmp_path: Path, root: Path) -> None:
     out = tmp_path / "run"
     script = (
-        f"from homeward.agents import ppo_curve; ppo_curve.EPISODES = {ppo_curve.EPISODES}; import train; train.run()"
+        f"from homeward.agents.learning import curve; curve.EPISODES = {learning_curve.EPISODES}; "
+        "import train; train.run()"
     )
     short = [sys.executable, "-c", script, *command(out)[2:]]
     process = subprocess.Popen(short, cwd=root, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -285,7 +287,7 @@ def test_nothing_is_replaced_by_what_cannot_be_trained(
     before = contents(out)
     ppo = dataclasses.replace(TINY, device=settings.get("device", "cpu"))
     if "missing" in settings:
-        monkeypatch.delitem(sys.modules, "homeward.agents.ppo")
+        monkeypatch.delitem(sys.modules, "homeward.agents.learning.ppo")
         monkeypatch.setitem(sys.modules, settings["missing"], None)
     with pytest.raises(TrainingError, match=r"is not available here|training needs tensorboard"):
         main(tiny(out, ppo=ppo, seed=1, replace=True))
@@ -390,7 +392,8 @@ def test_a_robot_file_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize(
-    ("file", "part"), [("physics/model.py", "physics"), ("envs/missions.py", "envs"), ("agents/ppo.py", "learner")]
+    ("file", "part"),
+    [("physics/model.py", "physics"), ("envs/missions.py", "envs"), ("agents/learning/ppo.py", "learner")],
 )
 def test_an_edit_of_the_code_changes_its_hash(
     tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch, file: str, part: str
@@ -458,7 +461,7 @@ def test_ctrl_c_takes_one_line_and_the_run_goes_on(tmp_path: Path, root: Path) -
 
 
 def test_the_first_policy_mostly_goes_on() -> None:
-    from homeward.agents.ppo import make_model
+    from homeward.agents.learning.ppo import make_model
 
     model = make_model(Options("Survey"), dataclasses.replace(TINY, guide="none", insight=False), seed=0)
     observations, _ = model.policy.obs_to_tensor(np.random.default_rng(0).uniform(-1.0, 1.0, (500, len(NAMES))))
@@ -527,7 +530,7 @@ def test_an_unwritable_folder_is_one_line(
 def test_a_missing_library_says_what_to_install(
     missing: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith("homeward.agents.ppo")]:
+    for name in [name for name in sys.modules if name.startswith("homeward.agents.learning.ppo")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, missing, None)
     monkeypatch.setattr(sys, "argv", ["train.py", "--out", str(tmp_path / "run")])

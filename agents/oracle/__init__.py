@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.agents.evaluation_tasks import self_contained
+from homeward.agents.evaluation.tasks import self_contained
 from homeward.agents.oracle.case import Case, case_of
 from homeward.agents.oracle.plan import bound_out_and_back, bound_patrol
 from homeward.agents.oracle.rates import REFUSED, measure_rates

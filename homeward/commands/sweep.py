@@ -19,7 +19,7 @@ import tyro
 from rich.console import Console
 
 from homeward import cli
-from homeward.agents.ppo_settings import PPOSettings, TrainingError
+from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.commands import train
 from homeward.envs.options import OptionError
 from homeward.envs.routes import RouteError

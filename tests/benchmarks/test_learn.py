@@ -17,8 +17,8 @@ from benchmarks.learn import (
     reached_s,
     summary,
 )
-from homeward.agents.ppo_curve import Point
-from homeward.agents.ppo_settings import TrainingError
+from homeward.agents.learning.curve import Point
+from homeward.agents.learning.settings import TrainingError
 
 CURVE = [Point(0, 0.0, 90.0, 0.1, 0.0), Point(10, 1.0, 101.0, 0.0, 0.0), Point(20, 2.0, 110.0, 0.0, 0.0)]
 

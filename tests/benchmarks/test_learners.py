@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import learners
 from benchmarks.learners import Args, PaidAsItGoes, choices, main, missions, train_recurrent
-from homeward.agents.ppo_settings import TrainingError
+from homeward.agents.learning.settings import TrainingError
 from homeward.agents.shield import decode_actions
 from homeward.envs.options import Options, settle
 from homeward.envs.vector import HomewardVectorEnv

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.ship import Args, main
-from homeward.agents.policy_file import PolicyFileError, load_policy, save_policy
-from homeward.agents.ppo_curve import Point, read_curve, write_curve
-from homeward.agents.ppo_guide import make_guide
+from homeward.agents.learning.curve import Point, read_curve, write_curve
+from homeward.agents.learning.guide import make_guide
+from homeward.agents.learning.policy_file import PolicyFileError, load_policy, save_policy
 from homeward.envs.batch import action_space
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, settle

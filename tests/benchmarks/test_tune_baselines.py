@@ -1,11 +1,11 @@
-"""The script that tunes the baselines runs, here on a few missions, and prints what belongs into `agents/tuned.py`."""
+"""The script that tunes the baselines runs on a few missions and prints what belongs into `agents/rules/tuned.py`."""
 
 import numba
 import pytest
 
 from benchmarks import tune_baselines
-from homeward.agents.pace import Pace
-from homeward.agents.tuned import PACES
+from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.tuned import PACES
 
 
 def test_tuning_prints_a_pace_and_reserves_for_each_mission(

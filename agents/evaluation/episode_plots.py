@@ -1,0 +1,152 @@
+"""Pictures of one episode as every agent went through it, over time and over the route."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from homeward.agents.evaluation.episodes import TRACED, Run
+from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of
+from homeward.agents.evaluation.summary import Evaluation
+from homeward.envs.options import settle
+
+_OUT, _HOME = "#0072b2", "#d55e00"
+
+
+def episode_png(evaluation: Evaluation) -> bytes:
+    """One episode as every agent went through it: energy, position, speed and sensing rate over time."""
+    episode = typical_episode(evaluation)
+    names, setting = list(evaluation.runs), settle(evaluation.options)
+    shared = setting.shared[0]
+    figure = Figure(figsize=(max(1.2 + 2.3 * len(names), 8.0), 7.0), layout="constrained")
+    grid = figure.subplots(4, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(1.0, 1.5, 0.7, 0.7))
+    for column, name in enumerate(names):
+        run, axes = evaluation.runs[name][0], grid[:, column]
+        decisions = int(run.episodes.decisions[episode])
+        trace = dict(zip(TRACED, run.traces[: decisions + 1, episode].T, strict=True))
+        hours, colour = trace["time_s"] / 3600.0, colour_of(column)
+        axes[0].plot(hours, 100.0 * trace["energy_share"], color=colour)
+        axes[1].plot(hours, trace["position_m"], color=colour)
+        # A value is that of the decision that ends there.
+        axes[2].fill_between(hours, trace["speed_mps"], step="pre", color=colour, alpha=0.7, linewidth=0)
+        axes[3].fill_between(hours, trace["sensing_hz"], step="pre", color=colour, alpha=0.7, linewidth=0)
+        stands = np.flatnonzero(trace["speed_mps"][1:] == 0.0) + 1
+        axes[1].plot(hours[stands], trace["position_m"][stands], marker="|", linestyle="", color="black", markersize=6)
+        home = bool(run.episodes.home[episode])
+        axes[1].plot(hours[-1], trace["position_m"][-1], marker="o" if home else "X", color=colour, markersize=7,
+                     clip_on=False, zorder=4)  # fmt: skip
+        axes[0].set_title(_heading(name, run, episode), fontsize=10)
+        axes[3].set_xlabel("time, h")
+    _shade_interest(grid[1], evaluation, episode, float(shared["length_m"]))
+    highest_m = max(float(np.max(run.traces[:, episode, 2])) for run, *_ in evaluation.runs.values())
+    for axis, label, top in zip(
+        grid[:, 0],
+        ("state of charge, %", "distance from home, m", "speed, m/s", "sensing, Hz"),
+        (104.0, 1.08 * highest_m, 1.1 * shared["max_speed_mps"], 1.1 * shared["max_sensing_hz"]),
+        strict=True,
+    ):
+        axis.set_ylabel(label)
+        axis.set_ylim(0.0, float(top))
+        axis.set_xlim(left=0.0)
+    tidy(*grid.flat)
+    note = ", shaded where there is more to find" if evaluation.options.mission == "Survey" else ""
+    figure.suptitle(f"{title_of(evaluation)}: episode {episode}{note}", fontsize=11)
+    figure.supxlabel("strokes on the position: standing", fontsize=8, color="#888888")
+    figure.align_ylabels(grid[:, 0])
+    return png(figure)
+
+
+def route_png(evaluation: Evaluation) -> bytes:
+    """The same episode over the route: energy, speed, sensing rate and standing time by distance from home."""
+    episode = typical_episode(evaluation)
+    names, setting = list(evaluation.runs), settle(evaluation.options)
+    shared = setting.shared[0]
+    length_m, count = float(shared["length_m"]), int(shared["places"])
+    borders_m = np.linspace(0.0, length_m, count + 1)
+    figure = Figure(figsize=(max(1.2 + 2.3 * len(names), 8.0), 7.0), layout="constrained")
+    grid = figure.subplots(4, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(1.3, 1.0, 1.0, 0.8))
+    furthest_m = 0.0
+    for column, name in enumerate(names):
+        run, axes = evaluation.runs[name][0], grid[:, column]
+        decisions = int(run.episodes.decisions[episode])
+        trace = dict(zip(TRACED, run.traces[: decisions + 1, episode].T.astype(np.float64), strict=True))
+        position_m, stands = trace["position_m"], trace["speed_mps"] == 0.0
+        furthest_m = max(furthest_m, float(position_m.max()))
+        turn = int(np.argmax(position_m))
+        # The way home is drawn thinner, so that the way out shows beside it where both are alike.
+        for part, colour, way, width in (
+            (slice(None, turn + 1), _OUT, "out", 3.0), (slice(turn, None), _HOME, "home", 1.3)
+        ):  # fmt: skip
+            axes[0].plot(
+                position_m[part], 100.0 * trace["energy_share"][part], color=colour, label=way, linewidth=width
+            )
+            moving = ~stands[part]
+            moving[0] = True  # where the first decision begins
+            for axis, values in ((axes[1], trace["speed_mps"]), (axes[2], trace["sensing_hz"])):
+                axis.plot(
+                    position_m[part][moving], values[part][moving], color=colour, drawstyle="steps",
+                    linewidth=width,
+                )  # fmt: skip
+        durations_s = np.diff(trace["time_s"], prepend=0.0)
+        minutes, _ = np.histogram(position_m[stands], borders_m, weights=durations_s[stands] / 60.0)
+        axes[3].bar(borders_m[:-1], minutes, np.diff(borders_m), align="edge", color="#444444")
+        axes[0].set_title(_heading(name, run, episode), fontsize=10)
+        axes[3].set_xlabel("distance from home, m")
+        _shade_places(axes, run.interest[episode], length_m, evaluation.options.mission)
+    grid[0, 0].legend(fontsize=8, frameon=False)
+    for axis, label, top in zip(
+        grid[:, 0],
+        ("state of charge, %", "speed, m/s", "sensing, Hz", "standing, min"),
+        (104.0, 1.1 * shared["max_speed_mps"], 1.1 * shared["max_sensing_hz"], None),
+        strict=True,
+    ):
+        axis.set_ylabel(label)
+        axis.set_ylim(0.0, None if top is None else float(top))
+        axis.set_xlim(0.0, 1.03 * max(furthest_m, 1e-3 * length_m))
+    tidy(*grid.flat)
+    note = ", shaded where there is more to find" if evaluation.options.mission == "Survey" else ""
+    figure.suptitle(f"{title_of(evaluation)}: episode {episode} over the route{note}", fontsize=11)
+    figure.align_ylabels(grid[:, 0])
+    return png(figure)
+
+
+def _heading(name: str, run: Run, episode: int) -> str:
+    ending = "out of time"
+    if run.episodes.home[episode] or run.episodes.stranded[episode]:
+        ending = "home" if run.episodes.home[episode] else "stranded"
+    return f"{name}\n{ending}, score {run.episodes.score[episode]:.4g}"
+
+
+def _shade_places(axes: NDArray[Any], interest: NDArray[np.float32], length_m: float, mission: str) -> None:
+    if mission != "Survey":
+        return
+    for axis in axes[:3]:
+        axis.imshow(
+            interest[None], aspect="auto", cmap="Greys", alpha=0.55, vmin=0.0, vmax=1.5 * float(interest.max()),
+            extent=(0.0, length_m, 0.0, 1.0), transform=axis.get_xaxis_transform(), zorder=0, interpolation="nearest",
+        )  # fmt: skip
+
+
+def typical_episode(evaluation: Evaluation) -> int:
+    """Index of the episode, among those traced, in which the agents came closest to their median scores."""
+    runs = [first for first, *_ in evaluation.runs.values()]
+    scores = np.array([run.episodes.score[: run.traces.shape[1]] for run in runs])
+    spread = scores.std(axis=1, keepdims=True)
+    distances = np.abs(scores - np.median(scores, axis=1, keepdims=True)) / np.where(spread > 0.0, spread, 1.0)
+    return int(np.argmin(distances.sum(axis=0)))
+
+
+def _shade_interest(axes: NDArray[Any], evaluation: Evaluation, episode: int, length_m: float) -> None:
+    if evaluation.options.mission != "Survey":
+        return
+    first: Run = next(iter(evaluation.runs.values()))[0]
+    hours = max(float(run.traces[-1, episode, 0]) for run, *_ in evaluation.runs.values()) / 3600.0
+    for axis in axes:
+        axis.imshow(
+            first.interest[episode][:, None], origin="lower", aspect="auto", cmap="Greys", alpha=0.55, vmin=0.0,
+            vmax=1.5 * float(first.interest[episode].max()), extent=(0.0, hours * 1.03, 0.0, length_m), zorder=0,
+            interpolation="nearest",
+        )  # fmt: skip

@@ -1,0 +1,146 @@
+"""Agents on the same episodes: seeds, and what comes of each episode; `summary` makes figures of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Policy
+from homeward.envs.options import Options
+from homeward.envs.vector import HomewardVectorEnv
+
+SIDE_BY_SIDE = 512
+"""Missions that run at once."""
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """What came of an agent's episodes; arrays of shape (episodes,), in columns of `episodes.csv`.
+
+    Attributes:
+        score: Score of the mission, 0 unless the robot got home.
+        home: Whether it got home.
+        stranded: Whether its battery ran empty on the way.
+        timed_out: Whether the time limit came first.
+        energy_left_j: Energy in the battery at the end, J.
+        furthest_m: Furthest distance from home along the route, m.
+        time_s: Duration, s.
+        decisions: Number of decisions.
+    """
+
+    score: NDArray[np.float64]
+    home: NDArray[np.bool_]
+    stranded: NDArray[np.bool_]
+    timed_out: NDArray[np.bool_]
+    energy_left_j: NDArray[np.float64]
+    furthest_m: NDArray[np.float64]
+    time_s: NDArray[np.float64]
+    decisions: NDArray[np.int64]
+
+
+TRACED = ("time_s", "energy_share", "position_m", "speed_mps", "sensing_hz")
+"""Columns of a trace: time, true state of charge, distance from home, speed and sensing rate of the last decision."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """An agent's episodes, the median time of a decision in microseconds, and how the first missions went.
+
+    `traces` has shape (decisions + 1, missions, TRACED): the start of the first missions and the end of every decision;
+    a mission that is over stays as it is. `interest` is that of their routes, shape (missions, places).
+    """
+
+    episodes: Episodes
+    decision_us: float
+    traces: NDArray[np.float32]
+    interest: NDArray[np.float32]
+
+    def followed_by(self, others: Sequence[Run]) -> Run:
+        """This run and further ones of the same agent as one; only its own traces are kept."""
+        parts = (self, *others)
+        whole = {
+            one.name: np.concatenate([getattr(part.episodes, one.name) for part in parts]) for one in fields(Episodes)
+        }
+        decision_us = float(np.median([part.decision_us for part in parts]))
+        return replace(self, episodes=Episodes(**whole), decision_us=decision_us)
+
+    def without_traces(self) -> Run:
+        """The same run without what shows how its missions went."""
+        return replace(self, traces=np.empty((0, 0, len(TRACED)), np.float32), interest=np.empty((0, 0), np.float32))
+
+
+def episode_seeds(seed: int, count: int) -> list[int]:
+    """Seeds of episodes, one each; the first ones are the same for any count.
+
+    They are at least 2^63, so that no evaluation meets an episode of training, whose seeds are small.
+
+    Args:
+        seed: Seed of the evaluation, 0 or above.
+        count: Number of episodes.
+
+    >>> [hex(one) for one in episode_seeds(7, 2)] == [hex(one) for one in episode_seeds(7, 3)[:2]]
+    True
+    """
+    words = np.random.SeedSequence(seed).generate_state(count, np.uint64)
+    return [int(word) | 1 << 63 for word in words]
+
+
+def run_episodes(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
+    """Run one agent, a batch of missions side by side.
+
+    Args:
+        policy: The agent, made for such an environment.
+        options: Keyword arguments of the environment.
+        seeds: Seed of each episode, at least one.
+    """
+    first = _run_batch(policy, options, seeds[:SIDE_BY_SIDE])
+    others = [
+        _run_batch(policy, options, seeds[start : start + SIDE_BY_SIDE]).without_traces()
+        for start in range(SIDE_BY_SIDE, len(seeds), SIDE_BY_SIDE)
+    ]
+    return first.followed_by(others)
+
+
+def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
+    """Run missions to their ends on the bare batch, which leaves those that are over as they are."""
+    count = len(seeds)
+    env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
+    batch = env.batch
+    observations, _ = env.reset(seed=list(seeds))
+    rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
+    begun, over = np.ones(count, np.bool_), 0
+    times_us, states = [], [_state(batch.records)]
+    while over < count:
+        start = time.perf_counter()
+        actions = policy.act(observations, begun)
+        times_us.append(1e6 * (time.perf_counter() - start) / count)
+        over += batch.step(actions, observations, rewards, terminated, truncated)
+        states.append(_state(batch.records))
+        begun = np.zeros(count, np.bool_)
+    places = batch.setting.shared["places"][0]
+    interest = batch.routes["places"]["interest"][:, :places].copy()
+    return Run(_outcome(batch.records), float(np.median(times_us)), np.stack(states), interest)
+
+
+def _state(records: NDArray[np.void]) -> NDArray[np.float32]:
+    charge = records["energy_j"] / records["capacity_j"]
+    columns = (records["time_s"], charge, records["position_m"], records["speed_mps"], records["sensing_hz"])
+    return np.stack(columns, axis=-1).astype(np.float32)
+
+
+def _outcome(records: NDArray[np.void]) -> Episodes:
+    home, stranded = records["home"].copy(), records["depleted"].copy()
+    return Episodes(
+        score=np.where(home, records["score"], 0.0),
+        home=home,
+        stranded=stranded,
+        timed_out=~home & ~stranded,
+        energy_left_j=records["energy_j"].copy(),
+        furthest_m=records["furthest_m"].copy(),
+        time_s=records["time_s"].copy(),
+        decisions=records["decisions"].copy(),
+    )

@@ -1,0 +1,176 @@
+"""What an evaluation says: figures with intervals, comparisons in pairs, `evaluation.json` and `episodes.csv`."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import itertools
+import json
+import platform
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import homeward
+from homeward.agents.evaluation.episodes import Episodes, Run
+from homeward.agents.evaluation.statistics import (
+    Bootstrap,
+    Scores,
+    interval,
+    iqm,
+    performance_profile,
+    probability_of_improvement,
+    wilson,
+)
+from homeward.envs.options import Options
+
+SCHEMA = 1
+_FEWER = 1999
+"""Resamples of what takes longer than means."""
+_THRESHOLDS = 101
+"""Scores at which performance profiles are taken."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Optimum of each episode with full knowledge, as two bounds, shape (episodes,)."""
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All agents on the same episodes: what `evaluation.json` and `episodes.csv` hold.
+
+    Attributes:
+        env: Id of the environment.
+        options: Its keyword arguments.
+        seed: Of the evaluation.
+        seeds: Of the episodes.
+        runs: Of each agent, one run a training seed.
+        optimum: Bounds of each episode's optimum, if an oracle was asked.
+    """
+
+    env: str
+    options: Options
+    seed: int
+    seeds: list[int]
+    runs: Mapping[str, Sequence[Run]]
+    optimum: Bounds | None = None
+
+    def scores(self) -> dict[str, Scores]:
+        """Scores of each agent, shape (training seeds, episodes)."""
+        return {name: np.stack([run.episodes.score for run in runs]) for name, runs in self.runs.items()}
+
+    def summary(self) -> dict[str, Any]:
+        """The content of `evaluation.json`."""
+        scores = self.scores()
+        drawn = Bootstrap(scores, self.seed)
+        fewer = dataclasses.replace(drawn, resamples=_FEWER)
+        several = len(self.seeds) > 1
+        means, iqms = drawn.means(), fewer.iqms()
+        agents = {}
+        for name, runs in self.runs.items():
+            agents[name] = _summary(runs, scores[name]) | {
+                "score_ci95": interval(means[name]) if several else None,
+                "score_iqm_ci95": interval(iqms[name]) if several else None,
+                **_shares(scores[name], self.optimum),
+            }
+        paired = {}
+        for b, a in itertools.combinations(scores, 2):
+            difference, base = float(scores[a].mean() - scores[b].mean()), float(scores[b].mean())
+            paired[f"{a} - {b}"] = {
+                "mean": difference,
+                "ci95": interval(means[a] - means[b]) if several else None,
+                "relative": difference / base if base else None,
+                "probability_of_improvement": probability_of_improvement(scores[a], scores[b]),
+                "probability_ci95": interval(fewer.improvements(a, b)) if several else None,
+            }
+        thresholds = self.thresholds()
+        return {
+            "schema": SCHEMA,
+            "env": self.env,
+            "options": {name: _plain(value) for name, value in vars(self.options).items() if name != "mission"},
+            "episodes": len(self.seeds),
+            "seed": self.seed,
+            "versions": _versions(),
+            "agents": agents,
+            "paired": paired,
+            "optimum": None
+            if self.optimum is None
+            else {"lower": float(self.optimum.lower.mean()), "upper": float(self.optimum.upper.mean())},
+            "profiles": {
+                "score": thresholds.tolist(),
+                **{name: performance_profile(values, thresholds).tolist() for name, values in scores.items()},
+            },
+        }
+
+    def thresholds(self) -> NDArray[np.float64]:
+        """Scores at which performance profiles are taken, from 0 to the best."""
+        best = max(float(values.max()) for values in self.scores().values())
+        return np.linspace(0.0, best, _THRESHOLDS)
+
+    def to_json(self, summary: Mapping[str, Any]) -> str:
+        """`evaluation.json`, from the summary."""
+        return json.dumps(summary, indent=2, allow_nan=False) + "\n"
+
+    def to_csv(self) -> str:
+        """`episodes.csv`: one row per agent, training seed and episode."""
+        columns = [one.name for one in fields(Episodes)]
+        bounds = [] if self.optimum is None else [self.optimum.lower.tolist(), self.optimum.upper.tolist()]
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        names = ["optimum_lower", "optimum_upper"][: len(bounds)]
+        writer.writerow(["agent", "run", "episode", "seed", *columns, *names])
+        for name, runs in self.runs.items():
+            for index, run in enumerate(runs):
+                values = (getattr(run.episodes, column).tolist() for column in columns)
+                for episode, (seed, *row) in enumerate(zip(self.seeds, *values, *bounds, strict=True)):
+                    numbers = (int(one) if isinstance(one, bool) else one for one in row)
+                    writer.writerow([name, index, episode, seed, *numbers])
+        return text.getvalue()
+
+
+def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:
+    stranded, home = (np.stack([getattr(run.episodes, which) for run in runs]) for which in ("stranded", "home"))
+    left_j = np.stack([run.episodes.energy_left_j for run in runs])
+    events = int(stranded.sum())
+    return {
+        "training_seeds": len(runs),
+        "score_mean": float(scores.mean()),
+        "score_iqm": iqm(scores),
+        "stranded": events,
+        "stranded_rate": events / stranded.size,
+        "stranded_ci95": wilson(events, stranded.size),
+        "timed_out": int(sum(run.episodes.timed_out.sum() for run in runs)),
+        "energy_left_home_j": float(left_j[home].mean()) if home.any() else None,
+        "decision_us": float(np.median([run.decision_us for run in runs])),
+    }
+
+
+def _shares(scores: Scores, optimum: Bounds | None) -> dict[str, float | None]:
+    """Mean score over that of the oracle's rollout, and over the bound that nothing exceeds: the truth is between."""
+    if optimum is None:
+        return {"share_of_optimum": None, "share_of_optimum_at_least": None}
+    mean = float(scores.mean())
+    lower, upper = float(optimum.lower.mean()), float(optimum.upper.mean())
+    return {
+        "share_of_optimum": mean / lower if lower > 0.0 else None,
+        "share_of_optimum_at_least": mean / upper if upper > 0.0 else None,
+    }
+
+
+def _plain(value: Any) -> Any:
+    return value if value is None or isinstance(value, int | float | str) else str(value)
+
+
+def _versions() -> dict[str, str]:
+    used = ["numpy", "numba", "gymnasium", "scipy"] + ["torch"] * ("torch" in sys.modules)
+    return {"homeward": homeward.__version__, "python": platform.python_version()} | {one: version(one) for one in used}

@@ -1,0 +1,91 @@
+"""Episodes of several agents at once, on this machine or on a Ray cluster."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from homeward.agents.base import Policy
+from homeward.agents.evaluation.episodes import SIDE_BY_SIDE, Run, run_episodes
+from homeward.envs.options import Options, settle
+from homeward.envs.route_files import load_route
+from homeward.envs.routes import Route
+from homeward.parallel import run_tasks
+from homeward.physics import load_robot
+
+
+@dataclass(frozen=True)
+class _Task:
+    """As many episodes as run side by side, for any number of jobs, so that the outcome is the same."""
+
+    policy: Policy
+    options: Options
+    seeds: list[int]
+    first: bool
+
+
+def run_agents(
+    agents: Mapping[str, Sequence[Policy]],
+    options: Options,
+    seeds: Sequence[int],
+    *,
+    jobs: int = 1,
+    cluster: str | None = None,
+) -> dict[str, list[Run]]:
+    """Run agents on the same episodes, with the same outcome wherever they run.
+
+    Args:
+        agents: By label the policy of each training seed, made for such an environment.
+        options: Keyword arguments of the environment.
+        seeds: Seed of each episode, at least one.
+        jobs: Processes at once on this machine.
+        cluster: HOST:PORT of a Ray cluster to use instead.
+
+    Returns:
+        By label the run of each training seed.
+
+    Raises:
+        TaskError: An agent failed.
+        ClusterError: The cluster cannot be used.
+    """
+    starts, carried = range(0, len(seeds), SIDE_BY_SIDE), self_contained(options)
+    tasks = {
+        _name(label, index, start): _Task(policy, carried, list(seeds[start : start + SIDE_BY_SIDE]), start == 0)
+        for label, policies in agents.items()
+        for index, policy in enumerate(policies)
+        for start in starts
+    }
+    done = run_tasks(_run, tasks, jobs=jobs, cluster=cluster, title="episodes", size=lambda task: len(task.seeds))
+
+    def whole(label: str, index: int) -> Run:
+        first, *others = (done[_name(label, index, start)] for start in starts)
+        return first.followed_by(others)
+
+    return {label: [whole(label, index) for index in range(len(policies))] for label, policies in agents.items()}
+
+
+def self_contained(options: Options) -> Options:
+    """The same environment, with what is in files instead of their paths, which other machines need not have.
+
+    Raises:
+        RobotError, RouteError, OptionError: An option cannot be used.
+    """
+    setting, route = settle(options).shared[0], options.route
+    if not setting["generated"] and not isinstance(route, Route):
+        route = load_route(route, float(setting["place_m"]))
+    truth, scale = (None if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
+    return dataclasses.replace(
+        options, robot=load_robot(options.robot), route=route, true_robot=truth, scaled_for=scale
+    )
+
+
+def _name(label: str, index: int, start: int) -> str:
+    return f"{label}, training seed {index}, episodes from {start}"
+
+
+def _run(task: _Task) -> Run:
+    # A copy, as other processes have: what a policy draws must not depend on the tasks before.
+    run = run_episodes(copy.deepcopy(task.policy), task.options, task.seeds)
+    return run if task.first else run.without_traces()

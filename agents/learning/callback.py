@@ -1,0 +1,115 @@
+"""What happens between the updates of a training run: figures, progress bar, checkpoints."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from stable_baselines3.common.callbacks import BaseCallback
+
+from homeward.agents.learning.checkpoint import Best, save_checkpoint
+from homeward.agents.learning.curve import Point, read_curve, write_curve
+from homeward.agents.learning.policy_file import Layer
+
+
+class TrainingCallback(BaseCallback):
+    """Logs how missions end, shows the progress and writes checkpoints and the learning curve.
+
+    Args:
+        folder: Of the run.
+        steps: Decisions of the whole run.
+        checkpoint_s: Least time between checkpoints, s.
+        console: Where the progress bar goes; without a terminal, a line for each tenth of the run.
+        every: Least decisions between points of the learning curve.
+        measure: What the policy is worth, a point of the curve, after some decisions and seconds of training.
+        layers: The layers of the policy as it stands.
+        best: The best policy so far, of a run that is continued.
+
+    Attributes:
+        best: The policy that did best on the missions of the curve since training began, the latest of equals: one
+            that tries on goes astray now and then.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        steps: int,
+        checkpoint_s: float,
+        console: Console,
+        every: int,
+        measure: Callable[[int, float], Point],
+        layers: Callable[[], list[Layer]],
+        best: Best | None,
+    ) -> None:
+        super().__init__()
+        self._every, self._measure, self._layers, self.best = every, measure, layers, best
+        self.home_rate = self.score = float("nan")
+        self._folder, self._steps, self._checkpoint_s, self._console = folder, steps, checkpoint_s, console
+        columns = (
+            TextColumn("training"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn(),
+            TextColumn("{task.fields[figures]}"),
+        )  # fmt: skip
+        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._ends: list[tuple[bool, bool, float]] = []  # home, stranded, score counted
+
+    def _on_training_start(self) -> None:
+        self._start_s = self._saved_s = self._resumed_s = time.monotonic()
+        self._start_step = self.num_timesteps
+        self._curve = [point for point in read_curve(self._folder) if point.steps <= self.num_timesteps]
+        self._trained_s = self._curve[-1].trained_s if self._curve else 0.0
+        self._tenth = 10 * self.num_timesteps // self._steps
+        self._task = self._bar.add_task("", total=self._steps, completed=self.num_timesteps, figures="")
+        self._bar.start()
+
+    def _on_rollout_start(self) -> None:
+        if not self._curve or self.num_timesteps - self._curve[-1].steps >= self._every:
+            self.add_to_curve()
+        # The update before is done: nothing of it would be lost.
+        if self.num_timesteps > self._start_step and time.monotonic() - self._saved_s >= self._checkpoint_s:
+            save_checkpoint(self.model, self.best, self._folder)  # type: ignore[arg-type]
+            self._saved_s = time.monotonic()
+
+    def add_to_curve(self) -> None:
+        """Measure the policy as it stands, unless that was just done."""
+        if self._curve and self.num_timesteps == self._curve[-1].steps:
+            return
+        now_s = time.monotonic()
+        self._trained_s += now_s - self._resumed_s
+        point = self._measure(self.num_timesteps, self._trained_s)
+        self._curve.append(point)
+        if point.steps and (self.best is None or point.score >= self.best.score):
+            self.best = Best(
+                point.steps, point.score, [(weight.copy(), bias.copy()) for weight, bias in self._layers()]
+            )
+        write_curve(self._folder, self._curve)
+        self._resumed_s = time.monotonic()
+
+    def _on_step(self) -> bool:
+        infos = self.locals["infos"]
+        for i in np.flatnonzero(self.locals["dones"]).tolist():
+            info = infos[i]
+            self._ends.append((info["home"], info["stranded"], info["score"] if info["home"] else 0.0))
+        return True
+
+    def _on_rollout_end(self) -> None:
+        if self._ends:
+            self.home_rate, stranded_rate, self.score = np.mean(self._ends, axis=0).tolist()
+            self.logger.record("missions/home_rate", self.home_rate)
+            self.logger.record("missions/stranded_rate", stranded_rate)
+            self.logger.record("missions/score", self.score)
+            self._ends.clear()
+        speed = (self.num_timesteps - self._start_step) / (time.monotonic() - self._start_s)
+        figures = f"home {self.home_rate:.1%}  score {self.score:.4g}  {speed:,.0f} steps/s"
+        self._bar.update(self._task, completed=self.num_timesteps, figures=figures)
+        tenth = 10 * self.num_timesteps // self._steps
+        if tenth > self._tenth and not self._console.is_terminal:
+            self._console.print(f"{self.num_timesteps:,} of {self._steps:,} steps  {figures}", highlight=False)
+        self._tenth = tenth
+
+    def close(self) -> None:
+        """Take the progress bar away."""
+        self._bar.stop()

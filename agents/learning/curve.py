@@ -1,0 +1,70 @@
+"""The learning curve: what the policy, as it will be deployed, is worth from time to time during training."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+from homeward.agents.base import Policy
+from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.learning.folder import CURVE
+from homeward.agents.learning.settings import TrainingError
+from homeward.envs.options import Options
+from homeward.files import write_whole
+
+EPISODES = 500
+SEED = 1_000_003
+"""Seed of the episodes of curves: neither those of training nor, unless asked for, those of an evaluation."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A policy at some point of its training; `trained_s` leaves out what the curve itself takes."""
+
+    steps: int
+    trained_s: float
+    score: float
+    stranded_rate: float
+    late_rate: float
+
+
+def measure(policy: Policy, options: Options, steps: int, trained_s: float) -> Point:
+    """Run the episodes of curves."""
+    episodes = run_episodes(policy, options, episode_seeds(SEED, EPISODES)).episodes
+    means = (float(values.mean()) for values in (episodes.score, episodes.stranded, episodes.timed_out))
+    return Point(steps, trained_s, *means)
+
+
+def read_curve(folder: Path) -> list[Point]:
+    """The curve of a run, empty where there is none.
+
+    Raises:
+        TrainingError: The file is damaged.
+    """
+    if not (folder / CURVE).is_file():
+        return []
+    try:
+        return list(_points((folder / CURVE).read_text("utf-8")))
+    except (ValueError, KeyError, TypeError, csv.Error):
+        raise TrainingError(f"{folder / CURVE} is damaged: delete it to go on with a new curve") from None
+
+
+def write_curve(folder: Path, points: list[Point]) -> None:
+    """Write the curve of a run, whole.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([field.name for field in fields(Point)])
+    writer.writerows((point.steps, *(f"{value:.6g}" for value in astuple(point)[1:])) for point in points)
+    write_whole(folder / CURVE, text.getvalue())
+
+
+def _points(text: str) -> Iterator[Point]:
+    for row in csv.DictReader(io.StringIO(text)):
+        yield Point(int(row["steps"]), *(float(row[field.name]) for field in fields(Point)[1:]))

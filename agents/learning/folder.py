@@ -1,0 +1,182 @@
+"""The folder of a training run: which run it holds, whether it is finished, and its checkpoints."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from enum import Enum, auto
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS
+from homeward.agents.learning.settings import TrainingError
+from homeward.files import read_json, write_whole
+
+RUN, LOCK, CURVE, TENSORBOARD = "run.json", "run.lock", "curve.csv", "tensorboard"
+CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
+
+
+class RunState(Enum):
+    """What is to be done in a run's folder."""
+
+    NEW = auto()
+    REPLACED = auto()
+    CONTINUED = auto()
+    FINISHED = auto()
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other trainings out of a run's folder; the system lifts the lock when the process ends, however it ends.
+
+    Raises:
+        TrainingError: The folder holds something else than a run, or another training is at work in it.
+        OSError: The folder cannot be written to.
+    """
+    _refuse_strangers(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        lock = FileLock(folder / LOCK).acquire(timeout=0)
+    except Timeout:
+        raise TrainingError(f"another training is at work in {folder}: wait for it, or choose another --out") from None
+    with lock:
+        yield
+
+
+def _refuse_strangers(folder: Path) -> None:
+    if (folder / RUN).is_file():
+        _read(folder)
+    elif any(path.name != LOCK for path in folder.glob("[!.]*")):
+        raise TrainingError(f"{folder} is not empty and holds no training run: choose another --out")
+
+
+def open_run(
+    folder: Path, settings: Mapping[str, Any], made_with: Mapping[str, str], *, resume: bool, replace: bool
+) -> RunState:
+    """Begin a run in its folder, `locked` by the caller, or find what that already holds of this very run.
+
+    Args:
+        folder: Of the run.
+        settings: All that is chosen, JSON; more `steps` than the folder's run was to take continue it.
+        made_with: Version and hashes of the rest that the result depends on.
+        resume: Whether an unfinished run is to be continued.
+        replace: Whether a run with other settings or made with other code is to be removed; never a longer one.
+
+    Raises:
+        TrainingError: The folder holds a run that is not to be continued or replaced.
+        OSError: The folder cannot be written to.
+    """
+    run: dict[str, Any] = json.loads(json.dumps({"settings": settings, "made_with": made_with, "extended_from": []}))
+    if not (folder / RUN).is_file():
+        return _write(folder, run, RunState.NEW)
+    for leftover in folder.glob(".*.safetensors.*"):  # of a write that was killed
+        leftover.unlink()
+    if not any((folder / name).is_file() for name in (DESCRIPTION, CHECKPOINT, PREVIOUS)):
+        return _write(folder, run, RunState.NEW)
+    known = _read(folder)
+    difference = _difference(known, run)
+    if difference and replace:
+        _keep_longer(folder, known, run["settings"]["steps"])
+        _remove(folder)
+        return _write(folder, run, RunState.REPLACED)
+    if difference:
+        raise TrainingError(
+            f"{folder} holds a run {difference}: choose another --out, or remove it and train anew with --replace"
+        )
+    return _go_on(folder, known, run["settings"]["steps"], resume)
+
+
+def _keep_longer(folder: Path, known: Mapping[str, Any], steps: int) -> None:
+    taken = _steps_of_policy(folder)
+    if taken is not None and steps < max(taken, known["settings"]["steps"]):
+        raise TrainingError(
+            f"{folder} holds a policy trained on {taken} steps, and {steps} steps replace no longer run: "
+            "choose another --out, or delete it first"
+        )
+
+
+def extended_from(folder: Path) -> list[int]:
+    """Steps that the folder's run was to take before it was given more; the learning rate had fallen at each."""
+    return list(_read(folder)["extended_from"])
+
+
+def _go_on(folder: Path, known: dict[str, Any], steps: int, resume: bool) -> RunState:
+    taken = _steps_of_policy(folder)
+    if taken == steps:
+        return RunState.FINISHED
+    if not resume:
+        held = "this run unfinished" if taken is None else f"this run, of {taken} steps"
+        raise TrainingError(f"{folder} holds {held}: continue it with --resume, or choose another --out")
+    goal = known["settings"]["steps"]
+    if steps == goal:
+        return RunState.CONTINUED
+    if not any((folder / name).is_file() for name in (CHECKPOINT, PREVIOUS)):
+        raise TrainingError(f"{folder} holds no checkpoint to continue from: choose another --out")
+    extended = {"settings": known["settings"] | {"steps": steps}, "extended_from": [*known["extended_from"], goal]}
+    return _write(folder, known | extended, RunState.CONTINUED)
+
+
+def _write(folder: Path, run: Mapping[str, Any], state: RunState) -> RunState:
+    write_whole(folder / RUN, json.dumps(run, indent=2) + "\n")
+    return state
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    try:
+        known = read_json(folder / RUN)
+        # A run of an early version holds its settings only: made with other code, as far as anyone can tell.
+        run: dict[str, Any] = {"made_with": {}, "extended_from": []} | known
+        whole = all(isinstance(run[name], dict) for name in ("settings", "made_with"))
+        if whole and isinstance(run["settings"].get("steps"), int) and isinstance(run["extended_from"], list):
+            return run
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise TrainingError(f"{folder / RUN} does not describe a training run: choose another --out")
+
+
+def _difference(known: Mapping[str, Any], run: Mapping[str, Any]) -> str:
+    """What the folder's run was made with, where it is not what this one is; more steps are not another run."""
+    settings, wanted = known["settings"], run["settings"]
+    others = [
+        f"{name} {settings.get(name)!r}"
+        for name in wanted
+        if settings.get(name) != wanted[name] and not (name == "steps" and settings["steps"] < wanted["steps"])
+    ]
+    if others:
+        return f"with other settings ({', '.join(others)})"
+    changed = [name for name, value in run["made_with"].items() if known["made_with"].get(name) != value]
+    return f"made before a change of {', '.join(changed)}" if changed else ""
+
+
+def _steps_of_policy(folder: Path) -> int | None:
+    """Steps that the policy in the folder was trained on, before they were made up to whole updates."""
+    try:
+        return int(read_json(folder / DESCRIPTION)["training"]["steps"])
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError, OverflowError):
+        raise TrainingError(f"{folder / DESCRIPTION} is damaged: choose another --out") from None
+
+
+def _remove(folder: Path) -> None:
+    """Remove what a run wrote, and what says so last: a kill between leaves a run that is still another one."""
+    shutil.rmtree(folder / TENSORBOARD, ignore_errors=True)
+    for name in (DESCRIPTION, WEIGHTS, CURVE, CHECKPOINT, PREVIOUS, RUN):
+        (folder / name).unlink(missing_ok=True)
+
+
+def write_checkpoint(folder: Path, content: bytes) -> None:
+    """Write a checkpoint, keeping the one before; a kill at any moment leaves at least one whole.
+
+    Raises:
+        OSError: The folder cannot be written to; the older checkpoints are still there.
+    """
+    fresh = folder / "next.safetensors"
+    write_whole(fresh, content)
+    if (folder / CHECKPOINT).is_file():
+        (folder / CHECKPOINT).replace(folder / PREVIOUS)
+    fresh.replace(folder / CHECKPOINT)

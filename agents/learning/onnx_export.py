@@ -1,0 +1,190 @@
+"""A trained policy for the robot itself: physical units in, physical commands out, as one ONNX file.
+
+`python -m homeward.agents.learning.onnx_export POLICY_FOLDER policy.onnx` writes the network with the scaling of the
+observation before it and the decoding of the action behind it, checks it against the original in onnxruntime, and
+prints what goes in and what comes out. The file says the same in its metadata.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import tyro
+from gymnasium import spaces
+from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from homeward import cli
+from homeward.agents.learning.policy_file import NetworkPolicy, PolicyFileError, load_policy
+from homeward.agents.learning.provenance import robot_hash
+from homeward.envs import IDS
+from homeward.envs.features import FEATURES
+from homeward.envs.options import OptionError, Options, Setting, settle
+from homeward.envs.routes import RouteError
+from homeward.files import write_whole
+from homeward.physics import RobotError
+
+if TYPE_CHECKING:
+    import onnx
+
+_CHECKED = 2000
+_ALMOST = 1e-4
+"""Difference of two outputs of the network below which either action is right: runtimes add up in another order."""
+
+
+class ExportError(ValueError):
+    """A policy that cannot be exported; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which policy to export, and where to."""
+
+    policy: Annotated[Path, tyro.conf.Positional]
+    """Folder that train.py wrote."""
+    out: Annotated[Path, tyro.conf.Positional]
+    """File to write, such as policy.onnx."""
+    robot: str | None = None
+    """Robot file that the policy was trained with, if it lies elsewhere now."""
+
+
+def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options, Setting]:
+    """The environment that a policy was trained in, from its description.
+
+    Args:
+        policy: The policy.
+        robot: Robot file to use instead of the one that the description names.
+
+    Raises:
+        ExportError: The description does not say, or the robot is not the one of the training.
+        OptionError, RobotError, RouteError: What it says cannot be used.
+    """
+    if "guide" in policy.description:
+        raise ExportError("the policy follows a rule, which no ONNX file holds yet: train one with --guide none")
+    training = policy.description.get("training")
+    missions = {env_id: mission for mission, env_id in IDS.items()}
+    if not isinstance(training, dict) or training.get("env") not in missions:
+        raise ExportError(
+            "policy.json does not say which environment the policy was trained in: train it with train.py"
+        )
+    known = {field.name for field in dataclasses.fields(Options)} - {"mission"}
+    keywords = {name: value for name, value in training.items() if name in known}
+    if robot is not None:
+        keywords["robot"] = robot
+    options = Options(missions[training["env"]], **keywords)
+    setting = settle(options)
+    made_with = policy.description.get("made_with")
+    if isinstance(made_with, dict) and made_with.get("robot", robot_hash(setting)) != robot_hash(setting):
+        raise ExportError(
+            f"robot {str(options.robot)!r} has other numbers than the one that the policy was trained with: "
+            "give that one's file with --robot, or train again"
+        )
+    return options, setting
+
+
+def check_equal(content: bytes, policy: NetworkPolicy, setting: Setting) -> None:
+    """Compare a file with the policy that it was made from, on observations drawn at random.
+
+    Args:
+        content: Of the file.
+        policy: The original.
+        setting: Constants of its environment.
+
+    Raises:
+        ExportError: onnxruntime commands something else.
+    """
+    import onnxruntime
+
+    from homeward.agents.learning.onnx_graph import INPUT, OUTPUTS, decode, quantities
+
+    columns = quantities(setting)
+    size = np.array([one.size for one in columns], np.float32)
+    zero = np.array([one.zero for one in columns], np.float32)
+    drawn = np.random.default_rng(0).uniform(-1.5, 1.5, (_CHECKED, len(columns))).astype(np.float32)
+    physical = zero + size * drawn
+    threads = onnxruntime.SessionOptions()
+    threads.intra_op_num_threads = 1  # more would only wait for each other
+    session = onnxruntime.InferenceSession(content, threads, providers=["CPUExecutionProvider"])
+    commands = np.stack([one.astype(np.float64) for one in session.run(list(OUTPUTS), {INPUT: physical})], axis=1)
+    observations = (physical - zero) / size
+    actions = policy.act(observations, np.ones(_CHECKED, np.bool_))
+    wrong = ~np.isclose(commands, decode(policy, actions, setting), rtol=1e-4, atol=1e-6)
+    wrong &= ~_undecided(policy, observations, actions)
+    if wrong.any():
+        row, part = np.argwhere(wrong)[0]
+        raise ExportError(
+            f"onnxruntime commands another {OUTPUTS[part]} than the policy in {wrong.any(axis=1).sum()} of {_CHECKED} "
+            f"observations, {commands[row, part]:g} in number {row}: use another version of onnxruntime"
+        )
+
+
+def _undecided(policy: NetworkPolicy, observations: NDArray[np.float32], actions: NDArray[Any]) -> NDArray[np.bool_]:
+    """Where rounding decides, shape (n, 3): two levels come out alike, or a mode lies at a border."""
+    undecided = np.zeros((len(observations), 3), np.bool_)
+    if isinstance(policy.action_space, spaces.MultiDiscrete):
+        parts = np.split(policy.outputs(observations), np.cumsum(policy.action_space.nvec)[:-1], axis=1)
+        best = [np.sort(part, axis=1)[:, -2:] for part in parts]
+        return np.stack([second >= first - _ALMOST for second, first in (one.T for one in best)], axis=1)
+    borders = 1.5 * (actions[:, 2] + 1.0)
+    undecided[:, 2] = np.abs(borders - np.rint(borders)) < _ALMOST
+    return undecided
+
+
+def main(args: Args) -> onnx.ModelProto:
+    """Export, check and print what the file takes and gives.
+
+    Raises:
+        ExportError, PolicyFileError, OptionError, RobotError, RouteError: The policy cannot be exported.
+        OSError: The file cannot be written.
+    """
+    try:
+        import onnxruntime  # noqa: F401 - found missing before anything is done
+
+        from homeward.agents.learning.onnx_graph import to_onnx
+    except ModuleNotFoundError as error:
+        raise ExportError(f"exporting needs {error.name}: pip install 'homeward[onnx]'") from None
+    policy = load_policy(args.policy)
+    options, setting = setting_of(policy, args.robot)
+    model = to_onnx(policy, options, setting)
+    content = model.SerializeToString()
+    check_equal(content, policy, setting)
+    write_whole(args.out, content)
+    _print(model, setting, args.out)
+    return model
+
+
+def _print(model: onnx.ModelProto, setting: Setting, out: Path) -> None:
+    from homeward.agents.learning.onnx_graph import INPUT, quantities
+
+    table = Table(title=f"columns of {INPUT}, float32 (missions, {len(FEATURES)})", box=box.SIMPLE_HEAD)
+    for heading in ("", "name", "unit", "meaning"):
+        table.add_column(heading, overflow="fold")
+    for index, one in enumerate(quantities(setting)):
+        table.add_row(str(index), one.name, one.unit, one.meaning)
+    console = Console()
+    console.print(table)
+    told = {one.key: one.value for one in model.metadata_props}
+    for name, meaning in json.loads(told["outputs"]).items():
+        console.print(f"{name}: {meaning}", highlight=False, soft_wrap=True)
+    console.print(
+        f"Ask every {float(told['decision_s']):g} s. Equal to the original in onnxruntime. Written to {out}",
+        markup=False, highlight=False, soft_wrap=True,
+    )  # fmt: skip
+
+
+def run() -> int:
+    """Run from the command line, see `homeward.cli.run`."""
+    refused = (ExportError, PolicyFileError, OptionError, RobotError, RouteError)
+    return cli.run(main, Args, __doc__, refused)
+
+
+if __name__ == "__main__":
+    sys.exit(run())

@@ -1,0 +1,196 @@
+"""A policy as an ONNX graph: physical units in, physical commands out."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import onnx
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+from onnx import TensorProto, helper, numpy_helper
+
+import homeward
+from homeward.agents.learning.policy_file import NetworkPolicy
+from homeward.envs import IDS
+from homeward.envs.features import FEATURES, LIMIT
+from homeward.envs.kernel import LEVELS
+from homeward.envs.options import Options, Setting
+
+INPUT, OUTPUTS = "observation", ("speed_mps", "sensing_hz", "mode")
+MODES = ("stop", "go", "return")
+_OPSET, _IR_VERSION = 17, 8
+"""Of 2022, so that the runtimes of older robots read the file."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One column of the input: physical value = zero + size * feature."""
+
+    name: str
+    unit: str
+    size: float
+    zero: float
+    meaning: str
+
+
+def quantities(setting: Setting) -> list[Quantity]:
+    """What the columns of the input are in physical units, in the order of `homeward.envs.features.FEATURES`.
+
+    Args:
+        setting: Constants of the environment that the policy was trained in.
+    """
+    s = setting.shared[0]
+    units = {  # of the observation: physical unit, size of one, zero
+        "1": ("1", 1.0, 0.0),
+        "2": ("1", 2.0, 0.0),
+        "usable energy": ("J", s["usable_j"], 0.0),
+        "reach": ("m", s["reach_m"], 0.0),
+        "top speed": ("m/s", s["max_speed_mps"], 0.0),
+        "top rate": ("Hz", s["max_sensing_hz"], 0.0),
+        "sine 0.1": ("sine of the angle", 0.1, 0.0),
+        "memory": ("samples", s["backlog_limit"], 0.0),
+        "10 m/s": ("m/s", 10.0, 0.0),
+        "20 K": ("degree C", 20.0, 10.0),
+        "good score": ("score", s["score_scale"], 0.0),
+        "time limit": ("decisions", s["max_decisions"], 0.0),
+        "decision": ("s", s["decision_s"], 0.0),
+    }
+    columns = []
+    for name, unit, meaning in FEATURES:
+        physical, size, zero = units[unit]
+        columns.append(Quantity(name, physical, float(size), zero, meaning.removesuffix(f" above {zero:g} C")))
+    return columns
+
+
+def to_onnx(policy: NetworkPolicy, options: Options, setting: Setting) -> onnx.ModelProto:
+    """The policy as a graph.
+
+    Input `observation`, float32 (missions, features) in the units of `quantities`. Outputs `speed_mps` and
+    `sensing_hz`, float32 (missions,), and `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
+
+    Args:
+        policy: The policy.
+        options: Keywords of its environment.
+        setting: Constants of its environment.
+    """
+    graph = _Graph()
+    columns = quantities(setting)
+    offset = graph.apply("Sub", INPUT, graph.constant("zero", [one.zero for one in columns]))
+    scaled = graph.apply("Div", offset, graph.constant("size", [one.size for one in columns]))
+    values = graph.apply("Clip", scaled, graph.constant("lowest", -LIMIT), graph.constant("highest", LIMIT))
+    for index, (weight, bias) in enumerate(policy.layers):
+        if index:
+            values = graph.apply("Tanh", values)
+        parameters = graph.constant(f"weight_{index}", weight), graph.constant(f"bias_{index}", bias)
+        values = graph.apply("Gemm", values, *parameters, transB=1)
+    decode = _decode_levels if isinstance(policy.action_space, spaces.MultiDiscrete) else _decode_box
+    decode(graph, values, setting)
+    types = (TensorProto.FLOAT, TensorProto.FLOAT, TensorProto.INT64)
+    model = helper.make_model(
+        helper.make_graph(
+            graph.nodes,
+            "policy",
+            [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["missions", len(columns)])],
+            [helper.make_tensor_value_info(*one, ["missions"]) for one in zip(OUTPUTS, types, strict=True)],
+            graph.constants,
+        ),
+        producer_name="homeward",
+        producer_version=homeward.__version__,
+        opset_imports=[helper.make_opsetid("", _OPSET)],
+        ir_version=_IR_VERSION,
+        doc_string=__doc__,
+    )
+    helper.set_model_props(model, _metadata(policy, options, setting))
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+class _Graph:
+    """Nodes and constants, as they are added."""
+
+    def __init__(self) -> None:
+        self.nodes: list[onnx.NodeProto] = []
+        self.constants: list[onnx.TensorProto] = []
+
+    def constant(self, name: str, values: ArrayLike, dtype: Any = np.float32) -> str:
+        self.constants.append(numpy_helper.from_array(np.asarray(values, dtype), name))
+        return name
+
+    def apply(self, operator: str, *inputs: str, into: str | None = None, **attributes: Any) -> str:
+        output = into or f"{operator.lower()}_{len(self.nodes)}"
+        self.nodes.append(helper.make_node(operator, inputs, [output], **attributes))
+        return output
+
+
+def _limits(setting: Setting) -> dict[str, tuple[float, float]]:
+    s = setting.shared[0]
+    return {
+        "speed_mps": (float(s["min_speed_mps"]), float(s["max_speed_mps"])),
+        "sensing_hz": (0.0, float(s["max_sensing_hz"])),
+    }
+
+
+def _decode_levels(graph: _Graph, values: str, setting: Setting) -> None:
+    """The likeliest level of each part, as the command that it stands for."""
+    starts = np.cumsum([0, LEVELS, LEVELS, len(MODES)])
+    for part, output in enumerate(OUTPUTS):
+        ends = (
+            graph.constant(f"{output}_{name}", [starts[part + shift]], np.int64)
+            for shift, name in enumerate(("from", "to"))
+        )
+        scores = graph.apply("Slice", values, *ends, graph.constant(f"{output}_axis", [1], np.int64))
+        if output == "mode":
+            graph.apply("ArgMax", scores, axis=1, keepdims=0, into=output)
+        else:
+            level = graph.apply("ArgMax", scores, axis=1, keepdims=0)
+            commands = graph.constant(f"{output}_levels", np.linspace(*_limits(setting)[output], LEVELS))
+            graph.apply("Gather", commands, level, into=output)
+
+
+def _decode_box(graph: _Graph, values: str, setting: Setting) -> None:
+    """The mean action, cut to the box, as the command that it stands for."""
+    one = graph.constant("one", 1.0)
+    shares = graph.apply("Add", graph.apply("Clip", values, graph.constant("minus_one", -1.0), one), one)  # 0 to 2
+    for part, output in enumerate(OUTPUTS):
+        share = graph.apply("Gather", shares, graph.constant(f"{output}_column", part, np.int64), axis=1)
+        if output == "mode":
+            thirds = graph.apply("Mul", share, graph.constant("thirds", len(MODES) / 2.0))
+            whole = graph.apply("Cast", thirds, to=TensorProto.INT64)
+            graph.apply("Min", whole, graph.constant("last_mode", len(MODES) - 1, np.int64), into=output)
+        else:
+            low, high = _limits(setting)[output]
+            above = graph.apply("Mul", share, graph.constant(f"{output}_per_share", (high - low) / 2.0))
+            graph.apply("Add", above, graph.constant(f"{output}_least", low), into=output)
+
+
+def _metadata(policy: NetworkPolicy, options: Options, setting: Setting) -> dict[str, str]:
+    described = {
+        "env": IDS[options.mission],
+        "robot": setting.robot.name,
+        "difficulty": options.difficulty,
+        "decision_s": float(setting.shared["decision_s"][0]),
+        "inputs": {INPUT: [dataclasses.asdict(one) for one in quantities(setting)]},
+        "outputs": {
+            **{
+                name: f"command until the next decision, {low:g} to {high:g}"
+                for name, (low, high) in _limits(setting).items()
+            },
+            "mode": f"{', '.join(f'{index} {mode}' for index, mode in enumerate(MODES))}; "
+            "a return is final: once begun, go on home whatever comes out",
+        },
+        "weights_sha256": policy.description.get("weights_sha256"),
+    }
+    return {name: value if isinstance(value, str) else json.dumps(value) for name, value in described.items()}
+
+
+def decode(policy: NetworkPolicy, actions: NDArray[Any], setting: Setting) -> NDArray[np.float64]:
+    """Commands that actions stand for: speed (m/s), sensing rate (Hz) and mode, shape (n, 3)."""
+    discrete = isinstance(policy.action_space, spaces.MultiDiscrete)
+    shares = actions[:, :2] / (LEVELS - 1) if discrete else 0.5 * (actions[:, :2] + 1.0)
+    mode = actions[:, 2] if discrete else np.minimum((1.5 * (actions[:, 2] + 1.0)).astype(int), 2)
+    lows, highs = zip(*_limits(setting).values(), strict=True)
+    return np.column_stack([lows + (np.array(highs) - lows) * shares, mode])

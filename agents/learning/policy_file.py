@@ -1,0 +1,250 @@
+"""Trained policies as files: `policy.safetensors` for the weights, `policy.json` for the rest; reading runs no code."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from homeward.agents.base import Observations, Policy
+from homeward.agents.learning.guide import BELIEFS, Guide, guide_from
+from homeward.envs.features import NAMES
+from homeward.envs.options import Setting
+from homeward.files import read_json, write_whole
+
+WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
+SCHEMA = 1
+_ROWS = 64
+"""Missions at a time: larger products are spread over threads, whose waiting costs more than they gain."""
+
+Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inputs), bias (outputs,)
+
+
+class PolicyFileError(ValueError):
+    """A policy file that cannot be used; the message says which and why."""
+
+
+@dataclass(frozen=True)
+class NetworkPolicy(Policy):
+    """A network with tanh between its layers; it takes the likeliest action, or the mean one in a continuous space.
+
+    Attributes:
+        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32. With a guide, the first takes the
+            guide's inputs, and the last takes the guide's proposal behind the outputs of the layer before.
+        action_space: Space of one action: `MultiDiscrete` or `Box`.
+        description: What `policy.json` says: environment, options, spaces, training, versions.
+        guide: What makes the network's inputs from observations, if it has other inputs.
+    """
+
+    layers: tuple[Layer, ...]
+    action_space: spaces.Space[Any]
+    description: Mapping[str, Any]
+    guide: Guide | None = None
+
+    @property
+    def guided(self) -> bool:
+        """Whether the network has other inputs than the observation."""
+        return "guide" in self.description
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission: int64 levels, or float32 within the box, shape (n, 3).
+
+        Raises:
+            PolicyFileError: The policy has a guide and was loaded without an environment's setting.
+        """
+        if self.guide is not None:
+            observations = self.guide.inputs(observations, begun)
+        elif self.guided:
+            raise PolicyFileError(
+                "the policy follows a rule, which needs a robot: load it with an environment's setting"
+            )
+        starts = range(0, len(observations), _ROWS)
+        outputs = np.concatenate([self.outputs(observations[start : start + _ROWS]) for start in starts])
+        if isinstance(self.action_space, spaces.Box):
+            clipped: NDArray[np.float32] = np.clip(outputs, self.action_space.low, self.action_space.high)
+            return clipped
+        assert isinstance(self.action_space, spaces.MultiDiscrete)
+        parts = np.split(outputs, np.cumsum(self.action_space.nvec)[:-1], axis=1)
+        return np.stack([part.argmax(axis=1) for part in parts], axis=1)
+
+    def outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What the last layer gives for inputs, shape (n, outputs): scores of all levels, or the mean action."""
+        hidden = values
+        for weight, bias in self.layers[:-1]:
+            hidden = np.tanh(hidden @ weight.T + bias)
+        weight, bias = self.layers[-1]
+        if self.guided:
+            hidden = np.concatenate((hidden, values[:, -len(bias) :]), axis=1)
+        return hidden @ weight.T + bias
+
+    def check_spaces(self, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:
+        """Check that the policy fits an environment.
+
+        Raises:
+            PolicyFileError: It observes or acts in other spaces.
+        """
+        features = len(NAMES) if self.guided else self.layers[0][0].shape[1]
+        if observation_space.shape != (features,):
+            raise PolicyFileError(f"the policy observes {features} features, the environment {observation_space.shape}")
+        if action_space != self.action_space:
+            raise PolicyFileError(
+                f"the policy acts in {self.action_space}, the environment in {action_space}: "
+                "choose the action_type that it was trained with"
+            )
+
+
+def save_policy(
+    folder: Path,
+    layers: Sequence[Layer],
+    action_space: spaces.Space[Any],
+    details: Mapping[str, Any],
+    guide: Guide | None = None,
+) -> None:
+    """Write a policy into a folder, each file whole or not at all.
+
+    Args:
+        folder: Where `policy.safetensors` and `policy.json` go.
+        layers: Weight (outputs, inputs) and bias (outputs,) of each layer.
+        action_space: `MultiDiscrete` or `Box` of one action.
+        details: More for the description, such as the environment and how the policy was trained.
+        guide: What makes the network's inputs, if there is one.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
+    tensors = {}
+    for index, (weight, bias) in enumerate(layers):
+        tensors[f"layers.{index}.weight"] = np.ascontiguousarray(weight, np.float32)
+        tensors[f"layers.{index}.bias"] = np.ascontiguousarray(bias, np.float32)
+    weights = save(tensors)
+    description = {
+        "schema": SCHEMA,
+        "observation_space": {"type": "Box", "features": list(NAMES)},
+        "action_space": _describe(action_space),
+        "network": {"layers": len(layers), "activation": "tanh"},
+        "weights_sha256": hashlib.sha256(weights).hexdigest(),
+        **({} if guide is None else {"guide": guide.description | {"beliefs": list(BELIEFS)}}),
+        **details,
+    }
+    write_whole(folder / WEIGHTS, weights)
+    write_whole(folder / DESCRIPTION, json.dumps(description, indent=2) + "\n")
+
+
+def load_policy(path: Path, setting: Setting | None = None) -> NetworkPolicy:
+    """Read a policy.
+
+    Args:
+        path: Folder that training wrote, or one of the two files in it.
+        setting: Constants of the environment that it is to act in; a policy with a guide does not act without.
+
+    Raises:
+        PolicyFileError: A file is missing, truncated, or not a policy of this version of the observations.
+    """
+    folder = path.parent if path.name in (WEIGHTS, DESCRIPTION) else path
+    description = _read_description(folder / DESCRIPTION)
+    weights = _read(folder / WEIGHTS)
+    if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
+        raise PolicyFileError(
+            f"{folder / WEIGHTS} is truncated or not the one that {DESCRIPTION} describes: train again"
+        )
+    try:
+        tensors = load(weights)
+    except SafetensorError as error:
+        raise PolicyFileError(f"{folder / WEIGHTS} is not a safetensors file: {error}") from None
+    try:
+        action_space = _action_space(description["action_space"])
+        layers = tuple(
+            (tensors[f"layers.{index}.weight"], tensors[f"layers.{index}.bias"])
+            for index in range(int(description["network"]["layers"]))
+        )
+    except (KeyError, TypeError, ValueError, AssertionError) as error:
+        raise PolicyFileError(f"{folder / DESCRIPTION} does not describe {WEIGHTS}: {error!r}") from None
+    guided = "guide" in description
+    _check_layers(folder / WEIGHTS, layers, action_space, guided)
+    guide = None
+    if guided and setting is not None:
+        try:
+            guide = guide_from(description["guide"], setting)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise PolicyFileError(f"{folder / DESCRIPTION} tells of a guide that there is not: {error!r}") from None
+    return NetworkPolicy(layers, action_space, description, guide)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: OSError) -> PolicyFileError:
+    return PolicyFileError(f"cannot read {path}: {error.strerror}; give the folder that train.py wrote")
+
+
+def _read_description(path: Path) -> dict[str, Any]:
+    try:
+        description = read_json(path)
+    except ValueError:
+        raise PolicyFileError(f"{path} is truncated or not JSON: train again") from None
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    needed = ("observation_space", "action_space", "network", "weights_sha256")
+    if not isinstance(description, dict) or not all(name in description for name in needed):
+        raise PolicyFileError(f"{path} does not describe a policy of homeward")
+    if description.get("schema") != SCHEMA:
+        raise PolicyFileError(
+            f"{path} has schema {description.get('schema')!r}, this version reads {SCHEMA}: train again"
+        )
+    observed = description["observation_space"]
+    if not isinstance(observed, dict) or observed.get("features") != list(NAMES):
+        raise PolicyFileError(
+            f"{path}: the policy observes other features than this version's environments: train again"
+        )
+    guide = description.get("guide", {"beliefs": list(BELIEFS)})
+    if not isinstance(guide, dict) or guide.get("beliefs") != list(BELIEFS):
+        raise PolicyFileError(f"{path}: the policy follows another rule than this version has: train again")
+    return description
+
+
+def _describe(space: spaces.Space[Any]) -> dict[str, Any]:
+    if isinstance(space, spaces.MultiDiscrete):
+        return {"type": "MultiDiscrete", "nvec": space.nvec.tolist()}
+    assert isinstance(space, spaces.Box)
+    return {"type": "Box", "low": space.low.tolist(), "high": space.high.tolist()}
+
+
+def _action_space(described: Mapping[str, Any]) -> spaces.Space[Any]:
+    if described["type"] == "MultiDiscrete":
+        return spaces.MultiDiscrete(described["nvec"])
+    if described["type"] == "Box":
+        return spaces.Box(np.array(described["low"], np.float32), np.array(described["high"], np.float32))
+    raise ValueError(f"action space {described['type']!r}")
+
+
+def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Space[Any], guided: bool) -> None:
+    if isinstance(action_space, spaces.MultiDiscrete):
+        outputs = int(action_space.nvec.sum())
+    else:
+        outputs = int(np.prod(action_space.shape or ()))
+    widths = [len(NAMES), *(len(bias) if bias.ndim == 1 else -1 for _, bias in layers)]
+    if guided:
+        widths[0] += len(BELIEFS) + outputs
+        widths[-2:-1] = [width + outputs for width in widths[-2:-1]]  # before the last layer
+    for (weight, bias), inputs in zip(layers, widths, strict=False):
+        if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (len(bias), inputs):
+            raise PolicyFileError(
+                f"{path}: a layer of shape {weight.shape} and {bias.shape} does not fit the one before"
+            )
+        if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+            raise PolicyFileError(f"{path}: a weight is not a finite number")
+    if widths[-1] != outputs or len(layers) == 0:
+        raise PolicyFileError(f"{path}: {len(layers)} layers with {widths[-1]} outputs do not fit {action_space}")

@@ -1,0 +1,103 @@
+"""What a policy was made with, beside its settings; and how the environment that it meets differs from its own."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import homeward
+from homeward.envs.options import Options, Setting
+
+_LEARNER = (
+    "identification.py", "identification_kernel.py", "planner/kernel.py", "planner/planner.py",
+    "rules/dmax_adaptive.py", "rules/dmax_identified.py", "rules/dmax_lap.py", "rules/pace.py", "rules/rule.py",
+    "rules/tuned.py",
+)  # fmt: skip
+_AFTER_TRAINING = ("__init__.py", "onnx_export.py", "onnx_graph.py", "policy_file.py", "provenance.py")
+"""Files of `learning` that no outcome of training follows from; a new one counts until it is listed here."""
+_COMPARED = ("env", "robot", "route", "difficulty")
+
+
+def made_with(setting: Setting) -> dict[str, str]:
+    """Version and hashes of all that the outcome of training follows from, beside its settings.
+
+    Args:
+        setting: Constants of the environment; robot and route are hashed as they are, not by name or path.
+    """
+    return {
+        "homeward": homeward.__version__,
+        **_code(),
+        "robot": robot_hash(setting),
+        "route": _digest(setting.fixed.tobytes(), setting.day.tobytes()),
+    }
+
+
+def robot_hash(setting: Setting) -> str:
+    """Hash of a robot's numbers and effects, whatever it is called."""
+    values = {
+        field.name: getattr(setting.robot, field.name)
+        for field in dataclasses.fields(setting.robot)
+        if field.name not in ("name", "description")
+    }
+    return _digest(json.dumps(values, sort_keys=True, default=dict).encode())
+
+
+def differences(description: Mapping[str, Any], env: str, options: Options, setting: Setting) -> list[str]:
+    """In what an environment is not the one that a policy was trained in.
+
+    Shaping and discount change the reward alone, neither what is observed nor the score, and may differ.
+
+    Args:
+        description: What `policy.json` says; what it leaves out is passed over.
+        env: Id of the environment.
+        options: Of the environment.
+        setting: Its constants.
+    """
+    training, code = (_mapping(description.get(name)) for name in ("training", "made_with"))
+    here: dict[str, Any] = {"env": env, **vars(options)}
+    different = [name for name in _COMPARED if name in training and training[name] != str(here[name])]
+    if "robot" in code:  # by its numbers: a file may have changed, or lie elsewhere
+        different = [name for name in different if name != "robot"]
+        different += ["robot"] if code["robot"] != robot_hash(setting) else []
+    found = [f"{name} {here[name]} (trained with {_trained_with(training, name, here)})" for name in different]
+    decision_s, trained_s = float(setting.shared["decision_s"][0]), description.get("decision_s", 0.0)
+    # Where both are left to the default, it follows from the robot.
+    chosen = training.get("decision_s") is not None or options.decision_s is not None or "robot" not in different
+    if trained_s and chosen and trained_s != decision_s:
+        found.append(f"decision_s {decision_s:g} (trained with {trained_s:g})")
+    return found
+
+
+def _trained_with(training: Mapping[str, Any], name: str, here: Mapping[str, Any]) -> str:
+    trained = training.get(name)
+    return "other numbers" if trained == str(here[name]) else str(trained)
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}
+
+
+@functools.cache
+def _code() -> dict[str, str]:
+    """Hashes of the source files as they are when first asked for, as a process keeps what it has loaded."""
+    package = Path(homeward.__file__).parent
+    agents = package / "agents"
+    training = (file for file in (agents / "learning").glob("*.py") if file.name not in _AFTER_TRAINING)
+    parts = {
+        "physics": (package / "physics").rglob("*.py"),
+        "envs": (package / "envs").glob("*.py"),  # how it is shown changes no policy
+        "learner": [*(agents / name for name in _LEARNER), *training],
+    }
+    return {
+        part: _digest(*(file.relative_to(package).as_posix().encode() + file.read_bytes() for file in sorted(sources)))
+        for part, sources in parts.items()
+    }
+
+
+def _digest(*contents: bytes) -> str:
+    return hashlib.sha256(b"\0".join(contents)).hexdigest()[:16]

@@ -1,0 +1,134 @@
+"""Plans with what the robot knows and finds out: when to turn back by that; speed, sensing and stops by prices."""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, Policy, feature
+from homeward.agents.identification import Identification
+from homeward.agents.planner import kernel
+from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.rules.dmax_identified import IdentifiedDmaxRule
+from homeward.agents.rules.dmax_lap import LapRule
+from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.rule import BelievingRule, sees_posts
+from homeward.envs.actions import encode_actions
+from homeward.envs.difficulty import KNOWN
+from homeward.envs.kernel import LEVELS
+from homeward.envs.missions import information
+from homeward.envs.options import Setting
+from homeward.envs.state import GO, PATROL, RETURN, STOP, SURVEY
+from homeward.physics import ancillary_power, d_max
+
+_STEEPEST_SINE = 0.7
+_PROBE = 0.5
+"""Share of the range of speeds at which a probe is driven."""
+_TYPICAL_SHARE = 2.0 / 3.0
+"""Share of a metre's information in the setting's expected one: that of half of the fastest rate."""
+
+
+@final
+class Planner(Policy):
+    """Plans anew at every decision, as far as the turn, with the robot and the wind that it has identified.
+
+    When to turn back is decided by `IdentifiedDmaxRule`: as a score never falls on the way out, the best plan goes on
+    until the energy, less a reserve, is down to the way home. A patrol goes by `LapRule` or, where its posts pass
+    unseen, by `AdaptiveDmaxRule`.
+
+    In a survey energy and memory have prices: that of a joule is the information that going on would buy with it, that
+    of a sample is what it takes to send it from where a stop is just worth it. At every decision pairs of prices are
+    tried: by each the survey is followed to its turn, over the ground that is in sight and then over such ground as
+    routes have on average, and the pair that finds most decides about speed, sensing rate and stops. These are the
+    oracle's prices, from what the robot knows instead of the truth.
+
+    Args:
+        setting: Constants of the environment.
+        deviations: Standard deviations of the way home kept back, 0 or above.
+
+    Attributes:
+        rule: What decides when to turn back, and holds the beliefs.
+    """
+
+    def __init__(self, setting: Setting, deviations: float) -> None:
+        self._setting = setting
+        s, robot = setting.shared[0], setting.robot
+        self._survey = bool(s["mission"] == SURVEY)
+        pace = Pace(float(self._survey), 0.0, 1.0)
+        self.rule: BelievingRule
+        self._identification: Identification | None = None
+        if s["mission"] == PATROL:
+            self.rule = (LapRule if sees_posts(setting) else AdaptiveDmaxRule)(setting, pace, deviations)
+        else:
+            self.rule = rule = IdentifiedDmaxRule(setting, pace, deviations)
+            self._identification = rule.identification
+        self._model = np.zeros(1, kernel.MODEL_DTYPE)
+        model = self._model[0]
+        model["speeds_mps"] = np.linspace(s["min_speed_mps"], s["max_speed_mps"], LEVELS)
+        model["rates_hz"] = np.linspace(0.0, s["max_sensing_hz"], LEVELS)
+        idle_w = ancillary_power(robot, 0.0)
+        model["sensing"] = (ancillary_power(robot, model["rates_hz"]) - idle_w) / s["usable_j"]
+        model["standing"], model["steepest"] = idle_w / s["usable_j"], _STEEPEST_SINE
+        sines = np.linspace(-_STEEPEST_SINE, _STEEPEST_SINE, model["per_m"].shape[1])
+        for level, speed_mps in enumerate(model["speeds_mps"]):
+            model["per_m"][level] = 1.0 / np.asarray(d_max(robot, float(speed_mps), np.arcsin(sines)))
+        model["interest"] = s["information_per_m"] / _TYPICAL_SHARE
+        model["found"] = [
+            [information(1.0, 1.0, rate_hz / speed_mps, 1.0, s["saturation_per_m"]) for rate_hz in model["rates_hz"]]
+            for speed_mps in model["speeds_mps"]
+        ]
+        self._sines = sines
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission, see `Policy.act`."""
+        return self.drive(observations, self.rule.turns(observations, begun))
+
+    def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
+        """Actions as planned for missions that go on or, where `homebound` of shape (n,), head home.
+
+        `rule.turns` must have been called with the same observations before: it updates the beliefs.
+        """
+        turns = homebound & (feature(observations, "outbound") > 0.0)
+        s = self._setting.shared[0]
+        speed_mps = self._thriftiest(0.1 * feature(observations, "grade") * np.where(turns, -1.0, 1.0))
+        sensing_hz, stops = np.zeros(len(observations)), np.zeros(len(observations), np.bool_)
+        if self._survey and self._identification:
+            out = ~homebound
+            beliefs = self._beliefs(observations, self._identification.unknown)[out]
+            commands = np.empty((len(beliefs), 3))
+            kernel.plan(beliefs, self._identification.vehicle, self._model, self._setting.shared, commands)
+            speed_mps[out], sensing_hz[out], stops[out] = commands[:, 0], commands[:, 1], commands[:, 2] > 0.0
+        if self._identification:
+            slow_mps = s["min_speed_mps"] + _PROBE * (s["max_speed_mps"] - s["min_speed_mps"])
+            speed_mps = np.where(self._identification.probes & ~homebound, slow_mps, speed_mps)
+        mode = np.where(homebound, RETURN, np.where(stops, STOP, GO))
+        return encode_actions(self._setting, speed_mps, sensing_hz, mode)
+
+    def _thriftiest(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Speed with the longest range at each grade."""
+        model = self._model[0]
+        nearest = np.abs(self._sines - sine[:, None]).argmin(axis=1)
+        return np.asarray(model["speeds_mps"][model["per_m"][:, nearest].argmin(axis=0)])
+
+    def _beliefs(self, observations: Observations, unknown: NDArray[np.float64]) -> NDArray[np.void]:
+        s = self._setting.shared[0]
+        outlook = self.rule.look(observations, np.zeros(len(observations), np.bool_))
+        beliefs = np.zeros(len(observations), kernel.BELIEF_DTYPE)
+        beliefs["unknown"] = unknown
+        reserve = self.rule.deviations * outlook.deviation
+        beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
+        beliefs["spare"] = self.rule.spare_by(outlook, observations)
+        beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
+        beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
+        beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
+        for name in ("east", "north"):
+            beliefs[name] = feature(observations, name)
+        for name, seen in (("here", "grade"), ("near", "grade_near"), ("beyond", "grade_mean")):
+            beliefs[f"sine_{name}"] = 0.1 * feature(observations, seen)
+        for name, seen in (("here", "interest"), ("near", "interest_near"), ("far", "interest_far")):
+            beliefs[f"interest_{name}"] = 2.0 * feature(observations, seen)
+        if s["difficulty"] > KNOWN:
+            beliefs["interest_far"] = -1.0
+        return beliefs

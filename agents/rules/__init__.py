@@ -1,0 +1,1 @@
+"""Rules: when to turn back, at one pace that all share."""

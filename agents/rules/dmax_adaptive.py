@@ -1,0 +1,85 @@
+"""The mapped rule, scaled by measured over modelled consumption, with a reserve of k standard deviations."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, feature
+from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.rule import BelievingRule, Outlook
+from homeward.envs.options import Setting
+from homeward.physics import ancillary_power
+
+_PRIOR = np.diag([0.01, 0.05])
+"""Weight of the belief that both ratios are 1, as shares of the battery: electronics are better known than ground."""
+_UNSEEN = 0.1
+"""Standard deviation of the ratio between the way out and the way home, which nothing on the way out can show: wind."""
+
+
+@final
+class AdaptiveDmaxRule(BelievingRule):
+    """Learns on the way how much more than its model the robot consumes, and how much that varies.
+
+    What a decision took is a ratio times its modelled driving plus another times its modelled sensing, and an error
+    with a variance that grows with both. Weighted least squares, drawn towards ratios of 1, finds the two; with one
+    ratio for both the sensing of the way out would hide what driving home costs. The way home is scaled by the ratio
+    of driving. Its standard deviation is the spread of decisions around the fit together with what they cannot show.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate.
+        deviations: Standard deviations k kept back, 0 or above.
+    """
+
+    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
+        super().__init__(setting, pace, deviations)
+        self._forget(0)
+
+    def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
+        """What it believes, see `BelievingRule.look`."""
+        self._learn(observations, begun)
+        target = (self._moment + np.diag(_PRIOR))[..., None]
+        ratios: NDArray[np.float64] = np.linalg.solve(self._normal + _PRIOR, target)[..., 0]
+        explained = np.einsum("ni,nij,nj->n", ratios, self._normal, ratios)
+        residual: NDArray[np.float64] = self._square - 2.0 * np.einsum("ni,ni->n", ratios, self._moment) + explained
+        spread = np.maximum(residual, 0.0) / np.maximum(self._last[:, 1], 1e-9)
+        home, onwards = feature(observations, "home_cost"), self.cost_of_going_on(observations)
+        return Outlook(
+            home=ratios[:, 0] * home,
+            onwards=ratios[:, 0] * onwards,
+            deviation=np.sqrt(spread + _UNSEEN**2) * (home + onwards),
+            driving=ratios[:, 0],
+            sensing=ratios[:, 1],
+        )
+
+    def _forget(self, count: int) -> None:
+        self._last = np.zeros((count, 2))  # energy used and modelled so far
+        self._normal = np.zeros((count, 2, 2))  # weighted sums of driving and sensing times each other,
+        self._moment = np.zeros((count, 2))  # times the energy used,
+        self._square = np.zeros(count)  # and of its square
+
+    def _learn(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
+        """Add the decision before to the sums; all energies are shares of the usable energy."""
+        if len(begun) != len(self._square):
+            self._forget(len(begun))
+        for total in (self._last, self._normal, self._moment, self._square):
+            total[begun] = 0.0
+        now = np.stack((1.0 - feature(observations, "energy"), feature(observations, "modelled")), axis=-1)
+        used, modelled = (now - self._last).T
+        self._last = now
+        sensing = np.minimum(self._sensing(observations), modelled)
+        causes = np.stack((modelled - sensing, sensing), axis=-1)
+        weight = np.divide(1.0, modelled, out=np.zeros_like(modelled), where=modelled > 0.0)
+        self._normal += weight[:, None, None] * causes[:, :, None] * causes[:, None, :]
+        self._moment += (weight * used)[:, None] * causes
+        self._square += weight * used * used
+
+    def _sensing(self, observations: Observations) -> NDArray[np.float64]:
+        """What the sensing of the decision before took by the robot's file."""
+        robot, s = self._setting.robot, self._setting.shared[0]
+        rate_hz = feature(observations, "sensing") * s["max_sensing_hz"]
+        power_w = ancillary_power(robot, rate_hz) - ancillary_power(robot, 0.0)
+        return np.asarray(power_w * s["decision_s"] / s["usable_j"])

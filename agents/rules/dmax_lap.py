@@ -1,0 +1,89 @@
+"""The rule of a patrol that measures its laps: the next one takes what those before took, with a reserve."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, feature
+from homeward.agents.rules.dmax_identified import gauge_error
+from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.rule import BelievingRule, Outlook
+from homeward.envs.options import Setting
+from homeward.physics import ancillary_power
+
+_UNSEEN = 0.1
+"""Standard deviation of a lap while there are not two to compare, as a share of it."""
+
+
+@final
+class LapRule(BelievingRule):
+    """Measures laps from one arrival at the home post to the next, and goes on while another one fits.
+
+    Whatever ground, wind and battery are like, all laps meet them alike; the first one, which begins without a pit
+    stop, counts until there is another. At the far post it turns for home for good, without a pit stop, when after
+    this lap no other fits. The standard deviation is that of the laps and of a biased gauge.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate.
+        deviations: Standard deviations k kept back, 0 or above.
+    """
+
+    sharp = 0.0001  # it has measured what the next lap takes
+
+    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
+        super().__init__(setting, pace, deviations)
+        s = setting.shared[0]
+        # By the file: what hides from a robot makes it more, so that to leave one out saves this at least.
+        self._stop_share = float(s["pit_stop_s"] * ancillary_power(setting.robot, 0.0) / s["usable_j"])
+        self._gauge_error = gauge_error(setting)
+        self._forget(0)
+
+    def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
+        """What it believes at a post, see `BelievingRule.look`."""
+        energy = feature(observations, "energy")
+        self._measure(observations, begun)
+        count, total, squares = self._laps
+        lap = np.where(count > 0.0, total / np.maximum(count, 1.0), self._first)
+        variance = np.maximum(squares - count * lap * lap, 0.0) / np.maximum(count - 1.0, 1.0)
+        deviation = np.where(count > 1.0, np.sqrt(variance), _UNSEEN * lap)
+        as_by_file = np.ones(len(energy))
+        return Outlook(
+            home=np.where(self._away, self._back, 0.0) - (self._arrival - energy),
+            onwards=lap - self._stop_share,
+            deviation=np.hypot(deviation, self._gauge_error * (1.0 - energy + lap)),
+            driving=as_by_file,
+            sensing=as_by_file,
+        )
+
+    def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        at_far_post = distance_m >= (1.0 - 1e-6) * float(self._setting.shared["length_m"][0])
+        return np.asarray(super()._may_turn(distance_m) | at_far_post)
+
+    def _forget(self, count: int) -> None:
+        self._laps = np.zeros((3, count))  # how many, what they took, and the sum of its squares
+        self._first, self._back = np.zeros((2, count))  # what the first lap took, and the last way home
+        self._arrival, self._left = np.ones((2, count))  # energy on arrival at the last post, and at the home post
+        self._away = np.zeros(count, np.bool_)  # whether the last post is the far one
+
+    def _measure(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
+        """Take in arrivals at posts; energies are shares of the usable energy."""
+        if len(begun) != len(self._away):
+            self._forget(len(begun))
+        self._laps[:, begun], self._arrival[begun], self._left[begun], self._away[begun] = 0.0, 1.0, 1.0, False
+        lap = self.cost_of_going_on(observations)
+        self._first, self._back = np.where(begun, lap, self._first), np.where(begun, 0.5 * lap, self._back)
+        energy, distance_m = feature(observations, "energy"), feature(observations, "distance") * self._reach_m
+        comes_home = self._away & (distance_m <= 0.0)
+        comes_far = ~self._away & (distance_m > 0.0) & self._may_turn(distance_m)
+        is_first = comes_home & (self._left == 1.0)
+        took = self._left - energy
+        self._first = np.where(is_first, took, self._first)
+        self._laps += np.where(comes_home & ~is_first, np.stack((np.ones(len(took)), took, took * took)), 0.0)
+        self._back = np.where(comes_home, self._arrival - energy, self._back)
+        self._arrival = np.where(comes_home | comes_far, energy, self._arrival)
+        self._left = np.where(comes_home, energy, self._left)
+        self._away = (self._away | comes_far) & ~comes_home

@@ -1,0 +1,32 @@
+"""Turn back when the energy left is down to the way home over the ground that was driven on the way out."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, feature
+from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.rule import TurnBackRule
+from homeward.envs.options import Setting
+
+
+@final
+class MappedDmaxRule(TurnBackRule):
+    """As the paper's rule, with every grade of the way home known from the way out.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate.
+        reserve: Share of the usable energy kept back, within [0, 1].
+    """
+
+    def __init__(self, setting: Setting, pace: Pace, reserve: float) -> None:
+        super().__init__(setting, pace)
+        self._reserve = reserve
+
+    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Energy beyond the way home over mapped ground and the reserve, see `TurnBackRule.spare`."""
+        return feature(observations, "margin") - self.cost_of_going_on(observations) - self._reserve

@@ -1,0 +1,160 @@
+"""What all rules for turning back share: when there is no choice, where a patrol may turn, and what going on costs."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, Policy, feature
+from homeward.agents.rules.pace import Pace
+from homeward.envs.options import Setting
+from homeward.envs.state import PATROL
+from homeward.physics import ancillary_power, d_max
+
+_STEEPEST_SINE = 0.7
+
+
+class Outlook(NamedTuple):
+    """What a robot believes of itself and its way home, arrays of shape (n,); energies are shares of the usable energy.
+
+    Attributes:
+        home: Energy of the way home.
+        onwards: Energy of going on to the next chance to turn, and back.
+        deviation: Standard deviation of what both take.
+        driving: What driving takes over what the robot's model says.
+        sensing: The same of sensing.
+    """
+
+    home: NDArray[np.float64]
+    onwards: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+    driving: NDArray[np.float64]
+    sensing: NDArray[np.float64]
+
+
+class TurnBackRule(Policy):
+    """Goes on while there is energy to spare, and then heads home.
+
+    It also heads home from the far end of the route, and when the time limit leaves just enough time. A patrol decides
+    at its home post, where the question is whether another lap fits.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate.
+    """
+
+    chances = 2.0
+    """Decisions that going on is costed for: the next one, and another for the surprises of ground not driven yet."""
+
+    def __init__(self, setting: Setting, pace: Pace) -> None:
+        self._setting, self._pace = setting, pace
+        s = setting.shared[0]
+        self._patrol = bool(s["mission"] == PATROL)
+        self._sines = np.linspace(-_STEEPEST_SINE, _STEEPEST_SINE, 281)
+        # Eq. 8 with a full battery: what a metre takes of it at each grade.
+        self._shares_per_m = 1.0 / np.asarray(d_max(setting.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
+        self._reach_m = float(s["reach_m"])
+        self._sees_posts = sees_posts(setting)
+        idle_w, busy_w = ancillary_power(setting.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
+        outward_s = self.chances * s["decision_s"]
+        extra_j = outward_s * (busy_w - idle_w)
+        if self._patrol:
+            outward_s = max(outward_s, s["length_m"] / s["cruise_mps"])
+            extra_j = 2.0 * s["pit_stop_s"] * idle_w
+        self._outward_m = float(outward_s * s["cruise_mps"])
+        self._extra_share = float(extra_j / s["usable_j"])
+        self._round_s = float(2.0 * (outward_s + s["pit_stop_s"]))
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission, see `Policy.act`."""
+        return self.drive(observations, self.turns(observations, begun))
+
+    def turns(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which missions head home, including those already returning, shape (n,). Arguments as in `act`."""
+        s = self._setting.shared[0]
+        distance_m = feature(observations, "distance") * self._reach_m
+        turns = (self.spare(observations, begun) < 0.0) | self._late(observations, distance_m)
+        if self._sees_posts:
+            turns &= self._may_turn(distance_m)
+        elif not self._patrol:
+            turns |= distance_m >= (1.0 - 1e-6) * s["length_m"]
+        return np.asarray(turns | (feature(observations, "returning") > 0.0))
+
+    def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
+        """Actions at the rule's pace for missions that go on or, where `homebound` of shape (n,), head home."""
+        return self._pace.act(self._setting, observations, homebound)
+
+    def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Where a patrol may turn back for good, shape (n,)."""
+        return np.asarray(distance_m <= 0.0)
+
+    @abstractmethod
+    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Energy beyond what going on to the next chance to turn and then home may cost, shape (n,).
+
+        As a share of the usable energy; the robot turns back when it is negative. Arguments as in `act`.
+        """
+
+    def home_cost_on_average(self, observations: Observations) -> NDArray[np.float64]:
+        """Energy to get home by Eq. 8 at the average grade, a share of the usable energy, shape (n,)."""
+        distance_m = feature(observations, "distance") * self._reach_m
+        return distance_m * self._share_per_m(-_mean_sine(observations))
+
+    def cost_of_going_on(self, observations: Observations) -> NDArray[np.float64]:
+        """Energy of going on to the next chance to turn, and back, by Eq. 7 at the average grade, as above, shape (n,).
+
+        The next chance is a decision or two away; on a patrol it is a lap with its pit stops.
+        """
+        sine = _mean_sine(observations)
+        return self._outward_m * (self._share_per_m(sine) + self._share_per_m(-sine)) + self._extra_share
+
+    def _share_per_m(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.interp(sine, self._sines, self._shares_per_m)
+
+    def _late(self, observations: Observations, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        s = self._setting.shared[0]
+        left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
+        # A quarter more, for the nearest speed level may lie below cruise.
+        return np.asarray(left_s < 1.25 * (distance_m / s["cruise_mps"] + self._round_s))
+
+
+class BelievingRule(TurnBackRule):
+    """Corrects the way home by what it has measured, and keeps some standard deviations of that in reserve.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate.
+        deviations: Standard deviations k kept back, 0 or above.
+    """
+
+    sharp = 0.01
+    """Energy to spare, as a share of the usable energy, from which it is sure to go on."""
+
+    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
+        super().__init__(setting, pace)
+        self.deviations = deviations
+
+    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Energy beyond the corrected way home and the reserve, see `TurnBackRule.spare`."""
+        return self.spare_by(self.look(observations, begun), observations)
+
+    def spare_by(self, outlook: Outlook, observations: Observations) -> NDArray[np.float64]:
+        """The same, by what it believes."""
+        return feature(observations, "energy") - outlook.home - outlook.onwards - self.deviations * outlook.deviation
+
+    @abstractmethod
+    def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
+        """What it believes. Arguments as in `act`; a decision that is shown twice counts once."""
+
+
+def sees_posts(setting: Setting) -> bool:
+    """Whether a patrol notices its posts: pit stops shorter than a decision can pass unseen."""
+    s = setting.shared[0]
+    return bool(s["mission"] == PATROL and s["pit_stop_s"] >= s["decision_s"])
+
+
+def _mean_sine(observations: Observations) -> NDArray[np.float64]:
+    return 0.1 * feature(observations, "grade_mean")

@@ -1,0 +1,32 @@
+"""Turn back at a state of charge, half by default, as most robots do today."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, feature
+from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.rule import TurnBackRule
+from homeward.envs.options import Setting
+
+
+@final
+class StateOfChargeRule(TurnBackRule):
+    """Turns back when the fuel gauge falls below a threshold, wherever it is.
+
+    Args:
+        setting: Constants of the environment.
+        pace: Speed and sensing rate.
+        threshold: State of charge, within [0, 1].
+    """
+
+    def __init__(self, setting: Setting, pace: Pace, threshold: float = 0.5) -> None:
+        super().__init__(setting, pace)
+        self._threshold = threshold
+
+    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Charge above the threshold, see `TurnBackRule.spare`."""
+        return feature(observations, "energy") - self._threshold

@@ -1,0 +1,140 @@
+"""An exported policy commands on a robot what the original decides in the environment."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+onnx = pytest.importorskip("onnx")
+onnxruntime = pytest.importorskip("onnxruntime")
+
+from homeward.agents.learning.onnx_export import Args, ExportError, check_equal, main, setting_of  # noqa: E402
+from homeward.agents.learning.onnx_graph import INPUT, OUTPUTS, quantities, to_onnx  # noqa: E402
+from homeward.agents.learning.policy_file import NetworkPolicy, load_policy, save_policy  # noqa: E402
+from homeward.agents.learning.provenance import robot_hash  # noqa: E402
+from homeward.envs.actions import encode_actions  # noqa: E402
+from homeward.envs.batch import action_space  # noqa: E402
+from homeward.envs.features import INDEX, NAMES  # noqa: E402
+from homeward.envs.options import Options, settle  # noqa: E402
+from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
+
+
+def save_drawn_policy(folder: Path, action_type: str = "discrete", **description: Any) -> NetworkPolicy:
+    """A network drawn at random, as if `train.py` had written it."""
+    rng = np.random.default_rng(0)
+    space = action_space(Options("Survey", action_type=action_type))
+    outputs = 13 if action_type == "discrete" else 3
+    layers = [
+        (0.5 * rng.standard_normal((after, before)).astype(np.float32), np.zeros(after, np.float32))
+        for before, after in itertools.pairwise((len(NAMES), 16, outputs))
+    ]
+    training = {"env": "homeward/Survey-v0", "robot": "husky", "action_type": action_type, "seed": 3}
+    save_policy(folder, layers, space, {"training": training} | description)
+    return load_policy(folder)
+
+
+def open_session(content: bytes) -> Any:
+    threads = onnxruntime.SessionOptions()
+    threads.intra_op_num_threads = 1
+    return onnxruntime.InferenceSession(content, threads, providers=["CPUExecutionProvider"])
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+def test_commands_are_those_of_the_original(action_type: str, tmp_path: Path) -> None:
+    policy = save_drawn_policy(tmp_path, action_type)
+    options, setting = setting_of(policy)
+    session = open_session(to_onnx(policy, options, setting).SerializeToString())
+    size, zero = np.array([(one.size, one.zero) for one in quantities(setting)]).T
+    env = HomewardVectorEnv(64, **vars(options))
+    observations, _ = env.reset(seed=0)
+    modes = set()
+    for _ in range(100):
+        actions = policy.act(observations, np.ones(64, np.bool_))
+        physical = (observations * size + zero).astype(np.float32)
+        commands = dict(zip(OUTPUTS, session.run(list(OUTPUTS), {INPUT: physical}), strict=True))
+        encoded = encode_actions(setting, **commands)
+        if action_type == "discrete":
+            np.testing.assert_array_equal(encoded, actions)
+        else:
+            np.testing.assert_allclose(encoded[:, :2], actions[:, :2], atol=1e-4)
+            np.testing.assert_array_equal(commands["mode"], np.minimum((1.5 * (actions[:, 2] + 1.0)).astype(int), 2))
+        modes |= set(commands["mode"].tolist())
+        observations, *_ = env.step(actions)
+    assert modes == {0, 1, 2}
+
+
+def test_columns_are_the_physical_quantities(tmp_path: Path) -> None:
+    policy = save_drawn_policy(tmp_path)
+    options, setting = setting_of(policy)
+    size, zero = np.array([(one.size, one.zero) for one in quantities(setting)]).T
+    env = HomewardVectorEnv(32, **vars(options) | {"difficulty": "known"})
+    observations, _ = env.reset(seed=0)
+    for _ in range(60):
+        observations, *_ = env.step(env.action_space.sample() // [1, 1, 2])  # none returns
+    physical = observations * size + zero
+    truth = env.batch.records
+    recorded = {
+        "energy": truth["energy_j"],
+        "distance": truth["position_m"],
+        "modelled": truth["modelled_j"],
+        "speed": truth["speed_mps"],
+        "sensing": truth["sensing_hz"],
+        "grade_mean": truth["mean_grade"],
+        "interest": truth["here"]["interest"],
+        "backlog": truth["backlog"],
+        "temperature": truth["temperature_c"],
+        "score": truth["score"],
+        "time": truth["decisions"],
+    }
+    for name, values in recorded.items():
+        assert np.ptp(values) > 0.0 or name == "time"
+        np.testing.assert_allclose(physical[:, INDEX[name]], values, rtol=1e-5, atol=1e-5 * np.abs(values).max())
+
+
+def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_drawn_policy(tmp_path)
+    main(Args(tmp_path, tmp_path / "policy.onnx"))
+    told = {one.key: one.value for one in onnx.load(tmp_path / "policy.onnx").metadata_props}
+    assert [one["name"] for one in json.loads(told["inputs"])[INPUT]] == list(NAMES)
+    assert list(json.loads(told["outputs"])) == list(OUTPUTS)
+    assert (told["env"], told["robot"]) == ("homeward/Survey-v0", "husky")
+    assert float(told["decision_s"]) == settle(Options("Survey", robot="husky")).shared["decision_s"][0]
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in (*NAMES, *OUTPUTS))
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+def test_a_file_that_decides_otherwise_is_refused(action_type: str, tmp_path: Path) -> None:
+    policy = save_drawn_policy(tmp_path, action_type)
+    options, setting = setting_of(policy)
+    check_equal(to_onnx(policy, options, setting).SerializeToString(), policy, setting)
+    weight, bias = policy.layers[-1]
+    other = NetworkPolicy((*policy.layers[:-1], (weight[::-1], bias)), policy.action_space, policy.description)
+    with pytest.raises(ExportError, match=r"onnxruntime commands another \w+ than the policy in \d+ of 2000"):
+        check_equal(to_onnx(other, options, setting).SerializeToString(), policy, setting)
+
+
+def test_another_robot_than_the_trained_one_is_refused(tmp_path: Path) -> None:
+    hashed = robot_hash(settle(Options("Survey", robot="jackal")))
+    policy = save_drawn_policy(tmp_path, made_with={"robot": hashed})
+    with pytest.raises(ExportError, match=r"robot 'husky' has other numbers .* give that one's file with --robot"):
+        setting_of(policy)
+    assert setting_of(policy, "jackal")[1].robot.name == "jackal"
+
+
+def test_a_policy_with_a_rule_is_refused(tmp_path: Path) -> None:
+    policy = save_drawn_policy(tmp_path)
+    guided = NetworkPolicy(policy.layers, policy.action_space, {**policy.description, "guide": {}})
+    with pytest.raises(ExportError, match="follows a rule, which no ONNX file holds yet: train one with --guide none"):
+        setting_of(guided)
+
+
+@pytest.mark.parametrize("training", [None, {}, {"env": "homeward/Nothing-v0"}])
+def test_a_policy_of_unknown_origin_is_refused(training: Any, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match="does not say which environment"):
+        setting_of(save_drawn_policy(tmp_path, training=training))

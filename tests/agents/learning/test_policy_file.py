@@ -1,0 +1,231 @@
+"""Policies as files: what is written is what is read, no code runs, and whatever is wrong with a file is said."""
+
+import hashlib
+import itertools
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from safetensors.numpy import save
+
+import homeward  # noqa: F401 - registers the environments
+from homeward.agents import AgentError, make_policy
+from homeward.agents.learning.guide import BELIEFS, make_guide
+from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, Layer, PolicyFileError, load_policy, save_policy
+from homeward.envs.features import NAMES
+from homeward.envs.options import Options, settle
+
+DISCRETE = spaces.MultiDiscrete([5, 5, 3])
+CONTINUOUS = spaces.Box(-1.0, 1.0, (3,), np.float32)
+
+
+def draw_layers(*widths: int) -> list[Layer]:
+    rng = np.random.default_rng(0)
+    return [
+        (rng.standard_normal((outputs, inputs)).astype(np.float32), rng.standard_normal(outputs).astype(np.float32))
+        for inputs, outputs in itertools.pairwise(widths)
+    ]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    save_policy(tmp_path, draw_layers(len(NAMES), 8, 13), DISCRETE, {"env": "homeward/Survey-v0"})
+    return tmp_path
+
+
+@pytest.mark.parametrize("path", ["", WEIGHTS, DESCRIPTION])
+def test_what_is_read_is_what_was_written(folder: Path, path: str) -> None:
+    policy = load_policy(folder / path)
+    assert policy.action_space == DISCRETE
+    assert policy.description["env"] == "homeward/Survey-v0"
+    for (weight, bias), (written_weight, written_bias) in zip(
+        policy.layers, draw_layers(len(NAMES), 8, 13), strict=True
+    ):
+        np.testing.assert_array_equal(weight, written_weight)
+        np.testing.assert_array_equal(bias, written_bias)
+    assert sorted(entry.name for entry in folder.iterdir()) == [DESCRIPTION, WEIGHTS]
+
+
+@pytest.mark.parametrize("guide", ["none", "dmax_adaptive", "planner"])
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, guide: str) -> None:
+    from homeward.agents.learning.guide import make_guide
+    from homeward.agents.learning.insight import Insight
+    from homeward.agents.learning.network import layers_of
+    from homeward.agents.learning.ppo import make_model
+    from homeward.agents.learning.settings import PPOSettings
+
+    settings = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16, guide=guide)
+    options = Options("Survey", action_type=action_type)
+    model = make_model(options, settings, seed=0)
+    model.learn(settings.rollout)
+    setting = settle(options)
+    save_policy(tmp_path, layers_of(model), model.action_space, {}, make_guide(guide, "Survey", setting))
+    policy = load_policy(tmp_path, setting)
+    rng, begun = np.random.default_rng(0), np.ones(500, np.bool_)
+    observations = rng.uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
+    twin = make_guide(guide, "Survey", setting)
+    inputs = observations if twin is None else twin.inputs(observations, begun)
+    insight = rng.uniform(-1.0, 1.0, (500, Insight.columns)).astype(np.float32)  # for the critic alone
+    expected, _ = model.predict(np.concatenate((insight, inputs), axis=1), deterministic=True)
+    actions = policy.act(observations, begun)
+    assert actions.dtype == (np.int64 if action_type == "discrete" else np.float32)
+    np.testing.assert_allclose(actions, expected, atol=1e-5)
+
+
+def test_a_continuous_policy_stays_within_the_box(tmp_path: Path) -> None:
+    save_policy(tmp_path, draw_layers(len(NAMES), 3), CONTINUOUS, {})
+    policy = load_policy(tmp_path)
+    actions = policy.act(np.full((4, len(NAMES)), 5.0, np.float32), np.ones(4, np.bool_))
+    assert actions.shape == (4, 3)
+    assert policy.action_space.contains(actions[0])
+    assert np.abs(actions).max() == 1.0
+
+
+def test_an_agent_is_made_from_the_folder(folder: Path) -> None:
+    env = gym.make_vec("homeward/Survey-v0", num_envs=3, vectorization_mode="vector_entry_point")
+    observations, _ = env.reset(seed=0)
+    env.step(make_policy("ppo", env, folder).act(observations, np.ones(3, np.bool_)))
+    other = gym.make_vec(
+        "homeward/Survey-v0", num_envs=3, vectorization_mode="vector_entry_point", action_type="continuous"
+    )
+    with pytest.raises(AgentError, match=r"acts in MultiDiscrete.*choose the action_type"):
+        make_policy("ppo", other, folder)
+
+
+def test_reading_needs_no_torch(folder: Path) -> None:
+    code = "import sys, pathlib; from homeward.agents.learning.policy_file import load_policy\n"
+    code += "load_policy(pathlib.Path(sys.argv[1])); print('torch' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code, folder], capture_output=True, text=True)
+    assert (run.returncode, run.stdout.strip()) == (0, "False"), run.stderr
+
+
+def rewrite(folder: Path, weights: bytes | None = None, **changes: Any) -> None:
+    """Change what the description says, and the weights with a matching checksum."""
+    description = json.loads((folder / DESCRIPTION).read_text())
+    if weights is not None:
+        (folder / WEIGHTS).write_bytes(weights)
+        changes["weights_sha256"] = hashlib.sha256(weights).hexdigest()
+    (folder / DESCRIPTION).write_text(json.dumps(description | changes))
+
+
+def test_a_pickle_is_not_run(folder: Path) -> None:
+    class Trap:
+        def __reduce__(self) -> Any:
+            return (Path.touch, (folder / "run",))
+
+    rewrite(folder, pickle.dumps(Trap()))
+    with pytest.raises(PolicyFileError, match="is not a safetensors file"):
+        load_policy(folder)
+    assert not (folder / "run").exists()
+
+
+@pytest.mark.parametrize("name", [WEIGHTS, DESCRIPTION])
+@pytest.mark.parametrize("kept", [0.0, 0.5, 0.999])
+def test_a_truncated_file_is_refused(folder: Path, name: str, kept: float) -> None:
+    content = (folder / name).read_bytes()
+    (folder / name).write_bytes(content[: int(kept * len(content)) - 2 if kept == 0.999 else int(kept * len(content))])
+    with pytest.raises(PolicyFileError, match=f"{name} is truncated"):
+        load_policy(folder)
+
+
+@pytest.mark.parametrize("name", [WEIGHTS, DESCRIPTION])
+def test_a_missing_file_is_named(folder: Path, name: str) -> None:
+    (folder / name).unlink()
+    with pytest.raises(PolicyFileError, match=f"cannot read .*{name}: No such file.*train.py wrote"):
+        load_policy(folder)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"schema": 2}, "schema 2, this version reads 1"),
+        ({"observation_space": {"features": ["speed"]}}, "observes other features"),
+        ({"observation_space": []}, "observes other features"),
+        ({"action_space": {"type": "Discrete"}}, "does not describe"),
+        ({"action_space": {"type": "MultiDiscrete", "nvec": [5]}}, "do not fit"),
+        ({"action_space": 3}, "does not describe"),
+        ({"network": {"layers": 9}}, "does not describe"),
+        ({"network": {"layers": 0}}, "do not fit"),
+        ({"network": {}}, "does not describe"),
+    ],
+)
+def test_a_foreign_description_is_refused(folder: Path, changes: dict[str, Any], message: str) -> None:
+    rewrite(folder, **changes)
+    with pytest.raises(PolicyFileError, match=message):
+        load_policy(folder)
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", '"policy"', "null"])
+def test_foreign_json_is_refused(folder: Path, content: str) -> None:
+    (folder / DESCRIPTION).write_text(content)
+    with pytest.raises(PolicyFileError, match="does not describe a policy"):
+        load_policy(folder)
+
+
+def weights_of(layers: list[Layer]) -> bytes:
+    return save(
+        {
+            f"layers.{i}.{name}": a
+            for i, pair in enumerate(layers)
+            for name, a in zip(("weight", "bias"), pair, strict=True)
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        (save({"other": np.zeros(3, np.float32)}), "does not describe"),
+        (weights_of([*draw_layers(len(NAMES), 8), *draw_layers(7, 13)]), "does not fit the one before"),
+        (weights_of(draw_layers(len(NAMES) - 1, 8, 13)), "does not fit the one before"),
+        (weights_of(draw_layers(len(NAMES), 8, 12)), "12 outputs do not fit"),
+        (weights_of([(w * np.float32(np.nan), b) for w, b in draw_layers(len(NAMES), 8, 13)]), "not a finite number"),
+        (weights_of([(w.astype(np.float64), b) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
+        (weights_of([(w[0], b) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
+        (weights_of([(w, b[None]) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
+    ],
+)
+def test_foreign_weights_are_refused(folder: Path, weights: bytes, message: str) -> None:
+    rewrite(folder, weights)
+    with pytest.raises(PolicyFileError, match=message):
+        load_policy(folder)
+
+
+@pytest.fixture
+def guided(tmp_path: Path) -> Path:
+    guide = make_guide("dmax_adaptive", "Survey", settle(Options("Survey")))
+    assert guide is not None
+    layers = [*draw_layers(len(NAMES) + guide.extra, 8), *draw_layers(8 + guide.proposals, 13)]
+    save_policy(tmp_path, layers, DISCRETE, {}, guide)
+    return tmp_path
+
+
+def test_a_guided_policy_acts_only_with_a_setting(guided: Path) -> None:
+    observations, begun = np.zeros((2, len(NAMES)), np.float32), np.ones(2, np.bool_)
+    assert load_policy(guided, settle(Options("Survey"))).act(observations, begun).shape == (2, 3)
+    with pytest.raises(PolicyFileError, match="load it with an environment's setting"):
+        load_policy(guided).act(observations, begun)
+
+
+@pytest.mark.parametrize(
+    ("guide", "message"),
+    [
+        (None, "follows another rule than this version has: train again"),
+        ({"beliefs": ["luck"]}, "follows another rule than this version has: train again"),
+        ({"beliefs": list(BELIEFS)}, "tells of a guide that there is not"),
+        ({"beliefs": list(BELIEFS), "rule": "dice"}, "tells of a guide that there is not"),
+        ({"beliefs": list(BELIEFS), "rule": "dmax_adaptive", "pace": 3}, "tells of a guide that there is not"),
+    ],
+)
+def test_a_foreign_guide_is_refused(guided: Path, guide: Any, message: str) -> None:
+    rewrite(guided, guide=guide)
+    with pytest.raises(PolicyFileError, match=message):
+        load_policy(guided, settle(Options("Survey")))

@@ -1,0 +1,161 @@
+"""The adapter equals Stable-Baselines3's own wrappers around as many scalar environments."""
+
+import copy
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+import homeward  # noqa: F401 - registers the environments
+from homeward.agents.learning.guide import make_guide
+from homeward.agents.learning.sb3_adapter import SB3Adapter
+from homeward.envs.vector import HomewardVectorEnv
+
+COUNT = 6
+DECISION_S = 300.0  # short missions: some forty decisions until the time is over
+
+
+def native(**options: Any) -> SB3Adapter:
+    return SB3Adapter(HomewardVectorEnv(COUNT, autoreset_mode="SameStep", decision_s=DECISION_S, **options))
+
+
+def scalars(**options: Any) -> DummyVecEnv:
+    make = partial(gym.make, "homeward/Survey-v0", decision_s=DECISION_S, disable_env_checker=True, **options)
+    return DummyVecEnv([lambda: Monitor(make()) for _ in range(COUNT)])
+
+
+def draw_actions(rng: np.random.Generator, action_type: str) -> NDArray[Any]:
+    """The first mission stands until its time is over, the others go and now and then turn back."""
+    if action_type == "continuous":
+        actions = rng.uniform(-0.3, 0.3, (COUNT, 3)).astype(np.float32)
+        actions[rng.random(COUNT) < 0.05, 2] = 1.0
+        actions[0] = -1.0
+        return actions
+    actions = np.stack([rng.integers(0, 5, COUNT), rng.integers(0, 5, COUNT), 1 + (rng.random(COUNT) < 0.05)], axis=1)
+    actions[0] = 0
+    return actions
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+@pytest.mark.parametrize("difficulty", ["known", "harsh"])
+def test_steps_equal_those_of_wrapped_scalar_environments(action_type: str, difficulty: str) -> None:
+    ours, theirs = (make(action_type=action_type, difficulty=difficulty) for make in (native, scalars))
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    ours.seed(3)
+    theirs.seed(3)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    rng = np.random.default_rng(0)
+    ways_to_end = set()
+    for _ in range(150):
+        actions = draw_actions(rng, action_type)
+        ours_now, theirs_now = ours.step(actions), theirs.step(actions)
+        for one, other in zip(ours_now[:3], theirs_now[:3], strict=True):
+            assert isinstance(one, np.ndarray) and isinstance(other, np.ndarray)
+            assert one.dtype == other.dtype
+            np.testing.assert_array_equal(one, other)
+        for done, info, expected in zip(ours_now[2], ours_now[3], theirs_now[3], strict=True):
+            if not done:
+                assert info == {}
+                continue
+            same_info(info, expected)
+            ways_to_end.add((info["home"], info["stranded"], info["TimeLimit.truncated"]))
+    assert ways_to_end == {(True, False, False), (False, True, False), (False, False, True)}
+
+
+def same_info(info: dict[str, Any], expected: dict[str, Any]) -> None:
+    assert set(info) == {*expected, "is_success"}
+    assert info["is_success"] == expected["home"]
+    np.testing.assert_array_equal(info["terminal_observation"], expected["terminal_observation"])
+    assert info["energy_j"] == dict(expected["energy_j"])
+    for name in ("score", "cost", "position_m", "home", "stranded", "TimeLimit.truncated"):
+        assert info[name] == expected[name]
+        assert type(info[name]) is type(expected[name])
+    assert info["episode"]["r"] == pytest.approx(expected["episode"]["r"], abs=1e-6)
+    assert info["episode"]["l"] == expected["episode"]["l"]
+
+
+def test_a_copy_goes_on_as_the_original() -> None:
+    env = native()
+    env.seed(0)
+    env.reset()
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        env.step(draw_actions(rng, "discrete"))
+    twin = copy.deepcopy(env)
+    for _ in range(60):
+        actions = draw_actions(rng, "discrete")
+        first, second = env.step(actions), twin.step(actions)
+        for one, other in zip(first[:3], second[:3], strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert [info.get("episode", {}).get("r") for info in first[3]] == [
+            info.get("episode", {}).get("r") for info in second[3]
+        ]
+
+
+def test_stranding_costs_what_it_is_said_to() -> None:
+    free, costly = native(), SB3Adapter(HomewardVectorEnv(COUNT, autoreset_mode="SameStep", decision_s=DECISION_S), 0.5)
+    for env in (free, costly):
+        env.seed(0)
+        env.reset()
+    go = np.tile([4, 2, 1], (COUNT, 1))
+    stranded = 0
+    for _ in range(40):
+        (_, rewards, _, infos), (_, costly_rewards, _, costly_infos) = free.step(go), costly.step(go)
+        lost = np.array([0.5 if info.get("stranded") else 0.0 for info in infos])
+        np.testing.assert_allclose(rewards - costly_rewards, lost, atol=1e-6)
+        for info, costly_info in zip(infos, costly_infos, strict=True):
+            if info.get("stranded"):
+                stranded += 1
+                assert info["episode"]["r"] - costly_info["episode"]["r"] == pytest.approx(0.5)
+    assert stranded >= COUNT
+
+
+def test_attributes_are_those_of_the_shared_environment() -> None:
+    env = native()
+    assert env.get_attr("num_envs", indices=[0, 2]) == [COUNT, COUNT]
+    assert env.env_is_wrapped(Monitor) == [False] * COUNT
+    with pytest.raises(NotImplementedError, match="share one environment"):
+        env.set_attr("num_envs", 1)
+    with pytest.raises(NotImplementedError, match="share one environment"):
+        env.env_method("reset")
+
+
+def test_another_way_of_resetting_is_refused() -> None:
+    with pytest.raises(ValueError, match="autoreset_mode is NextStep; make the environment with SameStep"):
+        SB3Adapter(HomewardVectorEnv(2))
+
+
+@pytest.mark.parametrize("guide", ["none", "dmax_adaptive", "planner"])
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+@pytest.mark.parametrize("mission", ["OutAndBack", "Survey", "Patrol"])
+def test_relived_missions_go_on_as_if_nothing_had_been(mission: str, action_type: str, guide: str) -> None:
+    def make() -> SB3Adapter:
+        env = HomewardVectorEnv(
+            COUNT, mission=mission, action_type=action_type, autoreset_mode="SameStep", decision_s=DECISION_S
+        )
+        return SB3Adapter(env, 0.5, make_guide(guide, mission, env.batch.setting), late_is_lost=True, insight=True)
+
+    first, second = make(), make()
+    first.seed(5)
+    first.reset()
+    rng = np.random.default_rng(0)
+    before = [first.step(draw_actions(rng, action_type)) for _ in range(60)]
+    assert sum(over.sum() for _, _, over, _ in before)
+    second.seed(77)
+    np.testing.assert_array_equal(second.relive(first.log), np.asarray(before[-1][0]))
+    for _ in range(60):
+        actions = draw_actions(rng, action_type)
+        ours, theirs = first.step(actions), second.step(actions)
+        for one, other in zip(ours[:3], theirs[:3], strict=True):
+            np.testing.assert_array_equal(np.asarray(one), np.asarray(other))
+        assert [info.get("episode", {}).get("r") for info in ours[3]] == [
+            info.get("episode", {}).get("r") for info in theirs[3]
+        ]
+    np.testing.assert_array_equal(first.log.actions, second.log.actions)
+    assert first.log.generators == second.log.generators

@@ -1,0 +1,84 @@
+"""What all rules share: where they turn back, for one mission as for many, and that they come home."""
+
+import numpy as np
+import pytest
+
+from homeward.agents import make_policy
+from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.planner import Planner
+from homeward.agents.rules.rule import TurnBackRule
+from homeward.agents.shield import decode_actions
+from homeward.envs.features import INDEX
+from homeward.envs.options import MISSIONS, Options
+from homeward.envs.state import GO, RETURN
+from homeward.envs.vector import HomewardVectorEnv
+from tests.agents.rules.shown import FIRST, RULES, episodes, mode, observed
+
+
+@pytest.mark.parametrize("name", RULES)
+@pytest.mark.parametrize("mission", ["OutAndBack", "Survey"])
+def test_rules_turn_back_at_the_far_end_and_when_time_runs_out(name: str, mission: str) -> None:
+    env = HomewardVectorEnv(mission=mission)
+    s = env.batch.setting.shared[0]
+    end = float(s["length_m"] / s["reach_m"])
+    assert mode(make_policy(name, env), observed(margin=1.0, distance=0.5 * end)) == GO
+    assert mode(make_policy(name, env), observed(margin=1.0, distance=end)) == RETURN
+    assert mode(make_policy(name, env), observed(margin=1.0, distance=0.5 * end, time=0.9)) == RETURN
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_patrols_turn_back_at_the_home_post_only(name: str) -> None:
+    policy = make_policy(name, HomewardVectorEnv(mission="Patrol"))
+    assert mode(policy, observed(energy=0.02, margin=0.02, distance=0.0)) == RETURN
+    assert mode(policy, observed(energy=0.02, margin=0.02, distance=0.01)) == GO
+    assert mode(policy, observed(energy=0.9, margin=0.9, distance=0.0)) == GO
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+@pytest.mark.parametrize("name", [*RULES, "planner"])
+def test_it_heads_home_where_its_rule_turns(name: str, action_type: str) -> None:
+    env = HomewardVectorEnv(mission="Survey", action_type=action_type)
+    shown = np.concatenate(
+        [observed(energy=energy, distance=0.3, home_cost=0.2, margin=energy - 0.2) for energy in (1.0, 0.8, 0.1, 1.0)]
+    )
+    shown[3, INDEX["returning"]] = 1.0
+    policies = [make_policy(name, env) for _ in range(2)]
+    rule = policies[0].rule if isinstance(policies[0], Planner) else policies[0]
+    assert isinstance(rule, TurnBackRule)
+    turns = rule.turns(shown, np.ones(4, np.bool_))
+    assert turns.tolist() == [False, False, True, True]
+    commands = decode_actions(env.batch.setting, policies[1].act(shown, np.ones(4, np.bool_)))
+    np.testing.assert_array_equal(commands.homeward, turns)
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_rules_keep_heading_home_and_sense_nothing_there(name: str) -> None:
+    policy = make_policy(name, HomewardVectorEnv())
+    action = policy.act(observed(margin=1.0, distance=0.3, returning=1.0, interest=5.0), FIRST)
+    assert action.tolist() == [[4, 0, RETURN]]
+
+
+@pytest.mark.parametrize("name", RULES)
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_batches_equal_singles(name: str, mission: str) -> None:
+    options, seeds = Options(mission), episode_seeds(2, 6)
+    policy = make_policy(name, HomewardVectorEnv(**vars(options)))
+    together = run_episodes(policy, options, seeds).episodes
+    for index, seed in enumerate(seeds):
+        alone = run_episodes(policy, options, [seed]).episodes
+        assert alone.score[0] == together.score[index]
+        assert alone.decisions[0] == together.decisions[index]
+
+
+@pytest.mark.parametrize("mission", MISSIONS)
+@pytest.mark.parametrize("name", ["dmax", "dmax_mapped", "dmax_adaptive"])
+def test_tuned_rules_come_home_when_all_is_known(name: str, mission: str) -> None:
+    assert episodes(name, Options(mission, difficulty="known"), 150).home.all()
+
+
+@pytest.mark.parametrize("name", ["dmax_mapped", "dmax_adaptive"])
+def test_hidden_wind_fools_rules_that_extrapolate(name: str) -> None:
+    usual = episodes(name, Options("OutAndBack"), 200).stranded.mean()
+    fooled = episodes(name, Options("OutAndBack", route="hidden_wind"), 200).stranded.mean()
+    assert usual < 0.1
+    assert fooled > 0.4

@@ -1,0 +1,43 @@
+"""Agents are made by name for any environment, and act in its space."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from homeward.agents import AGENTS, AgentError, make_policy
+from homeward.agents.registry import FROM_FILES
+from homeward.envs.state import GO
+from homeward.envs.vector import HomewardVectorEnv
+from tests.agents.rules.shown import mode, observed
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+@pytest.mark.parametrize("name", sorted(AGENTS.keys() - FROM_FILES))
+def test_actions_are_in_the_space(name: str, action_type: str) -> None:
+    env = gym.make_vec(
+        "homeward/Survey-v0", num_envs=5, vectorization_mode="vector_entry_point", action_type=action_type
+    )
+    observations, _ = env.reset(seed=0)
+    assert env.action_space.contains(make_policy(name, env).act(observations, np.ones(5, np.bool_)))
+
+
+@pytest.mark.parametrize("scalar", [True, False])
+def test_agents_are_made_for_wrapped_environments(scalar: bool) -> None:
+    env: Any = (
+        gym.make("homeward/Patrol-v0")
+        if scalar
+        else gym.make_vec("homeward/Patrol-v0", vectorization_mode="vector_entry_point")
+    )
+    assert mode(make_policy("dmax", env), observed(margin=1.0)) == GO
+
+
+def test_wrong_requests_say_what_is_allowed() -> None:
+    env = HomewardVectorEnv()
+    with pytest.raises(AgentError, match=r"unknown agent 'soc5'.*random, soc50, dmax"):
+        make_policy("soc5", env)
+    with pytest.raises(AgentError, match="takes no file"):
+        make_policy("dmax", env, "file")
+    with pytest.raises(AgentError, match=r"no/such.*train\.py wrote"):
+        make_policy("ppo", env, "no/such")
