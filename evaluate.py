@@ -95,7 +95,7 @@ def main(args: Args) -> Evaluation:
     args.out.mkdir(parents=True, exist_ok=True)
     optimum = _optimum(args, options, seeds) if args.optimum else None
     agents = {
-        label: [Shield(one, env.batch.setting) if asked[label].shielded else one for one in policies]
+        label: [Shield(one, env.batch.known) if asked[label].shielded else one for one in policies]
         for label, policies in bare.items()
     }
     runs = run_agents(agents, options, seeds, jobs=args.jobs, cluster=args.cluster)
@@ -188,7 +188,7 @@ def _warn_of_transfer(agents: Mapping[str, Sequence[Policy]], env_id: str, env: 
             difference
             for policy in policies
             if isinstance(policy, NetworkPolicy)
-            for difference in differences(policy.description, env_id, env.batch.options, env.batch.setting)
+            for difference in differences(policy.description, env_id, env.batch.options, env.batch.known)
         ]
         if found:
             print(

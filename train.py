@@ -24,7 +24,7 @@ from homeward.agents.learning.folder import RunState, extended_from, locked, ope
 from homeward.agents.learning.provenance import made_with
 from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.envs import IDS
-from homeward.envs.options import OptionError, Options, Setting, settle
+from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.routes import RouteError
 from homeward.physics import RobotError
 
@@ -75,7 +75,7 @@ def main(args: Args) -> Path:
         OSError: The output folder cannot be written to.
     """
     options = _options(args)
-    setting = settle(options)  # unusable robots and routes are found before anything is written
+    known = known_of(options)  # unusable robots and routes are found before anything is written
     settings = {
         "env": args.env,
         **{name: value for name, value in vars(options).items() if name != "mission"},
@@ -84,11 +84,11 @@ def main(args: Args) -> Path:
         **dataclasses.asdict(args.ppo),
     }
     with locked(args.out):
-        return _train(args, options, setting, settings)
+        return _train(args, options, known, settings)
 
 
-def _train(args: Args, options: Options, setting: Setting, settings: Mapping[str, Any]) -> Path:
-    code = made_with(setting)
+def _train(args: Args, options: Options, known: Known, settings: Mapping[str, Any]) -> Path:
+    code = made_with(options)
     try:  # before an older run may be removed
         from homeward.agents.learning.ppo import check_device, train
     except ModuleNotFoundError as error:
@@ -113,7 +113,7 @@ def _train(args: Args, options: Options, setting: Setting, settings: Mapping[str
         args.out,
         details={
             "env": args.env,
-            "decision_s": float(setting.shared["decision_s"][0]),
+            "decision_s": float(known.shared["decision_s"][0]),
             "training": settings,
             "extended_from": extended_from(args.out),
             "made_with": code,

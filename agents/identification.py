@@ -15,8 +15,7 @@ from homeward.agents.identification_kernel import (
     identify,
     look_home,
 )
-from homeward.envs.difficulty import KNOWN
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _KNOWN, _HIDDEN = (np.array([1.0, 1.0, 1.0]), 0.1), (np.array([1.116, 1.05, 1.1]), 1.5)
@@ -45,17 +44,17 @@ class Identification:
     from another side, and on the way home from the opposite one.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         expects_strong_wind: Whether winds as on the routes `hidden_wind` are usual.
 
     Attributes:
         vehicle: Numbers of the robot's own model.
     """
 
-    def __init__(self, setting: Setting, *, expects_strong_wind: bool = False) -> None:
-        robot, s = setting.robot, setting.shared[0]
+    def __init__(self, known: Known, *, expects_strong_wind: bool = False) -> None:
+        robot, s = known.robot, known.shared[0]
         nominal = robot.record()[0]
-        self._setting = setting
+        self._known = known
         self.vehicle = Vehicle(
             rolling_resistance=robot.rolling_resistance,
             mass_kg=float(nominal["mass_kg"] + nominal["payload_mass_kg"]),
@@ -65,8 +64,8 @@ class Identification:
             idle_w=float(ancillary_power(robot, 0.0)),
             place_m=float(s["place_m"]),
         )
-        usual, wind_mps = _KNOWN if s["difficulty"] == KNOWN else _HIDDEN
-        if expects_strong_wind and s["difficulty"] > KNOWN:
+        usual, wind_mps = _KNOWN if s["route_is_known"] else _HIDDEN
+        if expects_strong_wind and not s["route_is_known"]:
             wind_mps = _STRONG_WIND_MPS
         self._prior = _prior(usual, wind_mps)
         # In shorter pit stops, turns pass unseen: how far the robot went is not known, and nothing is learned from it.
@@ -78,7 +77,7 @@ class Identification:
         self._forget(0)
 
     def _forget(self, count: int) -> None:
-        s = self._setting.shared[0]
+        s = self._known.shared[0]
         self._decisions, self._counts = np.zeros((2, count), np.int64)
         self._drives = np.zeros((count, int(s["max_decisions"])), DRIVE_DTYPE)
         self._grounds = np.zeros((count, int(s["places"])), GROUND_DTYPE)
@@ -119,8 +118,8 @@ class Identification:
             self._decisions[begun], self._counts[begun], self._guesses[begun] = 0, 0, self._first
             self._energy[begun], self._modelled[begun], self._position_m[begun] = 1.0, 0.0, 0.0
             self._furthest[begun] = _NOWHERE
-        s = self._setting.shared[0]
-        energy, modelled = feature(observations, "energy"), feature(observations, "modelled")
+        s = self._known.shared[0]
+        energy, modelled = feature(observations, "metered"), feature(observations, "modelled")
         position_m = feature(observations, "distance") * s["reach_m"]
         self._see_ground(observations, position_m)
         new = np.zeros(len(begun), DRIVE_DTYPE)
@@ -190,11 +189,11 @@ class Identification:
             The way home, its standard deviation, going on and from there home, and the same by the robot's own model,
             as shares of the usable energy, shape (n, 4).
         """
-        usable_j = self._setting.shared["usable_j"][0]
+        usable_j = self._known.shared["usable_j"][0]
         costs_j = np.empty((len(observations), 4))
         home_cost_j = feature(observations, "home_cost") * usable_j
         look_home(
-            self.vehicle, self._position_m, home_cost_j, onwards_m, 0.1 * feature(observations, "grade_near"),
+            self.vehicle, self._position_m, home_cost_j, onwards_m, 0.1 * feature(observations, "grade_1"),
             self._grounds, self._guesses, costs_j,
         )  # fmt: skip
         return np.asarray(costs_j / usable_j)

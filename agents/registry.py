@@ -17,8 +17,9 @@ from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.random_policy import RandomPolicy
 from homeward.agents.rules.soc50 import StateOfChargeRule
 from homeward.agents.rules.tuned import PACES, RESERVES
-from homeward.envs.batch import action_space, observation_space
-from homeward.envs.options import Options, Setting
+from homeward.envs.actions import action_space
+from homeward.envs.batch import observation_space
+from homeward.envs.options import Known
 
 
 class AgentError(ValueError):
@@ -29,38 +30,37 @@ class AgentError(ValueError):
 class Request:
     """What a loader makes an agent from: the environment, a file to load, a seed for those that draw."""
 
-    options: Options
-    setting: Setting
+    known: Known
     file: Path | None
     seed: int
 
 
 def _random(request: Request) -> Policy:
-    return RandomPolicy(action_space(request.options), np.random.default_rng(request.seed))
+    return RandomPolicy(action_space(bool(request.known.shared["discrete"][0])), np.random.default_rng(request.seed))
 
 
 def _soc50(request: Request) -> Policy:
-    return StateOfChargeRule(request.setting, PACES[request.options.mission])
+    return StateOfChargeRule(request.known, PACES[request.known.mission])
 
 
 def _tuned(name: str, rule: Callable[..., Policy]) -> Callable[[Request], Policy]:
     def load(request: Request) -> Policy:
-        mission = request.options.mission
-        return rule(request.setting, PACES[mission], RESERVES[name][mission])
+        mission = request.known.mission
+        return rule(request.known, PACES[mission], RESERVES[name][mission])
 
     return load
 
 
 def _planner(request: Request) -> Policy:
-    return Planner(request.setting, RESERVES["planner"][request.options.mission])
+    return Planner(request.known, RESERVES["planner"][request.known.mission])
 
 
 def _ppo(request: Request) -> Policy:
     from homeward.agents.learning.policy_file import PolicyFileError, load_policy
 
     try:
-        policy = load_policy(request.file or SHIPPED / request.options.mission, request.setting)
-        policy.check_spaces(observation_space(), action_space(request.options))
+        policy = load_policy(request.file or SHIPPED / request.known.mission, request.known)
+        policy.check_spaces(observation_space(), action_space(bool(request.known.shared["discrete"][0])))
     except PolicyFileError as error:
         raise AgentError(str(error)) from None
     return policy
@@ -107,4 +107,4 @@ def make_policy(name: str, env: Any, file: str | Path | None = None, seed: int =
     if file is not None and name not in FROM_FILES:
         raise AgentError(f"{name} takes no file, but {str(file)!r} was given")
     batch = getattr(env, "unwrapped", env).batch
-    return AGENTS[name](Request(batch.options, batch.setting, None if file is None else Path(file), seed))
+    return AGENTS[name](Request(batch.known, None if file is None else Path(file), seed))

@@ -26,9 +26,9 @@ from homeward.agents.identification import Identification
 from homeward.agents.registry import AGENTS, Request
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
+from homeward.envs.actions import LEVELS
 from homeward.envs.features import INDEX
-from homeward.envs.kernel import LEVELS
-from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.options import OptionError, Options, known_of
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -109,7 +109,7 @@ def main(args: Args) -> None:
 def gauges(args: Args) -> Table:
     """Scores and strandings with an exact gauge and with worse ones."""
     options = Options("OutAndBack")
-    setting, seeds = settle(options), episode_seeds(args.seed, args.missions)
+    known, seeds = known_of(options), episode_seeds(args.seed, args.missions)
     table = Table(
         title=f"OutAndBack, uncertain, by the gauge: score and stranded, {args.missions} missions", box=box.SIMPLE_HEAD
     )
@@ -118,7 +118,7 @@ def gauges(args: Args) -> Table:
     for name, (step, noise) in GAUGES.items():
         row = [name]
         for agent in AGENTS_COMPARED:
-            policy = AGENTS[agent](Request(options, setting, None, 0))
+            policy = AGENTS[agent](Request(known, None, 0))
             episodes = run_episodes(WorseGauge(policy, step, noise, args.seed), options, seeds).episodes
             row.append(f"{episodes.score.mean():.4g}, {episodes.stranded.mean():.1%}")
         table.add_row(*row)
@@ -156,8 +156,8 @@ def drive(args: Args, difficulty: str, count: int, probes: bool) -> Errors:
     options = Options("OutAndBack", difficulty=difficulty)
     env = HomewardVectorEnv(args.missions, autoreset_mode="Disabled", **vars(options))
     observations, info = env.reset(seed=episode_seeds(args.seed, args.missions))
-    identification = Identification(env.batch.setting)
-    adaptive = AdaptiveDmaxRule(env.batch.setting, NO_SENSING, 0.0)
+    identification = Identification(env.batch.known)
+    adaptive = AdaptiveDmaxRule(env.batch.known, NO_SENSING, 0.0)
     begun, nobody = np.ones(args.missions, np.bool_), np.zeros(args.missions, np.bool_)
     for decision in range(count + 1):
         identification.learn(observations, begun)
@@ -189,11 +189,11 @@ def drive(args: Args, difficulty: str, count: int, probes: bool) -> Errors:
 
 def truth(env: HomewardVectorEnv) -> Array:
     """The numbers of `identification_kernel.UNKNOWN` as they are, shape (missions, 5)."""
-    m, p, nominal = env.batch.records, env.batch.robots, env.batch.setting.robot.record()[0]
-    gauge = env.batch.setting.shared["usable_j"][0] / m["capacity_j"] * (1.0 + m["gauge_bias"])
+    m, p, nominal = env.batch.records, env.batch.robots, env.batch.known.robot.record()[0]
+    gauge = env.batch.known.shared["usable_j"][0] / m["capacity_j"] * (1.0 + m["gauge_bias"])
     weight = gauge * (p["mass_kg"] + p["payload_mass_kg"]) / (nominal["mass_kg"] + nominal["payload_mass_kg"])
     rolling = weight * p["rolling_resistance"] / nominal["rolling_resistance"]
-    wind_mps = np.where(env.batch.setting.shared["difficulty"][0] > 0, m["wind_mps"], 0.0)
+    wind_mps = np.where(env.batch.known.shared["difficulty"][0] > 0, m["wind_mps"], 0.0)
     wind = wind_mps * np.stack((np.cos(m["wind_from_rad"]), np.sin(m["wind_from_rad"])))
     return np.stack((gauge, rolling, weight, *wind), axis=1)
 

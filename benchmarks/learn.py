@@ -35,7 +35,7 @@ from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.agents.oracle import solve
 from homeward.agents.registry import AGENTS, Request
 from homeward.envs import IDS
-from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.options import OptionError, Options, known_of
 from homeward.files import write_whole
 
 RULES = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
@@ -142,8 +142,8 @@ def compare(args: Args, mission: str, difficulty: str, variant: str, changes: Ma
     options = Options(mission, difficulty=difficulty)
     seeds = tuple(episode_seeds(0, args.episodes))
     folders = [trained(args, mission, difficulty, variant, changes, seed) for seed in range(args.seeds)]
-    setting = settle(options)
-    runs = [run_episodes(load_policy(folder, setting), options, seeds).episodes for folder in folders]
+    known = known_of(options)
+    runs = [run_episodes(load_policy(folder, known), options, seeds).episodes for folder in folders]
     rule, of_rule = best_rule(options, seeds)
     return Result(
         mission, difficulty, variant,
@@ -172,7 +172,7 @@ def trained(args: Args, mission: str, difficulty: str, variant: str, changes: Ma
 @functools.cache
 def of(rule: str, options: Options, seeds: tuple[int, ...]) -> Episodes:
     """Episodes of a rule."""
-    policy = AGENTS[rule](Request(options, settle(options), None, 0))
+    policy = AGENTS[rule](Request(known_of(options), None, 0))
     return run_episodes(policy, options, seeds).episodes
 
 

@@ -43,9 +43,8 @@ from homeward.agents.learning.ppo import deployed, make_model, one_thread
 from homeward.agents.learning.provenance import made_with
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import PPOSettings, TrainingError
-from homeward.envs.actions import encode_actions
-from homeward.envs.kernel import LEVELS
-from homeward.envs.options import OptionError, Options, Setting, settle
+from homeward.envs.actions import LEVELS, encode_actions
+from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.files import write_whole
@@ -117,7 +116,7 @@ def _rate(stranded: int, count: int) -> str:
 
 def one_run(args: Args, options: Options, learner: str, seed: int) -> dict[str, Any]:
     """Train with one seed and run the unseen episodes, or find what came of it in an earlier run."""
-    code = made_with(settle(options)) | {name: version(name) for name in ("stable-baselines3", "sb3-contrib", "torch")}
+    code = made_with(options) | {name: version(name) for name in ("stable-baselines3", "sb3-contrib", "torch")}
     key = {
         "steps": args.steps,
         "episodes": args.episodes,
@@ -186,7 +185,7 @@ def train_recurrent(options: Options, steps: int, seed: int) -> Policy:
 
 def train_dqn(options: Options, steps: int, seed: int) -> Policy:
     """Deep Q-learning of returns over ten decisions, from a memory of half a million."""
-    env = FlatActions(missions(options, 64, seed), choices(settle(options)))
+    env = FlatActions(missions(options, 64, seed), choices(known_of(options)))
     model = DQN(
         "MlpPolicy", env, learning_rate=3e-4, buffer_size=500_000, learning_starts=50_000, batch_size=512,
         gamma=SETTINGS.discount, train_freq=1, gradient_steps=4, n_steps=10, target_update_interval=2000,
@@ -205,17 +204,17 @@ LEARNERS: dict[str, Callable[[Options, int, int], Policy]] = {
 }
 
 
-def choices(setting: Setting) -> NDArray[Any]:
+def choices(known: Known) -> NDArray[Any]:
     """Every speed and sensing rate to go on with, a stop, and the way home at cruise, shape (choices, 3).
 
     Speeds and rates of a stop or of the way home are of little use, and a robot that tries everything alike then
     heads home in one of 27 trials instead of in one of three.
     """
-    s = setting.shared[0]
+    s = known.shared[0]
     speeds, rates = (levels.ravel() for levels in np.indices((LEVELS, LEVELS)) / (LEVELS - 1))
     speeds_mps = s["min_speed_mps"] + speeds * (s["max_speed_mps"] - s["min_speed_mps"])
-    others = [encode_actions(setting, s["cruise_mps"], 0.0, mode) for mode in (STOP, RETURN)]
-    return np.concatenate([encode_actions(setting, speeds_mps, rates * s["max_sensing_hz"], GO), *others])
+    others = [encode_actions(known, s["cruise_mps"], 0.0, mode) for mode in (STOP, RETURN)]
+    return np.concatenate([encode_actions(known, speeds_mps, rates * s["max_sensing_hz"], GO), *others])
 
 
 class FlatActions(VecEnvWrapper):
@@ -258,7 +257,7 @@ class PaidAsItGoes(VecEnvWrapper):
         ended = np.flatnonzero(dones)
         stranded = np.array([infos[i]["stranded"] for i in ended], np.bool_)
         after[ended] = np.where(stranded, before[ended], [infos[i]["score"] for i in ended])
-        rewards = (after - before) * batch.setting.shared["per_score"][0]
+        rewards = (after - before) * batch.known.shared["per_score"][0]
         rewards[ended] -= SETTINGS.stranding_cost * stranded
         return observations, rewards.astype(np.float32), dones, infos
 

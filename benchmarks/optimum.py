@@ -28,7 +28,7 @@ from homeward import cli
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.oracle import OracleError, solve
 from homeward.agents.registry import AGENTS, Request
-from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.options import OptionError, Options, known_of
 from homeward.files import write_whole
 from homeward.parallel import ClusterError, code_hash, run_tasks
 
@@ -144,7 +144,7 @@ def _shares_table(args: Args) -> Table:
 def _add_shares(table: Table, args: Args, options: Options, lower: Array, upper: Array) -> None:
     seeds = episode_seeds(args.seed, args.episodes)
     for name in args.agents:
-        policy = AGENTS[name](Request(options, settle(options), None, args.seed))
+        policy = AGENTS[name](Request(known_of(options), None, args.seed))
         run = run_episodes(policy, options, seeds)
         score, stranded = run.episodes.score, int(run.episodes.stranded.sum())
         wilson = stats.binomtest(stranded, args.episodes).proportion_ci(method="wilson")

@@ -30,9 +30,8 @@ from homeward.agents.base import Observations
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
 from homeward.agents.shield import DEVIATIONS, Shield
-from homeward.envs.actions import encode_actions
-from homeward.envs.kernel import LEVELS
-from homeward.envs.options import MISSIONS, OptionError, Options, Setting, settle
+from homeward.envs.actions import LEVELS, encode_actions
+from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
 from homeward.envs.routes import GENERATED, HIDDEN_WIND
 from homeward.envs.state import GO, STOP
 from homeward.envs.vector import HomewardVectorEnv
@@ -70,8 +69,8 @@ class Args:
 class Onward(Policy):
     """Drives on at cruise and senses nothing: only the shield turns it back, at the last moment that it allows."""
 
-    def __init__(self, setting: Setting) -> None:
-        self._action = encode_actions(setting, setting.shared["cruise_mps"][0], 0.0, GO)
+    def __init__(self, known: Known) -> None:
+        self._action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, GO)
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
@@ -82,38 +81,38 @@ class Onward(Policy):
 class Wanderer(Policy):
     """Draws speed, sensing rate and, in a tenth of decisions, a stop; it never turns back."""
 
-    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
-        self._setting, self._rng = setting, rng
+    def __init__(self, known: Known, rng: np.random.Generator) -> None:
+        self._known, self._rng = known, rng
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
-        s, count = self._setting.shared[0], len(observations)
+        s, count = self._known.shared[0], len(observations)
         speed, sensing = self._rng.integers(0, LEVELS, (2, count)) / (LEVELS - 1)
         speed_mps = s["min_speed_mps"] + speed * (s["max_speed_mps"] - s["min_speed_mps"])
         mode = np.where(self._rng.random(count) < 0.1, STOP, GO)
-        return encode_actions(self._setting, speed_mps, sensing * s["max_sensing_hz"], mode)
+        return encode_actions(self._known, speed_mps, sensing * s["max_sensing_hz"], mode)
 
 
-def policy_of(name: str, options: Options, setting: Setting) -> Policy:
+def policy_of(name: str, options: Options, known: Known) -> Policy:
     """A policy by its name; those that draw do so alike with and without a shield."""
     if name == "onward":
-        return Onward(setting)
+        return Onward(known)
     if name == "wanderer":
-        return Wanderer(setting, np.random.default_rng(0))
+        return Wanderer(known, np.random.default_rng(0))
     return make_policy(name, HomewardVectorEnv(**vars(options)))
 
 
-def shielded(name: str, options: Options, setting: Setting) -> Shield:
+def shielded(name: str, options: Options, known: Known) -> Shield:
     """A policy in its shield."""
-    return Shield(policy_of(name, options, setting), setting)
+    return Shield(policy_of(name, options, known), known)
 
 
 def row_of(args: Args, mission: str, route: str, name: str) -> dict[str, Any]:
     """One row of the table."""
     options = Options(mission, route=route, difficulty=args.difficulty)
-    setting, seeds = settle(options), episode_seeds(args.seed, args.episodes)
-    bare = run_episodes(policy_of(name, options, setting), options, seeds).episodes
-    safe = run_episodes(shielded(name, options, setting), options, seeds)
+    known, seeds = known_of(options), episode_seeds(args.seed, args.episodes)
+    bare = run_episodes(policy_of(name, options, known), options, seeds).episodes
+    safe = run_episodes(shielded(name, options, known), options, seeds)
     means = Bootstrap({"bare": bare.score[None], "safe": safe.episodes.score[None]}, args.seed).means()
     return {
         "bare": _figures(bare),
@@ -192,7 +191,7 @@ def tune(args: Args, console: Console) -> None:
         found = []
         for deviations in GRID:
             DEVIATIONS[asked] = deviations
-            episodes = run_episodes(shielded(name, options, settle(options)), options, range(TUNED_ON)).episodes
+            episodes = run_episodes(shielded(name, options, known_of(options)), options, range(TUNED_ON)).episodes
             found.append(int(episodes.stranded.sum()))
             worst[deviations] = max(worst[deviations], found[-1])
         table.add_row(mission, route, name, *map(str, found))

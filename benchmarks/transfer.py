@@ -26,7 +26,7 @@ from homeward.agents.evaluation.statistics import Bootstrap, interval
 from homeward.agents.learning.policy_file import WEIGHTS
 from homeward.agents.learning.provenance import made_with
 from homeward.agents.registry import SHIPPED
-from homeward.envs.options import MISSIONS, OptionError, Options, settle
+from homeward.envs.options import MISSIONS, OptionError, Options
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.files import write_whole
 
@@ -70,7 +70,7 @@ def main(args: Args) -> None:
     for mission, met in itertools.product(args.missions, ELSEWHERE):
         options = Options(mission, **ELSEWHERE[met])  # type: ignore[arg-type]
         weights = hashlib.sha256((SHIPPED / mission / WEIGHTS).read_bytes()).hexdigest()
-        common = {**made_with(settle(options)), "weights": weights, "episodes": args.episodes, "seed": args.seed}
+        common = {**made_with(options), "weights": weights, "episodes": args.episodes, "seed": args.seed}
         name = f"{mission}, {met}"
         if kept.get(name, {}).get("of") != common:
             kept[name] = {"of": common, **row_of(options, args.episodes, args.seed)}

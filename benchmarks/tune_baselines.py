@@ -29,7 +29,7 @@ from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.pace import NO_SENSING, Pace
 from homeward.agents.rules.soc50 import StateOfChargeRule
 from homeward.agents.rules.tuned import PACES
-from homeward.envs.options import Options, Setting, settle
+from homeward.envs.options import Known, Options, known_of
 
 EPISODES = 1024
 ROUNDS = 3
@@ -54,12 +54,12 @@ Tables = dict[str, dict[float, tuple[float, float]]]
 
 def trial(mission: str, rule: str, pace: Pace, reserve: float) -> tuple[float, float]:
     """Mean score and stranding rate of a rule."""
-    return outcome(Options(mission, difficulty="uncertain"), lambda setting: RULES[rule][0](setting, pace, reserve))
+    return outcome(Options(mission, difficulty="uncertain"), lambda known: RULES[rule][0](known, pace, reserve))
 
 
-def outcome(options: Options, make: Callable[[Setting], Policy]) -> tuple[float, float]:
+def outcome(options: Options, make: Callable[[Known], Policy]) -> tuple[float, float]:
     """Mean score and stranding rate of an agent."""
-    episodes = run_episodes(make(settle(options)), options, range(EPISODES)).episodes
+    episodes = run_episodes(make(known_of(options)), options, range(EPISODES)).episodes
     return float(episodes.score.mean()), float(episodes.stranded.mean())
 
 

@@ -25,7 +25,7 @@ from homeward.agents.registry import AGENTS
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.envs import IDS, difficulty
 from homeward.envs.features import FEATURES
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 from homeward.physics import CAUSES, EFFECTS, Robot, d_max, load_robot, optimal_speed, preset_names
 from homeward.physics.effects import Parameter
 from homeward.physics.kernel import BASE_CAUSES
@@ -76,7 +76,7 @@ def missions() -> str:
     """Scale of each mission with the default robot."""
     rows = []
     for mission, env_id in IDS.items():
-        s = settle(Options(mission)).shared[0]
+        s = known_of(Options(mission)).shared[0]
         rows.append(
             (
                 *(f"`{env_id}`", f"{s['length_m']:.0f} m", f"{s['cruise_mps']:.2g} m/s"),

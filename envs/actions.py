@@ -38,9 +38,9 @@ class Commands:
     mode: NDArray[np.int64]
 
     @property
-    def stops(self) -> NDArray[np.bool_]:
-        """Which stop."""
-        return np.asarray(self.mode == STOP)
+    def driven_mps(self) -> NDArray[np.float64]:
+        """Speed with which they drive, m/s: 0 where they stop."""
+        return np.where(self.mode == STOP, 0.0, self.speed_mps)
 
     @property
     def returns(self) -> NDArray[np.bool_]:
@@ -80,9 +80,9 @@ def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mo
     Returns:
         Actions, shape (n, 3): int64 for a discrete space, float32 for a continuous one.
 
-    >>> from homeward.envs.options import Options, settle
+    >>> from homeward.envs.options import Options, known_of
     >>> from homeward.envs.state import GO
-    >>> encode_actions(settle(Options("Survey")).known, [0.1, 0.6, 1.0], 50.0, GO).tolist()
+    >>> encode_actions(known_of(Options("Survey")), [0.1, 0.6, 1.0], 50.0, GO).tolist()
     [[0, 2, 1], [2, 2, 1], [4, 2, 1]]
     """
     speeds, rates = limits(known)
@@ -100,8 +100,8 @@ def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mo
 def decode_actions(known: Known, actions: NDArray[Any]) -> Commands:
     """What actions of shape (n, 3) command: what the environment does with them.
 
-    >>> from homeward.envs.options import Options, settle
-    >>> decode_actions(settle(Options("Survey")).known, np.array([[2, 4, 2]])).speed_mps.tolist()
+    >>> from homeward.envs.options import Options, known_of
+    >>> decode_actions(known_of(Options("Survey")), np.array([[2, 4, 2]])).speed_mps.tolist()
     [0.6]
     """
     (slowest, fastest), (_, most) = limits(known)

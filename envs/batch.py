@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from homeward.envs import kernel, reward
 from homeward.envs.actions import allowed_actions
 from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
-from homeward.envs.options import OptionError, Options, settle
+from homeward.envs.options import OptionError, Options, constants_of
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
 from homeward.envs.threads import Threads
 from homeward.physics.jit import announce_first_compilation
@@ -104,8 +104,7 @@ class Batch:
     def __init__(self, options: Options, count: int) -> None:
         announce_first_compilation()
         self.options = options
-        setting = settle(options)
-        self.known, self.hidden = setting.known, setting.hidden
+        self.known, self.hidden = constants_of(options)
         self.count = count
         self.records = _by_cache_lines(count, MISSION_DTYPE)
         self._robots = np.full(count, self.hidden.robot.record()[0], ROBOT_DTYPE)

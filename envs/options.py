@@ -168,12 +168,14 @@ class Known:
     """What an agent may know of its environment: no more than the robot does.
 
     Attributes:
+        mission: `OutAndBack`, `Survey` or `Patrol`.
         robot: As its file says, and as it takes itself to be.
         shared: `SHARED_DTYPE`, shape (1,).
         difficulty: How far robots and days differ from their files.
         instruments: What the robot reads itself with.
     """
 
+    mission: str
     robot: Robot
     shared: NDArray[np.void]
     difficulty: Difficulty
@@ -193,15 +195,12 @@ class Hidden:
     record: NDArray[np.void]
 
 
-@dataclass(frozen=True)
-class Setting:
-    """An environment's constants: what agents get, and what they do not."""
-
-    known: Known
-    hidden: Hidden
+def known_of(options: Options) -> Known:
+    """Work out what an agent may know of an environment; see `constants_of`."""
+    return constants_of(options)[0]
 
 
-def settle(options: Options) -> Setting:
+def constants_of(options: Options) -> tuple[Known, Hidden]:
     """Work out the constants of an environment.
 
     Everything scales with the robot, or with another that is asked for: distances with its d_max, time with how long
@@ -281,7 +280,7 @@ def settle(options: Options) -> Setting:
     _write_instruments(instruments, robot, difficulty, s)
     for inverse, name in INVERSES.items():
         s[inverse] = 1.0 / s[name] if s[name] else 0.0
-    return Setting(Known(robot, shared, difficulty, instruments), Hidden(truth, hidden))
+    return Known(options.mission, robot, shared, difficulty, instruments), Hidden(truth, hidden)
 
 
 def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Difficulty, s: Any) -> None:

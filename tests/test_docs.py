@@ -22,7 +22,7 @@ import gymnasium as gym
 import homeward
 import numpy as np
 from homeward.envs import missions
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 from homeward.physics.kernel import Conditions, demand, full_charge
 
 
@@ -37,11 +37,11 @@ for yaw_rate_radps, lamp_w in ((0.0, 0.0), (-0.5, 2.0)):
     assert abs(power_w(lit, yaw_rate_radps) - power_w(rusti, yaw_rate_radps) - lamp_w) < 1e-9
 
 assert gym.spec("homeward/Frontier-v0").kwargs == {"mission": "Frontier"}
-setting = settle(Options("Frontier")).shared.view(np.recarray)[0]
+known = known_of(Options("Frontier")).shared.view(np.recarray)[0]
 start = SimpleNamespace(furthest_m=0.0, position_m=0.0, returning=False)
-assert abs(missions.hope(start, setting, setting.usable_j) / setting.score_scale - 1.0) < 1e-9
+assert abs(missions.hope(start, known, known.usable_j) / known.score_scale - 1.0) < 1e-9
 far = SimpleNamespace(furthest_m=30.0, position_m=10.0, returning=False)
-assert (missions.score(far, setting), missions.hope(far, setting, 0.0)) == (900.0, 0.0)
+assert (missions.score(far, known), missions.hope(far, known, 0.0)) == (900.0, 0.0)
 """
 
 THE_LAMP_IS_NAMED = """

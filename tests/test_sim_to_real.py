@@ -104,9 +104,9 @@ def test_all_meet_the_same_missions_of_the_real_robot(
         np.testing.assert_array_equal(batch.records["capacity_j"], first.records["capacity_j"])
         np.testing.assert_array_equal(batch.routes["places"]["sin_grade"], first.routes["places"]["sin_grade"])
         for name in ("length_m", "decision_s", "max_decisions", "backlog_limit", "link_m", "score_scale"):
-            assert batch.setting.shared[name] == first.setting.shared[name]
-    assert "turning" in envs["corrected-trained"].setting.robot.effects
-    assert not first.setting.robot.effects
+            assert batch.known.shared[name] == first.known.shared[name]
+    assert "turning" in envs["corrected-trained"].known.robot.effects
+    assert not first.known.robot.effects
     assert first.robots["turning_scrub"][0] == 0.6
 
 

@@ -40,7 +40,7 @@ from homeward.agents.learning.folder import (
 from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, load_policy
 from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.envs.features import NAMES
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 from train import Args, main, run
 
 pytestmark = pytest.mark.usefixtures("short_curves")
@@ -76,9 +76,9 @@ def test_the_learning_curve_goes_from_first_to_last_and_the_best_after_the_first
     curve = read_curve(finished)
     assert [point.steps for point in curve] == [0, STEPS // 2, STEPS]
     assert 0.0 == curve[0].steps < curve[1].trained_s < curve[2].trained_s
-    setting = settle(Options("Survey", decision_s=120.0))
+    known = known_of(Options("Survey", decision_s=120.0))
     best = max(curve[1:], key=lambda point: (point.score, point.steps))
-    policy = load_policy(finished, setting)
+    policy = load_policy(finished, known)
     assert policy.description["best_after_steps"] == best.steps
     kept = measure(policy, Options("Survey", decision_s=120.0), STEPS, 0.0)
     assert kept.score == pytest.approx(best.score, rel=1e-5)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from homeward.agents.evaluation.episodes import TRACED, Run
 from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of
 from homeward.agents.evaluation.summary import Evaluation
-from homeward.envs.options import settle
+from homeward.envs.options import known_of
 
 _OUT, _HOME = "#0072b2", "#d55e00"
 
@@ -19,8 +19,8 @@ _OUT, _HOME = "#0072b2", "#d55e00"
 def episode_png(evaluation: Evaluation) -> bytes:
     """One episode as every agent went through it: energy, position, speed and sensing rate over time."""
     episode = typical_episode(evaluation)
-    names, setting = list(evaluation.runs), settle(evaluation.options)
-    shared = setting.shared[0]
+    names, known = list(evaluation.runs), known_of(evaluation.options)
+    shared = known.shared[0]
     figure = Figure(figsize=(max(1.2 + 2.3 * len(names), 8.0), 7.0), layout="constrained")
     grid = figure.subplots(4, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(1.0, 1.5, 0.7, 0.7))
     for column, name in enumerate(names):
@@ -62,8 +62,8 @@ def episode_png(evaluation: Evaluation) -> bytes:
 def route_png(evaluation: Evaluation) -> bytes:
     """The same episode over the route: energy, speed, sensing rate and standing time by distance from home."""
     episode = typical_episode(evaluation)
-    names, setting = list(evaluation.runs), settle(evaluation.options)
-    shared = setting.shared[0]
+    names, known = list(evaluation.runs), known_of(evaluation.options)
+    shared = known.shared[0]
     length_m, count = float(shared["length_m"]), int(shared["places"])
     borders_m = np.linspace(0.0, length_m, count + 1)
     figure = Figure(figsize=(max(1.2 + 2.3 * len(names), 8.0), 7.0), layout="constrained")

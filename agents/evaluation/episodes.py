@@ -121,7 +121,7 @@ def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
         over += batch.step(actions, observations, rewards, terminated, truncated)
         states.append(_state(batch.records))
         begun = np.zeros(count, np.bool_)
-    places = batch.setting.shared["places"][0]
+    places = batch.known.shared["places"][0]
     interest = batch.routes["places"]["interest"][:, :places].copy()
     return Run(_outcome(batch.records), float(np.median(times_us)), np.stack(states), interest)
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 from homeward.agents.base import Policy
 from homeward.agents.evaluation.episodes import SIDE_BY_SIDE, Run, run_episodes
-from homeward.envs.options import Options, settle
+from homeward.envs.instruments import load_instruments
+from homeward.envs.options import Options, known_of
 from homeward.envs.route_files import load_route
-from homeward.envs.routes import Route
+from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route
 from homeward.parallel import run_tasks
 from homeward.physics import load_robot
 
@@ -72,13 +73,15 @@ def self_contained(options: Options) -> Options:
     Raises:
         RobotError, RouteError, OptionError: An option cannot be used.
     """
-    setting, route = settle(options).shared[0], options.route
-    if not setting["generated"] and not isinstance(route, Route):
-        route = load_route(route, float(setting["place_m"]))
+    route = options.route
+    if not isinstance(route, Route) and route not in (GENERATED, HIDDEN_WIND):
+        route = load_route(route, float(known_of(options).shared["place_m"][0]))
     truth, scale = (None if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
+    instruments = None if options.instruments is None else load_instruments(options.instruments)
     return dataclasses.replace(
-        options, robot=load_robot(options.robot), route=route, true_robot=truth, scaled_for=scale
-    )
+        options, robot=load_robot(options.robot), route=route, instruments=instruments, true_robot=truth,
+        scaled_for=scale,
+    )  # fmt: skip
 
 
 def _name(label: str, index: int, start: int) -> str:

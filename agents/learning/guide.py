@@ -15,8 +15,8 @@ from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, Outlook
 from homeward.agents.rules.tuned import PACES, RESERVES
-from homeward.envs.kernel import LEVELS
-from homeward.envs.options import Setting
+from homeward.envs.actions import LEVELS
+from homeward.envs.options import Known
 from homeward.envs.state import STOP
 
 NO_GUIDE, ADAPTIVE, PLANNER = "none", "dmax_adaptive", "planner"
@@ -37,20 +37,20 @@ class Guide:
     policy that adds a little to it turns a little earlier or later. In a continuous space it is an action.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         deviations: Standard deviations that the guide keeps back.
         pace: Speed and sensing rate of `dmax_adaptive`; `None` for the `planner`, which chooses them.
     """
 
-    def __init__(self, setting: Setting, deviations: float, pace: Pace | None) -> None:
+    def __init__(self, known: Known, deviations: float, pace: Pace | None) -> None:
         self._pace, self._deviations = pace, deviations
         self._policy: Planner | AdaptiveDmaxRule
         if pace is None:
-            self._policy = Planner(setting, deviations)
+            self._policy = Planner(known, deviations)
             self._rule: BelievingRule = self._policy.rule
         else:
-            self._policy = self._rule = AdaptiveDmaxRule(setting, pace, deviations)
-        self._discrete = bool(setting.shared["discrete"][0])
+            self._policy = self._rule = AdaptiveDmaxRule(known, pace, deviations)
+        self._discrete = bool(known.shared["discrete"][0])
         self.proposals = 2 * LEVELS + 3 if self._discrete else 3
         self.extra = len(BELIEFS) + self.proposals
 
@@ -112,14 +112,14 @@ def _agreeing(sure: NDArray[np.float64], returns: NDArray[np.bool_]) -> NDArray[
     return np.where((sure > 0.0) == returns, sure, np.where(returns, 1.0, -1.0))
 
 
-def make_guide(name: str, mission: str, setting: Setting) -> Guide | None:
+def make_guide(name: str, mission: str, known: Known) -> Guide | None:
     """A guide by its name, with the numbers of `homeward.agents.rules.tuned`."""
     if name == NO_GUIDE:
         return None
-    return Guide(setting, RESERVES[name][mission], PACES[mission] if name == ADAPTIVE else None)
+    return Guide(known, RESERVES[name][mission], PACES[mission] if name == ADAPTIVE else None)
 
 
-def guide_from(description: Mapping[str, Any], setting: Setting) -> Guide:
+def guide_from(description: Mapping[str, Any], known: Known) -> Guide:
     """The guide that a description tells of.
 
     Raises:
@@ -129,4 +129,4 @@ def guide_from(description: Mapping[str, Any], setting: Setting) -> Guide:
     if rule not in (ADAPTIVE, PLANNER):
         raise ValueError(f"rule {rule!r}")
     pace = {name: float(value) for name, value in description["pace"].items()} if rule == ADAPTIVE else None
-    return Guide(setting, float(description["deviations"]), None if pace is None else Pace(**pace))
+    return Guide(known, float(description["deviations"]), None if pace is None else Pace(**pace))

@@ -9,7 +9,7 @@ from homeward.envs.batch import Batch
 from homeward.envs.state import MAX_PLACES
 from homeward.physics import model
 
-HIDDEN = ("energy", "capacity", "rolling", "payload", "gauge_bias")
+HIDDEN = ("energy", "capacity", "rolling", "payload", "meter_gain")
 """Hidden columns: true energy over the usable energy, and what differs from the robot's file, as shares."""
 AHEAD_PLACES = (2, 4, 8, 16, 32, MAX_PLACES)
 """Places ahead of which the means are shown, as of all places behind."""
@@ -31,7 +31,7 @@ class Insight:
 
     def __init__(self, batch: Batch) -> None:
         self._batch = batch
-        self._places = int(batch.setting.shared["places"][0])
+        self._places = int(batch.known.shared["places"][0])
         self._until = np.zeros((batch.count, len(_OF_PLACES), self._places + 1))  # sums over the places up to each
         self._hidden = np.zeros((batch.count, len(HIDDEN) - 1))
 
@@ -43,8 +43,8 @@ class Insight:
         """
         if begun.any():
             self._look(begun)
-        records, setting = self._batch.records, self._batch.setting
-        energy = records["energy_j"] / setting.shared["usable_j"]
+        records, known = self._batch.records, self._batch.known
+        energy = records["energy_j"] / known.shared["usable_j"]
         rows, place = np.arange(len(records))[:, None], records["place"][:, None]
         ends = np.minimum(place + np.array((0, *AHEAD_PLACES)), self._places)
         starts = np.concatenate((np.zeros_like(place), np.repeat(place, len(AHEAD_PLACES), axis=1)), axis=1)
@@ -54,7 +54,7 @@ class Insight:
         return np.concatenate(columns, axis=1, dtype=np.float32)
 
     def _look(self, begun: NDArray[np.bool_]) -> None:
-        batch, robot = self._batch, self._batch.setting.robot
+        batch, robot = self._batch, self._batch.known.robot
         m, p = batch.records[begun], batch.robots[begun]
         places = batch.routes[begun]["places"][:, : self._places]
         wind = m["wind_mps"][:, None], m["wind_from_rad"][:, None]
@@ -62,9 +62,9 @@ class Insight:
         along = (places["sin_grade"], places["interest"], headwind_mps)
         self._until[begun, :, 1:] = np.cumsum(np.stack(along, axis=1), axis=2)
         hidden = (
-            m["capacity_j"] / batch.setting.shared["usable_j"] - 0.9,
+            m["capacity_j"] / batch.known.shared["usable_j"] - 0.9,
             p["rolling_resistance"] / robot.rolling_resistance - 1.0,
             p["payload_mass_kg"] / robot.mass_kg,
-            m["gauge_bias"],
+            m["meter_gain"] - 1.0,
         )
         self._hidden[begun] = 5.0 * np.stack(hidden, axis=1)

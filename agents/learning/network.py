@@ -11,7 +11,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import nn
 
 from homeward.agents.learning.policy_file import Layer
-from homeward.envs.kernel import LEVELS
+from homeward.envs.actions import LEVELS
 
 _MODE_LOGITS = (-1.5, 2.0, -2.2)  # stop 3 %, go 96 %, return 1.4 %: back after about 70 decisions
 _LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so as rarely beside it

@@ -27,7 +27,7 @@ from homeward.agents.learning.policy_file import NetworkPolicy, PolicyFileError,
 from homeward.agents.learning.provenance import robot_hash
 from homeward.envs import IDS
 from homeward.envs.features import FEATURES
-from homeward.envs.options import OptionError, Options, Setting, settle
+from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
 from homeward.physics import RobotError
@@ -56,7 +56,7 @@ class Args:
     """Robot file that the policy was trained with, if it lies elsewhere now."""
 
 
-def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options, Setting]:
+def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options, Known]:
     """The environment that a policy was trained in, from its description.
 
     Args:
@@ -75,28 +75,28 @@ def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options
         raise ExportError(
             "policy.json does not say which environment the policy was trained in: train it with train.py"
         )
-    known = {field.name for field in dataclasses.fields(Options)} - {"mission"}
-    keywords = {name: value for name, value in training.items() if name in known}
+    names = {field.name for field in dataclasses.fields(Options)} - {"mission"}
+    keywords = {name: value for name, value in training.items() if name in names}
     if robot is not None:
         keywords["robot"] = robot
     options = Options(missions[training["env"]], **keywords)
-    setting = settle(options)
+    known = known_of(options)
     made_with = policy.description.get("made_with")
-    if isinstance(made_with, dict) and made_with.get("robot", robot_hash(setting)) != robot_hash(setting):
+    if isinstance(made_with, dict) and made_with.get("robot", robot_hash(known)) != robot_hash(known):
         raise ExportError(
             f"robot {str(options.robot)!r} has other numbers than the one that the policy was trained with: "
             "give that one's file with --robot, or train again"
         )
-    return options, setting
+    return options, known
 
 
-def check_equal(content: bytes, policy: NetworkPolicy, setting: Setting) -> None:
+def check_equal(content: bytes, policy: NetworkPolicy, known: Known) -> None:
     """Compare a file with the policy that it was made from, on observations drawn at random.
 
     Args:
         content: Of the file.
         policy: The original.
-        setting: Constants of its environment.
+        known: Constants of its environment.
 
     Raises:
         ExportError: onnxruntime commands something else.
@@ -105,7 +105,7 @@ def check_equal(content: bytes, policy: NetworkPolicy, setting: Setting) -> None
 
     from homeward.agents.learning.onnx_graph import INPUT, OUTPUTS, decode, quantities
 
-    columns = quantities(setting)
+    columns = quantities(known)
     size = np.array([one.size for one in columns], np.float32)
     zero = np.array([one.zero for one in columns], np.float32)
     drawn = np.random.default_rng(0).uniform(-1.5, 1.5, (_CHECKED, len(columns))).astype(np.float32)
@@ -116,7 +116,7 @@ def check_equal(content: bytes, policy: NetworkPolicy, setting: Setting) -> None
     commands = np.stack([one.astype(np.float64) for one in session.run(list(OUTPUTS), {INPUT: physical})], axis=1)
     observations = (physical - zero) / size
     actions = policy.act(observations, np.ones(_CHECKED, np.bool_))
-    wrong = ~np.isclose(commands, decode(policy, actions, setting), rtol=1e-4, atol=1e-6)
+    wrong = ~np.isclose(commands, decode(actions, known), rtol=1e-4, atol=1e-6)
     wrong &= ~_undecided(policy, observations, actions)
     if wrong.any():
         row, part = np.argwhere(wrong)[0]
@@ -152,22 +152,22 @@ def main(args: Args) -> onnx.ModelProto:
     except ModuleNotFoundError as error:
         raise ExportError(f"exporting needs {error.name}: pip install 'homeward[onnx]'") from None
     policy = load_policy(args.policy)
-    options, setting = setting_of(policy, args.robot)
-    model = to_onnx(policy, options, setting)
+    options, known = setting_of(policy, args.robot)
+    model = to_onnx(policy, options, known)
     content = model.SerializeToString()
-    check_equal(content, policy, setting)
+    check_equal(content, policy, known)
     write_whole(args.out, content)
-    _print(model, setting, args.out)
+    _print(model, known, args.out)
     return model
 
 
-def _print(model: onnx.ModelProto, setting: Setting, out: Path) -> None:
+def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
     from homeward.agents.learning.onnx_graph import INPUT, quantities
 
     table = Table(title=f"columns of {INPUT}, float32 (missions, {len(FEATURES)})", box=box.SIMPLE_HEAD)
     for heading in ("", "name", "unit", "meaning"):
         table.add_column(heading, overflow="fold")
-    for index, one in enumerate(quantities(setting)):
+    for index, one in enumerate(quantities(known)):
         table.add_row(str(index), one.name, one.unit, one.meaning)
     console = Console()
     console.print(table)

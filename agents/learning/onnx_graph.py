@@ -16,12 +16,11 @@ from onnx import TensorProto, helper, numpy_helper
 import homeward
 from homeward.agents.learning.policy_file import NetworkPolicy
 from homeward.envs import IDS
+from homeward.envs.actions import LEVELS, MODES, decode_actions, limits
 from homeward.envs.features import FEATURES, LIMIT
-from homeward.envs.kernel import LEVELS
-from homeward.envs.options import Options, Setting
+from homeward.envs.options import Known, Options
 
 INPUT, OUTPUTS = "observation", ("speed_mps", "sensing_hz", "mode")
-MODES = ("stop", "go", "return")
 _OPSET, _IR_VERSION = 17, 8
 """Of 2022, so that the runtimes of older robots read the file."""
 
@@ -37,13 +36,13 @@ class Quantity:
     meaning: str
 
 
-def quantities(setting: Setting) -> list[Quantity]:
+def quantities(known: Known) -> list[Quantity]:
     """What the columns of the input are in physical units, in the order of `homeward.envs.features.FEATURES`.
 
     Args:
-        setting: Constants of the environment that the policy was trained in.
+        known: Constants of the environment that the policy was trained in.
     """
-    s = setting.shared[0]
+    s = known.shared[0]
     units = {  # of the observation: physical unit, size of one, zero
         "1": ("1", 1.0, 0.0),
         "2": ("1", 2.0, 0.0),
@@ -66,7 +65,7 @@ def quantities(setting: Setting) -> list[Quantity]:
     return columns
 
 
-def to_onnx(policy: NetworkPolicy, options: Options, setting: Setting) -> onnx.ModelProto:
+def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.ModelProto:
     """The policy as a graph.
 
     Input `observation`, float32 (missions, features) in the units of `quantities`. Outputs `speed_mps` and
@@ -75,10 +74,10 @@ def to_onnx(policy: NetworkPolicy, options: Options, setting: Setting) -> onnx.M
     Args:
         policy: The policy.
         options: Keywords of its environment.
-        setting: Constants of its environment.
+        known: Constants of its environment.
     """
     graph = _Graph()
-    columns = quantities(setting)
+    columns = quantities(known)
     offset = graph.apply("Sub", INPUT, graph.constant("zero", [one.zero for one in columns]))
     scaled = graph.apply("Div", offset, graph.constant("size", [one.size for one in columns]))
     values = graph.apply("Clip", scaled, graph.constant("lowest", -LIMIT), graph.constant("highest", LIMIT))
@@ -88,7 +87,7 @@ def to_onnx(policy: NetworkPolicy, options: Options, setting: Setting) -> onnx.M
         parameters = graph.constant(f"weight_{index}", weight), graph.constant(f"bias_{index}", bias)
         values = graph.apply("Gemm", values, *parameters, transB=1)
     decode = _decode_levels if isinstance(policy.action_space, spaces.MultiDiscrete) else _decode_box
-    decode(graph, values, setting)
+    decode(graph, values, known)
     types = (TensorProto.FLOAT, TensorProto.FLOAT, TensorProto.INT64)
     model = helper.make_model(
         helper.make_graph(
@@ -104,7 +103,7 @@ def to_onnx(policy: NetworkPolicy, options: Options, setting: Setting) -> onnx.M
         ir_version=_IR_VERSION,
         doc_string=__doc__,
     )
-    helper.set_model_props(model, _metadata(policy, options, setting))
+    helper.set_model_props(model, _metadata(policy, options, known))
     onnx.checker.check_model(model, full_check=True)
     return model
 
@@ -126,15 +125,11 @@ class _Graph:
         return output
 
 
-def _limits(setting: Setting) -> dict[str, tuple[float, float]]:
-    s = setting.shared[0]
-    return {
-        "speed_mps": (float(s["min_speed_mps"]), float(s["max_speed_mps"])),
-        "sensing_hz": (0.0, float(s["max_sensing_hz"])),
-    }
+def _limits(known: Known) -> dict[str, tuple[float, float]]:
+    return dict(zip(OUTPUTS, limits(known), strict=False))
 
 
-def _decode_levels(graph: _Graph, values: str, setting: Setting) -> None:
+def _decode_levels(graph: _Graph, values: str, known: Known) -> None:
     """The likeliest level of each part, as the command that it stands for."""
     starts = np.cumsum([0, LEVELS, LEVELS, len(MODES)])
     for part, output in enumerate(OUTPUTS):
@@ -147,11 +142,11 @@ def _decode_levels(graph: _Graph, values: str, setting: Setting) -> None:
             graph.apply("ArgMax", scores, axis=1, keepdims=0, into=output)
         else:
             level = graph.apply("ArgMax", scores, axis=1, keepdims=0)
-            commands = graph.constant(f"{output}_levels", np.linspace(*_limits(setting)[output], LEVELS))
+            commands = graph.constant(f"{output}_levels", np.linspace(*_limits(known)[output], LEVELS))
             graph.apply("Gather", commands, level, into=output)
 
 
-def _decode_box(graph: _Graph, values: str, setting: Setting) -> None:
+def _decode_box(graph: _Graph, values: str, known: Known) -> None:
     """The mean action, cut to the box, as the command that it stands for."""
     one = graph.constant("one", 1.0)
     shares = graph.apply("Add", graph.apply("Clip", values, graph.constant("minus_one", -1.0), one), one)  # 0 to 2
@@ -162,22 +157,22 @@ def _decode_box(graph: _Graph, values: str, setting: Setting) -> None:
             whole = graph.apply("Cast", thirds, to=TensorProto.INT64)
             graph.apply("Min", whole, graph.constant("last_mode", len(MODES) - 1, np.int64), into=output)
         else:
-            low, high = _limits(setting)[output]
+            low, high = _limits(known)[output]
             above = graph.apply("Mul", share, graph.constant(f"{output}_per_share", (high - low) / 2.0))
             graph.apply("Add", above, graph.constant(f"{output}_least", low), into=output)
 
 
-def _metadata(policy: NetworkPolicy, options: Options, setting: Setting) -> dict[str, str]:
+def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str, str]:
     described = {
         "env": IDS[options.mission],
-        "robot": setting.robot.name,
+        "robot": known.robot.name,
         "difficulty": options.difficulty,
-        "decision_s": float(setting.shared["decision_s"][0]),
-        "inputs": {INPUT: [dataclasses.asdict(one) for one in quantities(setting)]},
+        "decision_s": float(known.shared["decision_s"][0]),
+        "inputs": {INPUT: [dataclasses.asdict(one) for one in quantities(known)]},
         "outputs": {
             **{
                 name: f"command until the next decision, {low:g} to {high:g}"
-                for name, (low, high) in _limits(setting).items()
+                for name, (low, high) in _limits(known).items()
             },
             "mode": f"{', '.join(f'{index} {mode}' for index, mode in enumerate(MODES))}; "
             "a return is final: once begun, go on home whatever comes out",
@@ -187,10 +182,7 @@ def _metadata(policy: NetworkPolicy, options: Options, setting: Setting) -> dict
     return {name: value if isinstance(value, str) else json.dumps(value) for name, value in described.items()}
 
 
-def decode(policy: NetworkPolicy, actions: NDArray[Any], setting: Setting) -> NDArray[np.float64]:
+def decode(actions: NDArray[Any], known: Known) -> NDArray[np.float64]:
     """Commands that actions stand for: speed (m/s), sensing rate (Hz) and mode, shape (n, 3)."""
-    discrete = isinstance(policy.action_space, spaces.MultiDiscrete)
-    shares = actions[:, :2] / (LEVELS - 1) if discrete else 0.5 * (actions[:, :2] + 1.0)
-    mode = actions[:, 2] if discrete else np.minimum((1.5 * (actions[:, 2] + 1.0)).astype(int), 2)
-    lows, highs = zip(*_limits(setting).values(), strict=True)
-    return np.column_stack([lows + (np.array(highs) - lows) * shares, mode])
+    commands = decode_actions(known, actions)
+    return np.column_stack([commands.speed_mps, commands.sensing_hz, commands.mode])

@@ -18,7 +18,7 @@ from safetensors.numpy import load, save
 from homeward.agents.base import Observations, Policy
 from homeward.agents.learning.guide import BELIEFS, Guide, guide_from
 from homeward.envs.features import NAMES
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 from homeward.files import read_json, write_whole
 
 WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
@@ -59,7 +59,7 @@ class NetworkPolicy(Policy):
         """Choose one action a mission: int64 levels, or float32 within the box, shape (n, 3).
 
         Raises:
-            PolicyFileError: The policy has a guide and was loaded without an environment's setting.
+            PolicyFileError: The policy has a guide and was loaded without an environment's known.
         """
         if self.guide is not None:
             observations = self.guide.inputs(observations, begun)
@@ -139,12 +139,12 @@ def save_policy(
     write_whole(folder / DESCRIPTION, json.dumps(description, indent=2) + "\n")
 
 
-def load_policy(path: Path, setting: Setting | None = None) -> NetworkPolicy:
+def load_policy(path: Path, known: Known | None = None) -> NetworkPolicy:
     """Read a policy.
 
     Args:
         path: Folder that training wrote, or one of the two files in it.
-        setting: Constants of the environment that it is to act in; a policy with a guide does not act without.
+        known: Constants of the environment that it is to act in; a policy with a guide does not act without.
 
     Raises:
         PolicyFileError: A file is missing, truncated, or not a policy of this version of the observations.
@@ -171,9 +171,9 @@ def load_policy(path: Path, setting: Setting | None = None) -> NetworkPolicy:
     guided = "guide" in description
     _check_layers(folder / WEIGHTS, layers, action_space, guided)
     guide = None
-    if guided and setting is not None:
+    if guided and known is not None:
         try:
-            guide = guide_from(description["guide"], setting)
+            guide = guide_from(description["guide"], known)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise PolicyFileError(f"{folder / DESCRIPTION} tells of a guide that there is not: {error!r}") from None
     return NetworkPolicy(layers, action_space, description, guide)

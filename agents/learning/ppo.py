@@ -31,7 +31,7 @@ from homeward.agents.learning.network import GuidedPolicy, layers_of
 from homeward.agents.learning.policy_file import NetworkPolicy, save_policy
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import PPOSettings, TrainingError
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
 _LAST_LEARNING_RATE = 0.01
@@ -82,7 +82,7 @@ def train(
         model = make_model(options, settings, seed)
         model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
         best = restore_checkpoint(model, folder, total) if restore else None
-        guide = make_guide(settings.guide, options.mission, settle(options))
+        guide = make_guide(settings.guide, options.mission, known_of(options))
 
         def measured(steps: int, trained_s: float) -> Point:
             return measure(deployed(model, guide), options, steps, trained_s)
@@ -121,7 +121,7 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     check_device(settings)
     keywords = vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
-    guide = make_guide(settings.guide, options.mission, missions.batch.setting)
+    guide = make_guide(settings.guide, options.mission, missions.batch.known)
     env = SB3Adapter(missions, settings.stranding_cost, guide, late_is_lost=True, insight=settings.insight)
     with warnings.catch_warnings():
         # The device is documented where it is chosen.

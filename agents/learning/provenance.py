@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import homeward
-from homeward.envs.options import Options, Setting
+from homeward.envs.options import Known, Options, constants_of
 
 _LEARNER = (
     "identification.py", "identification_kernel.py", "planner/kernel.py", "planner/planner.py",
@@ -23,31 +23,33 @@ _AFTER_TRAINING = ("__init__.py", "onnx_export.py", "onnx_graph.py", "policy_fil
 _COMPARED = ("env", "robot", "route", "difficulty")
 
 
-def made_with(setting: Setting) -> dict[str, str]:
+def made_with(options: Options) -> dict[str, str]:
     """Version and hashes of all that the outcome of training follows from, beside its settings.
 
     Args:
-        setting: Constants of the environment; robot and route are hashed as they are, not by name or path.
+        options: Of the environment; robot and route are hashed as they are, not by name or path.
     """
+    known, hidden = constants_of(options)
+    route = hidden.record[["fixed", "temperature_c", "wind_mps", "wind_from_rad"]]
     return {
         "homeward": homeward.__version__,
         **_code(),
-        "robot": robot_hash(setting),
-        "route": _digest(setting.fixed.tobytes(), setting.day.tobytes()),
+        "robot": robot_hash(known),
+        "route": _digest(route.copy().tobytes()),
     }
 
 
-def robot_hash(setting: Setting) -> str:
+def robot_hash(known: Known) -> str:
     """Hash of a robot's numbers and effects, whatever it is called."""
     values = {
-        field.name: getattr(setting.robot, field.name)
-        for field in dataclasses.fields(setting.robot)
+        field.name: getattr(known.robot, field.name)
+        for field in dataclasses.fields(known.robot)
         if field.name not in ("name", "description")
     }
     return _digest(json.dumps(values, sort_keys=True, default=dict).encode())
 
 
-def differences(description: Mapping[str, Any], env: str, options: Options, setting: Setting) -> list[str]:
+def differences(description: Mapping[str, Any], env: str, options: Options, known: Known) -> list[str]:
     """In what an environment is not the one that a policy was trained in.
 
     Shaping and discount change the reward alone, neither what is observed nor the score, and may differ.
@@ -56,16 +58,16 @@ def differences(description: Mapping[str, Any], env: str, options: Options, sett
         description: What `policy.json` says; what it leaves out is passed over.
         env: Id of the environment.
         options: Of the environment.
-        setting: Its constants.
+        known: Its constants.
     """
     training, code = (_mapping(description.get(name)) for name in ("training", "made_with"))
     here: dict[str, Any] = {"env": env, **vars(options)}
     different = [name for name in _COMPARED if name in training and training[name] != str(here[name])]
     if "robot" in code:  # by its numbers: a file may have changed, or lie elsewhere
         different = [name for name in different if name != "robot"]
-        different += ["robot"] if code["robot"] != robot_hash(setting) else []
+        different += ["robot"] if code["robot"] != robot_hash(known) else []
     found = [f"{name} {here[name]} (trained with {_trained_with(training, name, here)})" for name in different]
-    decision_s, trained_s = float(setting.shared["decision_s"][0]), description.get("decision_s", 0.0)
+    decision_s, trained_s = float(known.shared["decision_s"][0]), description.get("decision_s", 0.0)
     # Where both are left to the default, it follows from the robot.
     chosen = training.get("decision_s") is not None or options.decision_s is not None or "robot" not in different
     if trained_s and chosen and trained_s != decision_s:

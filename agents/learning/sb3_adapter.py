@@ -78,7 +78,7 @@ class SB3Adapter(VecEnv):
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)
         self._start_s = time.time()
-        decisions = int(env.batch.setting.shared["max_decisions"][0])
+        decisions = int(env.batch.known.shared["max_decisions"][0])
         self._actions_before: deque[NDArray[Any]] = deque(maxlen=decisions)
         self._began_from: list[Mapping[str, Any]] = []
         self._begins_from: list[Mapping[str, Any]] = []

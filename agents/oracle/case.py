@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from homeward.agents.oracle import kernel
 from homeward.envs.batch import Batch
-from homeward.envs.state import CONSTANTS_DTYPE
 
 
 @dataclass(frozen=True)
@@ -41,10 +40,7 @@ class Case:
 
 def case_of(batch: Batch, index: int) -> Case:
     """Take a mission that has just begun out of a batch."""
-    setting, one = batch.setting, slice(index, index + 1)
-    constants = np.zeros(1, CONSTANTS_DTYPE)
-    constants["shared"], constants["nominal"] = setting.shared, setting.robot.record()
-    constants["fixed"], constants["day"] = setting.fixed, setting.day
-    case = Case(constants, batch.robots[one].copy(), batch.routes[one].copy(), batch.records[one].copy())
+    one = slice(index, index + 1)
+    case = Case(batch.constants.copy(), batch.robots[one].copy(), batch.routes[one].copy(), batch.records[one].copy())
     kernel.see_route(case.constants, case.start, case.route)
     return case

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs import missions
+from homeward.envs import weather
+from homeward.envs.actions import LEVELS
 from homeward.envs.driving import decide, map_place
-from homeward.envs.kernel import LEVELS
+from homeward.envs.reward import score
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.physics.jit import compiled
 
@@ -25,7 +26,8 @@ def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: i
     s = c.shared
     speed_mps = s.min_speed_mps + (s.max_speed_mps - s.min_speed_mps) * speed_level / (LEVELS - 1)
     sensing_hz = s.max_sensing_hz * sensing_level / (LEVELS - 1)
-    decide(m, p if s.own_robots else c.nominal, route, c.nominal, s, speed_mps, sensing_hz, mode)
+    decide(m, p if c.hidden.own_robots else c.nominal, route, c.nominal, s, speed_mps, sensing_hz, mode)
+    weather.change(m)
 
 
 @compiled
@@ -68,24 +70,31 @@ def measure(
     c, p, route, m = constants[0], robots[0], routes[0], works[0]
     s, radio = c.shared, c.shared.radio_hz
     s.backlog_limit = np.inf
+    winds = np.empty((s.max_decisions + 1, 2))
+    warmest_c = _weather(works, starts, winds)
     for k in range(s.places):
         near_m = k * s.place_m
+        least, most = _headwinds(winds, route.places[k])
         for i in range(LEVELS):
             speed_mps = s.min_speed_mps + (s.max_speed_mps - s.min_speed_mps) * i / (LEVELS - 1)
             for j in range(LEVELS):
                 _set_out(works, starts, route, k, near_m, speed_mps)
+                _blow(m, least, warmest_c)
                 s.decision_s, s.radio_hz = 0.5 * s.place_m / speed_mps, 0.0
-                before = missions.score(m, s)
+                before = score(m, s)
                 _roll(m, p, route, c, i, j, GO)
                 out_w[k, i, j] = m.power_w
-                gain_per_m[k, i, j] = (missions.score(m, s) - before) / (m.position_m - near_m)
+                gain_per_m[k, i, j] = (score(m, s) - before) / (m.position_m - near_m)
                 samples_per_m[k, i, j] = m.backlog / (m.position_m - near_m)
                 _set_out(works, starts, route, k, near_m + _HAIR_M, speed_mps)
+                _blow(m, most, warmest_c)
+                m.returning, m.direction = True, -1.0
                 s.decision_s = 0.5 * _HAIR_M / speed_mps
                 _roll(m, p, route, c, i, j, RETURN)
                 home_w[k, i, j] = m.power_w
         for j in range(LEVELS):
             _set_out(works, starts, route, k, near_m, 0.0)
+            _blow(m, least, warmest_c)
             _roll(m, p, route, c, 0, j, STOP)
             standing_w[k, j] = m.power_w
         s.decision_s, s.radio_hz = _HAIR_M / s.min_speed_mps, radio
@@ -97,6 +106,38 @@ def measure(
                 _roll(m, p, route, c, 0, 0, GO if moving else STOP)
                 radio_hz[k * pieces + piece, moving] = (before - m.backlog) / s.decision_s
         s.radio_hz = 0.0
+
+
+@compiled
+def _weather(works: Any, starts: Any, winds: Any) -> Any:
+    """Winds of a mission, decision by decision, east and north; and how warm it gets."""
+    works[0] = starts[0]
+    m = works[0]
+    warmest_c = m.temperature_c
+    for n in range(len(winds)):
+        winds[n, 0], winds[n, 1] = m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps
+        warmest_c = max(warmest_c, m.temperature_c)
+        m.decisions += 1
+        weather.change(m)
+    return warmest_c
+
+
+@compiled
+def _headwinds(winds: Any, place: Any) -> Any:
+    """Least and most wind against the way out at a place, of all that blow during the mission."""
+    least, most = np.inf, -np.inf
+    for n in range(len(winds)):
+        headwind = winds[n, 0] * place.east + winds[n, 1] * place.north
+        least, most = min(least, headwind), max(most, headwind)
+    return least, most
+
+
+@compiled
+def _blow(m: Any, headwind_mps: float, temperature_c: float) -> None:
+    """Let one wind blow against the way out where the robot is, for good, and the air be so warm."""
+    m.mean_east_mps, m.mean_north_mps = headwind_mps * m.here.east, headwind_mps * m.here.north
+    m.gust_east_mps = m.gust_north_mps = m.gust_kick = m.warming_k = 0.0
+    m.temperature_c = temperature_c
 
 
 @compiled
@@ -136,6 +177,7 @@ def way_home(
         at_m = point * step_m
         for i in range(LEVELS):
             _set_out(works, starts, route, min(int(at_m / s.place_m), s.places - 1), at_m, 0.0)
+            m.returning, m.direction = True, -1.0
             had_j = m.energy_j
             _roll(m, p, route, c, i, 0, RETURN)
             if m.depleted:
@@ -225,7 +267,7 @@ def search(
                 spare[0] = room[row, slot]
                 m = spare[0]
                 # On its way home a patrol completes the lap under way.
-                _note(found, missions.score(m, s) + 0.5 * (m.legs % 2.0), here)
+                _note(found, score(m, s) + 0.5 * (m.legs % 2.0), here)
                 left_s = (s.max_decisions - m.decisions - 1) * s.decision_s
                 for code in range(-1, LEVELS * rates):
                     m = spare[1]
@@ -238,7 +280,7 @@ def search(
                     if m.depleted or m.home or short or left_s < _at(home_s, m.position_m, step_m):
                         continue
                     value = (
-                        missions.score(m, s)
+                        score(m, s)
                         + prices[0] * m.energy_j
                         + prices[1] * left_s
                         - prices[2] * m.dwell_s

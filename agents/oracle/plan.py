@@ -19,7 +19,7 @@ from homeward.agents.oracle.bound import (
     within_reach,
 )
 from homeward.agents.oracle.rates import PIECES, Array, Rates
-from homeward.envs.kernel import LEVELS
+from homeward.envs.actions import LEVELS
 
 
 @dataclass(frozen=True)

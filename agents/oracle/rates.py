@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.oracle import kernel
 from homeward.agents.oracle.case import Case
-from homeward.envs.kernel import LEVELS
+from homeward.envs.actions import LEVELS
 from homeward.physics.effects import EFFECTS
 
 PIECES = 2

@@ -12,7 +12,7 @@ from homeward.agents.oracle.bound import Prices, leg_w, worth
 from homeward.agents.oracle.case import Case
 from homeward.agents.oracle.plan import Plan
 from homeward.agents.oracle.rates import PIECES, Array, Rates
-from homeward.envs.kernel import LEVELS
+from homeward.envs.actions import LEVELS
 from homeward.envs.state import GO, STOP, SURVEY
 
 _FINE = 4.0

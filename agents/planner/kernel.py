@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from homeward.agents.identification_kernel import UNKNOWN, Ground, driving, modelled_driving
-from homeward.envs import missions
-from homeward.envs.kernel import LEVELS
+from homeward.envs import sensing
+from homeward.envs.actions import LEVELS
 from homeward.physics.jit import compiled
 
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
@@ -100,8 +100,8 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
 @compiled
 def _radio(s: Any, position_m: float, moving: bool) -> float:
     """Samples that the radio sends per second."""
-    share = missions.DRIVING_LINK if moving else 1.0
-    return float(share * s.radio_hz / missions.fading(position_m, s.per_link_m))
+    share = sensing.DRIVING_LINK if moving else 1.0
+    return float(share * s.radio_hz / sensing.fading(position_m, s.per_link_m))
 
 
 @compiled

@@ -15,11 +15,9 @@ from homeward.agents.rules.dmax_identified import IdentifiedDmaxRule
 from homeward.agents.rules.dmax_lap import LapRule
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, sees_posts
-from homeward.envs.actions import encode_actions
-from homeward.envs.difficulty import KNOWN
-from homeward.envs.kernel import LEVELS
-from homeward.envs.missions import information
-from homeward.envs.options import Setting
+from homeward.envs.actions import LEVELS, encode_actions
+from homeward.envs.options import Known
+from homeward.envs.sensing import information
 from homeward.envs.state import GO, PATROL, RETURN, STOP, SURVEY
 from homeward.physics import ancillary_power, d_max
 
@@ -45,24 +43,24 @@ class Planner(Policy):
     oracle's prices, from what the robot knows instead of the truth.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         deviations: Standard deviations of the way home kept back, 0 or above.
 
     Attributes:
         rule: What decides when to turn back, and holds the beliefs.
     """
 
-    def __init__(self, setting: Setting, deviations: float) -> None:
-        self._setting = setting
-        s, robot = setting.shared[0], setting.robot
+    def __init__(self, known: Known, deviations: float) -> None:
+        self._known = known
+        s, robot = known.shared[0], known.robot
         self._survey = bool(s["mission"] == SURVEY)
         pace = Pace(float(self._survey), 0.0, 1.0)
         self.rule: BelievingRule
         self._identification: Identification | None = None
         if s["mission"] == PATROL:
-            self.rule = (LapRule if sees_posts(setting) else AdaptiveDmaxRule)(setting, pace, deviations)
+            self.rule = (LapRule if sees_posts(known) else AdaptiveDmaxRule)(known, pace, deviations)
         else:
-            self.rule = rule = IdentifiedDmaxRule(setting, pace, deviations)
+            self.rule = rule = IdentifiedDmaxRule(known, pace, deviations)
             self._identification = rule.identification
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
@@ -91,20 +89,20 @@ class Planner(Policy):
         `rule.turns` must have been called with the same observations before: it updates the beliefs.
         """
         turns = homebound & (feature(observations, "outbound") > 0.0)
-        s = self._setting.shared[0]
+        s = self._known.shared[0]
         speed_mps = self._thriftiest(0.1 * feature(observations, "grade") * np.where(turns, -1.0, 1.0))
         sensing_hz, stops = np.zeros(len(observations)), np.zeros(len(observations), np.bool_)
         if self._survey and self._identification:
             out = ~homebound
             beliefs = self._beliefs(observations, self._identification.unknown)[out]
             commands = np.empty((len(beliefs), 3))
-            kernel.plan(beliefs, self._identification.vehicle, self._model, self._setting.shared, commands)
+            kernel.plan(beliefs, self._identification.vehicle, self._model, self._known.shared, commands)
             speed_mps[out], sensing_hz[out], stops[out] = commands[:, 0], commands[:, 1], commands[:, 2] > 0.0
         if self._identification:
             slow_mps = s["min_speed_mps"] + _PROBE * (s["max_speed_mps"] - s["min_speed_mps"])
             speed_mps = np.where(self._identification.probes & ~homebound, slow_mps, speed_mps)
         mode = np.where(homebound, RETURN, np.where(stops, STOP, GO))
-        return encode_actions(self._setting, speed_mps, sensing_hz, mode)
+        return encode_actions(self._known, speed_mps, sensing_hz, mode)
 
     def _thriftiest(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
         """Speed with the longest range at each grade."""
@@ -113,7 +111,7 @@ class Planner(Policy):
         return np.asarray(model["speeds_mps"][model["per_m"][:, nearest].argmin(axis=0)])
 
     def _beliefs(self, observations: Observations, unknown: NDArray[np.float64]) -> NDArray[np.void]:
-        s = self._setting.shared[0]
+        s = self._known.shared[0]
         outlook = self.rule.look(observations, np.zeros(len(observations), np.bool_))
         beliefs = np.zeros(len(observations), kernel.BELIEF_DTYPE)
         beliefs["unknown"] = unknown
@@ -125,10 +123,10 @@ class Planner(Policy):
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
         for name in ("east", "north"):
             beliefs[name] = feature(observations, name)
-        for name, seen in (("here", "grade"), ("near", "grade_near"), ("beyond", "grade_mean")):
+        for name, seen in (("here", "grade"), ("near", "grade_1"), ("beyond", "grade_mean")):
             beliefs[f"sine_{name}"] = 0.1 * feature(observations, seen)
-        for name, seen in (("here", "interest"), ("near", "interest_near"), ("far", "interest_far")):
+        for name, seen in (("here", "interest"), ("near", "interest_1"), ("far", "interest_5")):
             beliefs[f"interest_{name}"] = 2.0 * feature(observations, seen)
-        if s["difficulty"] > KNOWN:
+        if not s["route_is_known"]:
             beliefs["interest_far"] = -1.0
         return beliefs

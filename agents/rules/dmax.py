@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import TurnBackRule
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 
 
 @final
@@ -18,18 +18,18 @@ class DmaxRule(TurnBackRule):
     """Turns back when the energy left, less a reserve, reaches no further than home by Eq. 8.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         pace: Speed and sensing rate.
         reserve: Share of the usable energy kept back, within [0, 1].
 
     Source: Tiwari, Xiao, Chong, IROS 2018, Eq. 8; that it takes the mean grade to be known is theirs too.
     """
 
-    def __init__(self, setting: Setting, pace: Pace, reserve: float) -> None:
-        super().__init__(setting, pace)
+    def __init__(self, known: Known, pace: Pace, reserve: float) -> None:
+        super().__init__(known, pace)
         self._reserve = reserve
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Energy beyond the way home on the average grade and the reserve, see `TurnBackRule.spare`."""
         needed = self.home_cost_on_average(observations) + self.cost_of_going_on(observations)
-        return feature(observations, "energy") - needed - self._reserve
+        return feature(observations, "metered") - needed - self._reserve

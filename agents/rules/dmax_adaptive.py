@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, Outlook
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _PRIOR = np.diag([0.01, 0.05])
@@ -29,13 +29,13 @@ class AdaptiveDmaxRule(BelievingRule):
     of driving. Its standard deviation is the spread of decisions around the fit together with what they cannot show.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         pace: Speed and sensing rate.
         deviations: Standard deviations k kept back, 0 or above.
     """
 
-    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
-        super().__init__(setting, pace, deviations)
+    def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
+        super().__init__(known, pace, deviations)
         self._forget(0)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
@@ -67,7 +67,7 @@ class AdaptiveDmaxRule(BelievingRule):
             self._forget(len(begun))
         for total in (self._last, self._normal, self._moment, self._square):
             total[begun] = 0.0
-        now = np.stack((1.0 - feature(observations, "energy"), feature(observations, "modelled")), axis=-1)
+        now = np.stack((1.0 - feature(observations, "metered"), feature(observations, "modelled")), axis=-1)
         used, modelled = (now - self._last).T
         self._last = now
         sensing = np.minimum(self._sensing(observations), modelled)
@@ -79,7 +79,7 @@ class AdaptiveDmaxRule(BelievingRule):
 
     def _sensing(self, observations: Observations) -> NDArray[np.float64]:
         """What the sensing of the decision before took by the robot's file."""
-        robot, s = self._setting.robot, self._setting.shared[0]
+        robot, s = self._known.robot, self._known.shared[0]
         rate_hz = feature(observations, "sensing") * s["max_sensing_hz"]
         power_w = ancillary_power(robot, rate_hz) - ancillary_power(robot, 0.0)
         return np.asarray(power_w * s["decision_s"] / s["usable_j"])

@@ -11,11 +11,7 @@ from homeward.agents.base import Observations, feature
 from homeward.agents.identification import Identification
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, Outlook
-from homeward.envs.difficulty import HARSH
-from homeward.envs.options import Setting
-
-_GAUGE_ERROR = 0.087
-"""Standard deviation of the gauge's bias where it has one, as a share of what was used (`homeward.envs.difficulty`)."""
+from homeward.envs.options import Known
 
 
 @final
@@ -26,7 +22,7 @@ class IdentifiedDmaxRule(BelievingRule):
     (`Identification.probes`).
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         pace: Speed and sensing rate.
         deviations: Standard deviations k kept back, 0 or above.
 
@@ -36,15 +32,15 @@ class IdentifiedDmaxRule(BelievingRule):
 
     chances = 1.0  # it knows what the next one takes
 
-    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
-        super().__init__(setting, pace, deviations)
-        self.identification = Identification(setting)
-        self._gauge_error = gauge_error(setting)
+    def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
+        super().__init__(known, pace, deviations)
+        self.identification = Identification(known)
+        self._gauge_error = gauge_error(known)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
         """What it believes, see `BelievingRule.look`."""
         self.identification.learn(observations, begun)
-        gauge = self._gauge_error * (1.0 - feature(observations, "energy"))
+        gauge = self._gauge_error * (1.0 - feature(observations, "metered"))
         home, deviation, onwards, own_onwards = self.identification.look_home(observations, self._outward_m).T
         sensing = self.identification.unknown[:, 0]
         return Outlook(
@@ -56,6 +52,6 @@ class IdentifiedDmaxRule(BelievingRule):
         )
 
 
-def gauge_error(setting: Setting) -> float:
-    """Standard deviation of the gauge's bias, as a share of what was used."""
-    return _GAUGE_ERROR if setting.shared["difficulty"][0] == HARSH else 0.0
+def gauge_error(known: Known) -> float:
+    """Standard deviation of a reading of the state of charge, as a share of a full battery."""
+    return float(known.instruments.soc_variance**0.5)

@@ -11,7 +11,7 @@ from homeward.agents.base import Observations, feature
 from homeward.agents.rules.dmax_identified import gauge_error
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, Outlook
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _UNSEEN = 0.1
@@ -27,24 +27,24 @@ class LapRule(BelievingRule):
     this lap no other fits. The standard deviation is that of the laps and of a biased gauge.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         pace: Speed and sensing rate.
         deviations: Standard deviations k kept back, 0 or above.
     """
 
     sharp = 0.0001  # it has measured what the next lap takes
 
-    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
-        super().__init__(setting, pace, deviations)
-        s = setting.shared[0]
+    def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
+        super().__init__(known, pace, deviations)
+        s = known.shared[0]
         # By the file: what hides from a robot makes it more, so that to leave one out saves this at least.
-        self._stop_share = float(s["pit_stop_s"] * ancillary_power(setting.robot, 0.0) / s["usable_j"])
-        self._gauge_error = gauge_error(setting)
+        self._stop_share = float(s["pit_stop_s"] * ancillary_power(known.robot, 0.0) / s["usable_j"])
+        self._gauge_error = gauge_error(known)
         self._forget(0)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
         """What it believes at a post, see `BelievingRule.look`."""
-        energy = feature(observations, "energy")
+        energy = feature(observations, "metered")
         self._measure(observations, begun)
         count, total, squares = self._laps
         lap = np.where(count > 0.0, total / np.maximum(count, 1.0), self._first)
@@ -60,7 +60,7 @@ class LapRule(BelievingRule):
         )
 
     def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        at_far_post = distance_m >= (1.0 - 1e-6) * float(self._setting.shared["length_m"][0])
+        at_far_post = distance_m >= (1.0 - 1e-6) * float(self._known.shared["length_m"][0])
         return np.asarray(super()._may_turn(distance_m) | at_far_post)
 
     def _forget(self, count: int) -> None:
@@ -76,7 +76,7 @@ class LapRule(BelievingRule):
         self._laps[:, begun], self._arrival[begun], self._left[begun], self._away[begun] = 0.0, 1.0, 1.0, False
         lap = self.cost_of_going_on(observations)
         self._first, self._back = np.where(begun, lap, self._first), np.where(begun, 0.5 * lap, self._back)
-        energy, distance_m = feature(observations, "energy"), feature(observations, "distance") * self._reach_m
+        energy, distance_m = feature(observations, "metered"), feature(observations, "distance") * self._reach_m
         comes_home = self._away & (distance_m <= 0.0)
         comes_far = ~self._away & (distance_m > 0.0) & self._may_turn(distance_m)
         is_first = comes_home & (self._left == 1.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import TurnBackRule
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 
 
 @final
@@ -18,13 +18,13 @@ class MappedDmaxRule(TurnBackRule):
     """As the paper's rule, with every grade of the way home known from the way out.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         pace: Speed and sensing rate.
         reserve: Share of the usable energy kept back, within [0, 1].
     """
 
-    def __init__(self, setting: Setting, pace: Pace, reserve: float) -> None:
-        super().__init__(setting, pace)
+    def __init__(self, known: Known, pace: Pace, reserve: float) -> None:
+        super().__init__(known, pace)
         self._reserve = reserve
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:

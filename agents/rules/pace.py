@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
 from homeward.envs.actions import encode_actions
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 from homeward.envs.state import GO, RETURN, STOP
 
 
@@ -34,14 +34,14 @@ class Pace:
     interest: float
     full: float
 
-    def act(self, setting: Setting, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
+    def act(self, known: Known, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
         """Actions of missions that go on or, where `homebound` of shape (n,), head home; shape (n, 3)."""
-        s = setting.shared[0]
+        s = known.shared[0]
         worth = ~homebound & (2.0 * feature(observations, "interest") >= self.interest)
         waits = worth & (feature(observations, "backlog") >= self.full)
         sensing_hz = np.where(worth & ~waits, self.rate * s["max_sensing_hz"], 0.0)
         mode = np.where(homebound, RETURN, np.where(waits, STOP, GO))
-        return encode_actions(setting, s["cruise_mps"], sensing_hz, mode)
+        return encode_actions(known, s["cruise_mps"], sensing_hz, mode)
 
 
 NO_SENSING = Pace(rate=0.0, interest=0.0, full=1.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.rules.pace import Pace
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
 
@@ -42,23 +42,23 @@ class TurnBackRule(Policy):
     at its home post, where the question is whether another lap fits.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         pace: Speed and sensing rate.
     """
 
     chances = 2.0
     """Decisions that going on is costed for: the next one, and another for the surprises of ground not driven yet."""
 
-    def __init__(self, setting: Setting, pace: Pace) -> None:
-        self._setting, self._pace = setting, pace
-        s = setting.shared[0]
+    def __init__(self, known: Known, pace: Pace) -> None:
+        self._known, self._pace = known, pace
+        s = known.shared[0]
         self._patrol = bool(s["mission"] == PATROL)
         self._sines = np.linspace(-_STEEPEST_SINE, _STEEPEST_SINE, 281)
         # Eq. 8 with a full battery: what a metre takes of it at each grade.
-        self._shares_per_m = 1.0 / np.asarray(d_max(setting.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
+        self._shares_per_m = 1.0 / np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
         self._reach_m = float(s["reach_m"])
-        self._sees_posts = sees_posts(setting)
-        idle_w, busy_w = ancillary_power(setting.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
+        self._sees_posts = sees_posts(known)
+        idle_w, busy_w = ancillary_power(known.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
         outward_s = self.chances * s["decision_s"]
         extra_j = outward_s * (busy_w - idle_w)
         if self._patrol:
@@ -74,7 +74,7 @@ class TurnBackRule(Policy):
 
     def turns(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which missions head home, including those already returning, shape (n,). Arguments as in `act`."""
-        s = self._setting.shared[0]
+        s = self._known.shared[0]
         distance_m = feature(observations, "distance") * self._reach_m
         turns = (self.spare(observations, begun) < 0.0) | self._late(observations, distance_m)
         if self._sees_posts:
@@ -85,7 +85,7 @@ class TurnBackRule(Policy):
 
     def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
         """Actions at the rule's pace for missions that go on or, where `homebound` of shape (n,), head home."""
-        return self._pace.act(self._setting, observations, homebound)
+        return self._pace.act(self._known, observations, homebound)
 
     def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Where a patrol may turn back for good, shape (n,)."""
@@ -115,7 +115,7 @@ class TurnBackRule(Policy):
         return np.interp(sine, self._sines, self._shares_per_m)
 
     def _late(self, observations: Observations, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        s = self._setting.shared[0]
+        s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         # A quarter more, for the nearest speed level may lie below cruise.
         return np.asarray(left_s < 1.25 * (distance_m / s["cruise_mps"] + self._round_s))
@@ -125,7 +125,7 @@ class BelievingRule(TurnBackRule):
     """Corrects the way home by what it has measured, and keeps some standard deviations of that in reserve.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         pace: Speed and sensing rate.
         deviations: Standard deviations k kept back, 0 or above.
     """
@@ -133,8 +133,8 @@ class BelievingRule(TurnBackRule):
     sharp = 0.01
     """Energy to spare, as a share of the usable energy, from which it is sure to go on."""
 
-    def __init__(self, setting: Setting, pace: Pace, deviations: float) -> None:
-        super().__init__(setting, pace)
+    def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
+        super().__init__(known, pace)
         self.deviations = deviations
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -143,16 +143,16 @@ class BelievingRule(TurnBackRule):
 
     def spare_by(self, outlook: Outlook, observations: Observations) -> NDArray[np.float64]:
         """The same, by what it believes."""
-        return feature(observations, "energy") - outlook.home - outlook.onwards - self.deviations * outlook.deviation
+        return feature(observations, "metered") - outlook.home - outlook.onwards - self.deviations * outlook.deviation
 
     @abstractmethod
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
         """What it believes. Arguments as in `act`; a decision that is shown twice counts once."""
 
 
-def sees_posts(setting: Setting) -> bool:
+def sees_posts(known: Known) -> bool:
     """Whether a patrol notices its posts: pit stops shorter than a decision can pass unseen."""
-    s = setting.shared[0]
+    s = known.shared[0]
     return bool(s["mission"] == PATROL and s["pit_stop_s"] >= s["decision_s"])
 
 

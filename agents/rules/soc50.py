@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import TurnBackRule
-from homeward.envs.options import Setting
+from homeward.envs.options import Known
 
 
 @final
@@ -18,13 +18,13 @@ class StateOfChargeRule(TurnBackRule):
     """Turns back when the fuel gauge falls below a threshold, wherever it is.
 
     Args:
-        setting: Constants of the environment.
+        known: Constants of the environment.
         pace: Speed and sensing rate.
         threshold: State of charge, within [0, 1].
     """
 
-    def __init__(self, setting: Setting, pace: Pace, threshold: float = 0.5) -> None:
-        super().__init__(setting, pace)
+    def __init__(self, known: Known, pace: Pace, threshold: float = 0.5) -> None:
+        super().__init__(known, pace)
         self._threshold = threshold
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -125,7 +125,7 @@ def generated_routes(robot: Robot, kind: str, count: int, seed: int) -> list[Rou
 
     env = HomewardVectorEnv(count, mission="OutAndBack", robot=robot, route=kind, difficulty="uncertain")
     env.reset(seed=seed)
-    shared, missions = env.batch.setting.shared[0], env.batch.records
+    shared, missions = env.batch.known.shared[0], env.batch.records
     drawn = env.batch.routes["places"][:, : int(shared["places"])].astype(np.dtype(env.batch.routes["places"].dtype))
     return [
         Route(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.identification import Identification
 from homeward.envs.features import INDEX
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -21,11 +21,11 @@ FAST, HALF = 4, 2
 
 def truth(env: HomewardVectorEnv) -> NDArray[np.float64]:
     """The numbers of `identification_kernel.UNKNOWN` as they are, shape (missions, 5)."""
-    m, p, nominal = env.batch.records, env.batch.robots, env.batch.setting.robot.record()[0]
-    gauge = env.batch.setting.shared["usable_j"][0] / m["capacity_j"] * (1.0 + m["gauge_bias"])
+    m, p, nominal = env.batch.records, env.batch.robots, env.batch.known.robot.record()[0]
+    gauge = env.batch.known.shared["usable_j"][0] / m["capacity_j"] * (1.0 + m["gauge_bias"])
     weight = gauge * (p["mass_kg"] + p["payload_mass_kg"]) / (nominal["mass_kg"] + nominal["payload_mass_kg"])
     rolling = weight * p["rolling_resistance"] / nominal["rolling_resistance"]
-    wind_mps = np.where(env.batch.setting.shared["difficulty"][0] > 0, m["wind_mps"], 0.0)
+    wind_mps = np.where(env.batch.known.shared["difficulty"][0] > 0, m["wind_mps"], 0.0)
     wind = wind_mps * np.stack((np.cos(m["wind_from_rad"]), np.sin(m["wind_from_rad"])))
     return np.stack((gauge, rolling, weight, *wind), axis=1)
 
@@ -37,7 +37,7 @@ class Drive:
         self.options = Options(**{"mission": "OutAndBack", **options})
         self.env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(self.options))
         self.observations, _ = self.env.reset(seed=episode_seeds(3, count))
-        self.identification = Identification(settle(self.options))
+        self.identification = Identification(known_of(self.options))
         self.identification.learn(self.observations, np.ones(count, np.bool_))
         self._probes = probes
 

@@ -9,17 +9,17 @@ import pytest
 from benchmarks import learners
 from benchmarks.learners import Args, PaidAsItGoes, choices, main, missions, train_recurrent
 from homeward.agents.learning.settings import TrainingError
-from homeward.agents.shield import decode_actions
-from homeward.envs.options import Options, settle
+from homeward.envs.actions import decode_actions
+from homeward.envs.options import Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
 
 def test_there_is_every_way_to_go_on_one_stop_and_one_way_home() -> None:
-    setting = settle(Options("Survey"))
-    table = choices(setting)
+    known = known_of(Options("Survey"))
+    table = choices(known)
     assert len(np.unique(table, axis=0)) == len(table) == 27
     assert (np.bincount(table[:, 2]) == [1, 25, 1]).all()
-    assert decode_actions(setting, table[-1:]).homeward.all()
+    assert decode_actions(known, table[-1:]).homeward.all()
 
 
 def test_paid_as_it_goes_a_mission_adds_up_to_its_score_and_stranding_costs() -> None:
@@ -33,7 +33,7 @@ def test_paid_as_it_goes_a_mission_adds_up_to_its_score_and_stranding_costs() ->
         _, rewards, dones, infos = env.step(np.stack((np.full(64, 4), np.zeros(64, int), 1 + returns), axis=1))
         earned += rewards
         for i in np.flatnonzero(dones):
-            score = infos[i]["score"] * adapter.env.batch.setting.shared["per_score"][0]
+            score = infos[i]["score"] * adapter.env.batch.known.shared["per_score"][0]
             if infos[i]["home"]:
                 assert earned[i] == pytest.approx(score, abs=1e-4)
             else:

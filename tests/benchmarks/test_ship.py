@@ -11,9 +11,9 @@ from benchmarks.ship import Args, main
 from homeward.agents.learning.curve import Point, read_curve, write_curve
 from homeward.agents.learning.guide import make_guide
 from homeward.agents.learning.policy_file import PolicyFileError, load_policy, save_policy
-from homeward.envs.batch import action_space
+from homeward.envs.actions import action_space
 from homeward.envs.features import NAMES
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 
 ROW: dict[str, Any] = {
     "mission": "Survey", "difficulty": "uncertain", "variant": "recipe", "seeds": 2, "episodes": 2000,
@@ -25,7 +25,7 @@ ROW: dict[str, Any] = {
 
 def write_run(folder: Path, seed: int, score: float) -> None:
     options = Options("Survey")
-    guide = make_guide("planner", "Survey", settle(options))
+    guide = make_guide("planner", "Survey", known_of(options))
     assert guide is not None
     layers = [
         (np.full((rows, columns), float(seed), np.float32), np.zeros(rows, np.float32))

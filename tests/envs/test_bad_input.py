@@ -78,7 +78,7 @@ def test_options_that_cannot_be_used_say_what_can(maker: str, options: dict[str,
 @pytest.mark.parametrize("number", [30, 30.0, np.float32(30.0), np.float64(30.0), np.int64(30), Fraction(30)])
 def test_any_real_number_is_a_number(number: Any) -> None:
     env = HomewardEnv(decision_s=number, discount=type(number)(1))
-    shared = env.batch.setting.shared[0]
+    shared = env.batch.known.shared[0]
     assert (shared["decision_s"], shared["discount"]) == (30.0, 1.0)
     assert type(env.options.decision_s) is type(env.options.discount) is float
 

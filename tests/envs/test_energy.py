@@ -76,7 +76,7 @@ def test_a_mission_spends_what_the_kernel_says(tmp_path: Path) -> None:
     path = route_file(tmp_path, f"distance_m,grade_rad\n0,{slope_rad}\n9000,{slope_rad}\n")
     env = make("Survey", difficulty="known", action_type="continuous", route=path)
     env.reset(seed=0)
-    robot, rng = env.batch.setting.robot, np.random.default_rng(3)
+    robot, rng = env.batch.known.robot, np.random.default_rng(3)
     commands = [(rng.uniform(0.1, 1.0), rng.uniform(0.0, 100.0), mode) for mode in (GO, GO, STOP, GO, STOP, GO)]
     steps = []
     for speed_mps, sensing_hz, mode in commands:
@@ -160,7 +160,7 @@ def test_stranding_is_latched_and_costs(mission_id: str) -> None:
 def test_the_time_limit_truncates_and_is_no_end(mission_id: str) -> None:
     env = make(mission_id, robot="husky", decision_s=None)
     env.reset(seed=0)
-    limit = int(env.batch.setting.shared["max_decisions"][0])
+    limit = int(env.batch.known.shared["max_decisions"][0])
     patient = itertools.cycle([[0, 0, STOP]])
     # Standing would last until the limit in any case with a battery that never empties.
     env.batch.records["energy_j"] = env.batch.records["capacity_j"] = 1e12
@@ -177,7 +177,7 @@ def test_the_time_limit_truncates_and_is_no_end(mission_id: str) -> None:
 def test_a_mission_is_at_most_a_few_hundred_decisions(mission_id: str, robot: str) -> None:
     env = HomewardEnv(mission=mission_id, robot=robot, difficulty="uncertain")
     env.reset(seed=0)
-    assert 100 <= env.batch.setting.shared["max_decisions"][0] <= 600
+    assert 100 <= env.batch.known.shared["max_decisions"][0] <= 600
     half = int(0.35 * 200)
     far = list(drive(env, [[4, 1, GO]] * half))
     back = list(drive(env, [[4, 1, RETURN]] * 600))

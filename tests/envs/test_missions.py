@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from homeward.envs.missions import DRIVING_LINK
 from homeward.envs.scalar import HomewardEnv
+from homeward.envs.sensing import DRIVING_LINK
 from homeward.envs.state import GO, RETURN, STOP
 from tests.envs.rollouts import drive, feature, make, mission, route_file
 
@@ -33,7 +33,7 @@ class TestOutAndBack:
         assert [step.info["score"] for step in out] == pytest.approx([100.0, 200.0, 300.0, 400.0, 400.0, 400.0])
         *_, last = drive(env, itertools.repeat([4, 0, GO], 5))
         assert last.info["home"] and last.info["position_m"] == 0.0 and last.info["score"] == pytest.approx(400.0)
-        scale = float(env.batch.setting.shared["score_scale"][0])
+        scale = float(env.batch.known.shared["score_scale"][0])
         assert last.reward == pytest.approx(400.0 / scale)
 
     def test_a_stranded_robot_scores_nothing(self) -> None:
@@ -67,7 +67,7 @@ class TestSurvey:
         """Interest n / (n + n_half) of each metre, whatever the decisions and places that the way is cut into."""
         for decision_s, speed, sensing in itertools.product((7.0, 60.0), (1, 2, 4), (1, 2, 4)):
             env = survey(tmp_path, decision_s=decision_s, robot="rusti")
-            shared, m = env.batch.setting.shared[0], mission(env)
+            shared, m = env.batch.known.shared[0], mission(env)
             shared["backlog_limit"] = 1e12
             *_, last = drive(env, [[speed, sensing, GO]] * round(420.0 / decision_s))
             per_m = 25.0 * sensing / (0.1 + 0.9 * speed / 4)
@@ -91,7 +91,7 @@ class TestSurvey:
 
     def test_what_the_memory_cannot_hold_is_lost(self, tmp_path: Path) -> None:
         env = survey(tmp_path, decision_s=60.0)
-        shared, m = env.batch.setting.shared[0], mission(env)
+        shared, m = env.batch.known.shared[0], mission(env)
         kept = []
         for _ in range(30):
             observation, *_, info = env.step([1, 4, GO])
@@ -116,7 +116,7 @@ class TestSurvey:
         m = mission(env)
         m["position_m"], m["place"], m["backlog"], m["backlog_information"] = distance_m, 0, 5e4, 100.0
         env.batch.records["place"] = env.batch.records["mapped"] = 0
-        place_m = float(env.batch.setting.shared["place_m"][0])
+        place_m = float(env.batch.known.shared["place_m"][0])
         env.batch.records["place"] = int(distance_m // place_m)
         env.batch.records["mapped"] = int(distance_m // place_m) + 1
         before = float(env.batch.records["backlog"][0])
@@ -128,7 +128,7 @@ class TestSurvey:
 
     def test_the_radio_is_slower_far_away_and_while_driving(self, tmp_path: Path) -> None:
         env = survey(tmp_path)
-        shared = env.batch.setting.shared[0]
+        shared = env.batch.known.shared[0]
         radio_hz, link_m = float(shared["radio_hz"]), float(shared["link_m"])
         for distance_m in (0.0, link_m, 3.0 * link_m):
             standing = self.sent(tmp_path, distance_m, STOP)
@@ -146,7 +146,7 @@ class TestSurvey:
         assert m["delivered"] + m["backlog_information"] == pytest.approx(before)
         *_, last = drive(env, itertools.repeat([4, 0, RETURN], 60))
         assert last.info["home"] and last.info["score"] == pytest.approx(before)
-        assert last.reward == pytest.approx(before / float(env.batch.setting.shared["score_scale"][0]))
+        assert last.reward == pytest.approx(before / float(env.batch.known.shared["score_scale"][0]))
 
     def test_hot_spots_are_worth_more(self, tmp_path: Path) -> None:
         scores = []
@@ -167,7 +167,7 @@ class TestPatrol:
     def test_posts_are_served_in_turns_with_pit_stops(self) -> None:
         """At top speed a leg takes 4 decisions and a pit stop 2."""
         env = self.patrol()
-        shared = env.batch.setting.shared[0]
+        shared = env.batch.known.shared[0]
         length_m = float(shared["length_m"])
         assert (length_m, float(shared["pit_stop_s"])) == pytest.approx((120.0, 60.0))
         steps = list(drive(env, [[4, 0, GO]] * 18))
@@ -202,7 +202,7 @@ class TestPatrol:
         env = self.patrol()
         *_, last = drive(env, [[4, 0, GO]] * 16 + [[4, 0, RETURN]] * 8)
         assert last.info["home"] and last.info["score"] == 2.0
-        assert last.reward == pytest.approx(2.0 / float(env.batch.setting.shared["score_scale"][0]))
+        assert last.reward == pytest.approx(2.0 / float(env.batch.known.shared["score_scale"][0]))
 
     def test_a_leg_that_is_broken_off_does_not_count(self) -> None:
         env = self.patrol()
@@ -228,5 +228,5 @@ class TestPatrol:
         """The paper's box is far shorter than what a robot drives between two decisions."""
         env = self.patrol(route="box", robot="rusti")
         *_, last = drive(env, [[4, 0, GO]])
-        leg_s = 0.38 + float(env.batch.setting.shared["pit_stop_s"][0])
+        leg_s = 0.38 + float(env.batch.known.shared["pit_stop_s"][0])
         assert last.info["score"] == pytest.approx(0.5 * int((30.0 + leg_s - 0.38) / leg_s))

@@ -137,7 +137,7 @@ def test_features_are_what_they_are_called(tmp_path: Path) -> None:
     path = route_file(tmp_path, HILLS)
     env = make("Survey", difficulty="known", route=path, decision_s=100.0)
     first, _ = env.reset(seed=0)
-    shared, m = env.batch.setting.shared[0], mission(env)
+    shared, m = env.batch.known.shared[0], mission(env)
     zero = "distance home_cost consumption modelled returning speed sensing backlog score time pit_stop"
     assert {name: feature(first, name) for name in zero.split()} == dict.fromkeys(zero.split(), 0.0)
     assert (
@@ -156,7 +156,7 @@ def test_features_are_what_they_are_called(tmp_path: Path) -> None:
         "energy": m["energy_j"] / shared["usable_j"],
         "distance": position_m / shared["reach_m"],
         "margin": seen["energy"] - seen["home_cost"],
-        "speed": 0.55 / env.batch.setting.robot.max_speed_mps,
+        "speed": 0.55 / env.batch.known.robot.max_speed_mps,
         "sensing": 0.75,
         "grade": 10.0 * place["sin_grade"],
         "interest": 0.5 * place["interest"],

@@ -19,7 +19,7 @@ from tests.envs.rollouts import MISSIONS, drive, feature, make, mission, random_
 def test_shaped_rewards_telescope(mission_id: str, difficulty: str, discount: float) -> None:
     """Discounted, they sum to the discounted final score less the potential of the start, whatever is done."""
     env = make(mission_id, difficulty=difficulty, discount=discount)
-    scale = float(env.batch.setting.shared["score_scale"][0])
+    scale = float(env.batch.known.shared["score_scale"][0])
     rng, ends = np.random.default_rng(5), set()
     for seed, home in itertools.product(range(6), (0.0, 0.15)):
         env.reset(seed=seed)
@@ -44,7 +44,7 @@ def test_shaped_rewards_telescope(mission_id: str, difficulty: str, discount: fl
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_without_shaping_the_score_is_paid_at_home_and_nothing_else(mission_id: str, action_type: str) -> None:
     env = make(mission_id, shaping="none", action_type=action_type)
-    scale = float(env.batch.setting.shared["score_scale"][0])
+    scale = float(env.batch.known.shared["score_scale"][0])
     rng, home = np.random.default_rng(5), 0
     for seed in range(10):
         env.reset(seed=seed)

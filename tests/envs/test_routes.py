@@ -27,7 +27,7 @@ def days() -> Any:
     """Records, places used and length of many generated missions, at the difficulty where the wind blows."""
     envs = HomewardVectorEnv(MANY, mission="Survey", difficulty="uncertain")
     envs.reset(seed=0)
-    shared = envs.batch.setting.shared[0]
+    shared = envs.batch.known.shared[0]
     return envs.batch.records, envs.batch.routes["places"][:, : shared["places"]], float(shared["length_m"])
 
 
@@ -109,7 +109,7 @@ def test_any_robot_meets_the_same_variety() -> None:
 def test_hidden_wind_helps_on_the_way_out_and_hurts_on_the_way_home() -> None:
     envs = HomewardVectorEnv(60, mission="OutAndBack", route="hidden_wind", difficulty="uncertain")
     envs.reset(seed=0)
-    records, places = envs.batch.records, envs.batch.routes["places"][:, : envs.batch.setting.shared["places"][0]]
+    records, places = envs.batch.records, envs.batch.routes["places"][:, : envs.batch.known.shared["places"][0]]
     assert ((records["wind_mps"] >= 3.0) & (records["wind_mps"] <= 6.0)).all()
     against = np.cos(records["wind_from_rad"][:, None] - np.arctan2(places["north"], places["east"]))
     assert (against.mean(axis=1) < 0.0).all() and against.mean() < -0.5
@@ -303,7 +303,7 @@ def flat(count: int, **changes: Any) -> Route:
 
 def test_a_route_may_be_made_of_lists() -> None:
     route = Route(5.0, [0.0, 0.1], [0.0, 0.0], [1, 2], [0.0, 0.5])  # type: ignore[arg-type]
-    assert HomewardEnv(route=route).batch.setting.shared["information_per_m"][0] == pytest.approx(1.0)
+    assert HomewardEnv(route=route).batch.known.shared["information_per_m"][0] == pytest.approx(1.0)
 
 
 def test_a_route_made_in_python_is_taken_as_it_is() -> None:
@@ -366,7 +366,7 @@ def test_patrols_on_the_papers_trajectories_draw_what_the_model_says(
     assert drive_j == pytest.approx(force_n * m["distance_m"] / rusti.traction_efficiency, rel=2.0 / m["legs"])
     assert ledger.total() - drive_j == pytest.approx(float(ancillary_power(rusti, 100.0)) * m["time_s"], rel=1e-9)
     duty = m["distance_m"] / speed_mps / m["time_s"]
-    pit_stop_s = float(env.batch.setting.shared["pit_stop_s"][0])
+    pit_stop_s = float(env.batch.known.shared["pit_stop_s"][0])
     leg_s = length_m / speed_mps
     assert duty == pytest.approx(leg_s / (leg_s + pit_stop_s), rel=2.0 / m["legs"])
 

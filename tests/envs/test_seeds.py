@@ -86,17 +86,17 @@ def test_the_stream_is_numpys(difficulty: str, route: str) -> None:
     for name in ("rolling_resistance", "payload_mass_kg", "wind_exposure", "surface_gain", "effects"):
         assert batch.robots[name][0] == pytest.approx(float(p[name]), rel=1e-12)
     for name in GROUND:
-        used = slice(int(batch.setting.shared["places"][0]))
+        used = slice(int(batch.known.shared["places"][0]))
         np.testing.assert_allclose(batch.routes["places"][name][0, used], places[name][used], rtol=1e-5, atol=1e-7)
     assert env.np_random.bit_generator.state == rng.bit_generator.state
 
 
 def by_python(env: Any, seed: int) -> tuple[Any, Any, Any, np.random.Generator]:
-    setting, rng = env.batch.setting, np.random.default_rng(seed)
+    known, rng = env.batch.known, np.random.default_rng(seed)
     m, route = np.recarray(1, MISSION_DTYPE)[0], np.recarray(1, ROUTE_DTYPE)[0]
-    nominal, p = (setting.robot.record().view(np.recarray)[0] for _ in range(2))
+    nominal, p = (known.robot.record().view(np.recarray)[0] for _ in range(2))
     assert nominal.dtype == ROBOT_DTYPE and route.places.dtype == PLACE_DTYPE
-    shared = setting.shared.copy().view(np.recarray)[0]
+    shared = known.shared.copy().view(np.recarray)[0]
     assert shared.dtype == SHARED_DTYPE
     difficulties.draw(rng, p, nominal, m, shared)
     generate(rng, route, m, int(shared.places), float(shared.length_m), bool(shared.hidden_wind))

@@ -173,7 +173,7 @@ def test_a_track_is_a_route_of_an_environment(tmp_path: Path) -> None:
     path = write_gpx(tmp_path / "hill.gpx", distance, 20.0 * np.sin(distance / 500.0))
     env = gym.make("homeward/Survey-v0", route=str(path))
     env.reset(seed=0)
-    assert env.unwrapped.batch.setting.shared["length_m"][0] == pytest.approx(distance[-1], rel=0.01)  # type: ignore[attr-defined]
+    assert env.unwrapped.batch.known.shared["length_m"][0] == pytest.approx(distance[-1], rel=0.01)  # type: ignore[attr-defined]
     args = evaluate.Args(agents=("soc50",), episodes=2, route=str(path), out=tmp_path / "out")
     assert str(evaluate.main(args).options.route) == str(path)
 

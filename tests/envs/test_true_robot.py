@@ -71,7 +71,7 @@ def test_its_gauge_shows_a_share_of_what_it_believes_in() -> None:
     observation, _ = env.reset(seed=0)
     assert observation[0] == 1.0
     assert mission(env)["capacity_j"] == pytest.approx(TRUE.usable_energy_j)
-    assert env.batch.setting.robot is BELIEVED
+    assert env.batch.known.robot is BELIEVED
 
 
 @pytest.mark.parametrize("difficulty", ["known", "uncertain"])
@@ -103,9 +103,9 @@ def test_robots_scaled_for_one_meet_the_same_routes_and_limits(mission_id: str) 
     for name in ("sin_grade", "roughness", "curvature_per_m", "interest"):
         np.testing.assert_array_equal(nominal.routes["places"][name], other.routes["places"][name])
     for name in SCALES:
-        assert nominal.setting.shared[name] == other.setting.shared[name], name
-    assert other.setting.shared["usable_j"] == pytest.approx(TRUE.usable_energy_j)
-    assert other.setting.shared["energy_per_m"] > nominal.setting.shared["energy_per_m"]
+        assert nominal.known.shared[name] == other.known.shared[name], name
+    assert other.known.shared["usable_j"] == pytest.approx(TRUE.usable_energy_j)
+    assert other.known.shared["energy_per_m"] > nominal.known.shared["energy_per_m"]
 
 
 @pytest.mark.parametrize("option", ["true_robot", "scaled_for"])

@@ -218,7 +218,7 @@ def drive(env: HomewardEnv, past_m: float) -> tuple[Scene, Scene]:
     Returns:
         The scene at the turn and that of the end.
     """
-    step_m = float(env.batch.setting.shared["decision_s"][0] * env.batch.setting.shared["cruise_mps"][0])
+    step_m = float(env.batch.known.shared["decision_s"][0] * env.batch.known.shared["cruise_mps"][0])
     while True:
         limit_m = seen(env).no_return_m
         if limit_m is not None and seen(env).position_m + step_m > limit_m + past_m:

@@ -12,7 +12,7 @@ from homeward.agents.base import Observations
 from homeward.agents.evaluation import TRACED, episode_seeds, run_episodes
 from homeward.agents.evaluation import episodes as evaluation_episodes
 from homeward.envs.actions import encode_actions
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 from homeward.envs.state import GO, STOP
 from tests.agents.evaluation.runs import SURVEY, compared, policy
 
@@ -22,7 +22,7 @@ class Always(Policy):
     """Commands one mode at top speed, whatever it sees."""
 
     def __init__(self, mode: int) -> None:
-        self.action = encode_actions(settle(SURVEY), [1.0], 0.0, mode)
+        self.action = encode_actions(known_of(SURVEY), [1.0], 0.0, mode)
         self.begun: list[int] = []
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:

@@ -22,7 +22,7 @@ def test_outcomes_do_not_depend_on_where_they_run(monkeypatch: pytest.MonkeyPatc
     options, seeds = Options("OutAndBack"), episode_seeds(3, 40)
     env = HomewardVectorEnv(**vars(options))
     agents = {name: [make_policy(name, env, seed=1)] for name in ("random", "dmax_adaptive")}
-    agents["shielded"] = [Shield(make_policy("dmax", env), env.batch.setting)]
+    agents["shielded"] = [Shield(make_policy("dmax", env), env.batch.known)]
     alone, together = (run_agents(agents, options, seeds, jobs=jobs) for jobs in (1, 2))
     straight = run_episodes(make_policy("dmax_adaptive", env), options, seeds)
     for name in agents:
@@ -60,11 +60,11 @@ def test_options_take_along_what_is_in_files(route: str, tmp_path: Path, monkeyp
     hill.write_text("distance_m,elevation_m,interest,wind_mps\n0,0,1,3\n700,31,2,3\n1500,7,1,3\n")
     mine, true, scale = files
     options = Options("Survey", robot=mine, route=route, true_robot=true, scaled_for=scale)
-    there = HomewardVectorEnv(**vars(options)).batch.setting
+    there = HomewardVectorEnv(**vars(options)).batch.known
     carried = self_contained(options)
     for file in (hill, *files):
         file.unlink()
-    elsewhere = HomewardVectorEnv(**vars(carried)).batch.setting
+    elsewhere = HomewardVectorEnv(**vars(carried)).batch.known
     assert (elsewhere.robot, elsewhere.true_robot) == (there.robot, there.true_robot)
     for one, other in ((there.shared, elsewhere.shared), (there.fixed, elsewhere.fixed), (there.day, elsewhere.day)):
         assert one.tobytes() == other.tobytes()

@@ -14,14 +14,14 @@ from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import PPOSettings
 from homeward.agents.registry import AGENTS, Request
 from homeward.envs.features import NAMES
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
 SETTINGS = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16)
 
 
 def guide_of(options: Options, name: str = "planner") -> Guide:
-    guide = make_guide(name, options.mission, settle(options))
+    guide = make_guide(name, options.mission, known_of(options))
     assert guide is not None
     return guide
 
@@ -36,7 +36,7 @@ def test_the_first_policy_drives_as_its_guide(name: str, mission: str, action_ty
         head = model.policy.action_net
         assert isinstance(head, torch.nn.Linear)
         head.weight[:, : SETTINGS.hidden] = 0.0  # all but the proposal
-    guide = AGENTS[name](Request(options, settle(options), None, 0))
+    guide = AGENTS[name](Request(known_of(options), None, 0))
     seeds = episode_seeds(0, 50)
     ours = run_episodes(deployed(model, guide_of(options, name)), options, seeds).episodes
     theirs = run_episodes(guide, options, seeds).episodes
@@ -78,7 +78,7 @@ def test_inputs_are_bounded_and_begin_with_the_observation() -> None:
 def test_a_guide_comes_back_from_its_description(name: str) -> None:
     options = Options("Survey")
     guide = guide_of(options, name)
-    again = guide_from(guide.description, settle(options))
+    again = guide_from(guide.description, known_of(options))
     for one, other in zip(drive(options, guide, 1), drive(options, again, 1), strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -25,8 +25,8 @@ def adapter(insight: bool) -> SB3Adapter:
 
 def seen(batch: Any, i: int) -> list[float]:
     """What the critic is to see of a mission, place by place."""
-    m, p, robot = batch.records[i], batch.robots[i], batch.setting.robot
-    usable_j, places = float(batch.setting.shared["usable_j"][0]), int(batch.setting.shared["places"][0])
+    m, p, robot = batch.records[i], batch.robots[i], batch.known.robot
+    usable_j, places = float(batch.known.shared["usable_j"][0]), int(batch.known.shared["places"][0])
     route = batch.routes[i]["places"][:places]
     headwind_mps = m["wind_mps"] * np.cos(m["wind_from_rad"] - np.arctan2(route["north"], route["east"]))
     columns = [

@@ -17,10 +17,12 @@ from homeward.agents.learning.onnx_export import Args, ExportError, check_equal,
 from homeward.agents.learning.onnx_graph import INPUT, OUTPUTS, quantities, to_onnx  # noqa: E402
 from homeward.agents.learning.policy_file import NetworkPolicy, load_policy, save_policy  # noqa: E402
 from homeward.agents.learning.provenance import robot_hash  # noqa: E402
-from homeward.envs.actions import encode_actions  # noqa: E402
-from homeward.envs.batch import action_space  # noqa: E402
+from homeward.envs.actions import (
+    action_space,
+    encode_actions,
+)
 from homeward.envs.features import INDEX, NAMES  # noqa: E402
-from homeward.envs.options import Options, settle  # noqa: E402
+from homeward.envs.options import Options, known_of  # noqa: E402
 from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
 
 
@@ -47,9 +49,9 @@ def open_session(content: bytes) -> Any:
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 def test_commands_are_those_of_the_original(action_type: str, tmp_path: Path) -> None:
     policy = save_drawn_policy(tmp_path, action_type)
-    options, setting = setting_of(policy)
-    session = open_session(to_onnx(policy, options, setting).SerializeToString())
-    size, zero = np.array([(one.size, one.zero) for one in quantities(setting)]).T
+    options, known = setting_of(policy)
+    session = open_session(to_onnx(policy, options, known).SerializeToString())
+    size, zero = np.array([(one.size, one.zero) for one in quantities(known)]).T
     env = HomewardVectorEnv(64, **vars(options))
     observations, _ = env.reset(seed=0)
     modes = set()
@@ -57,7 +59,7 @@ def test_commands_are_those_of_the_original(action_type: str, tmp_path: Path) ->
         actions = policy.act(observations, np.ones(64, np.bool_))
         physical = (observations * size + zero).astype(np.float32)
         commands = dict(zip(OUTPUTS, session.run(list(OUTPUTS), {INPUT: physical}), strict=True))
-        encoded = encode_actions(setting, **commands)
+        encoded = encode_actions(known, **commands)
         if action_type == "discrete":
             np.testing.assert_array_equal(encoded, actions)
         else:
@@ -70,8 +72,8 @@ def test_commands_are_those_of_the_original(action_type: str, tmp_path: Path) ->
 
 def test_columns_are_the_physical_quantities(tmp_path: Path) -> None:
     policy = save_drawn_policy(tmp_path)
-    options, setting = setting_of(policy)
-    size, zero = np.array([(one.size, one.zero) for one in quantities(setting)]).T
+    options, known = setting_of(policy)
+    size, zero = np.array([(one.size, one.zero) for one in quantities(known)]).T
     env = HomewardVectorEnv(32, **vars(options) | {"difficulty": "known"})
     observations, _ = env.reset(seed=0)
     for _ in range(60):
@@ -103,7 +105,7 @@ def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, capsys: p
     assert [one["name"] for one in json.loads(told["inputs"])[INPUT]] == list(NAMES)
     assert list(json.loads(told["outputs"])) == list(OUTPUTS)
     assert (told["env"], told["robot"]) == ("homeward/Survey-v0", "husky")
-    assert float(told["decision_s"]) == settle(Options("Survey", robot="husky")).shared["decision_s"][0]
+    assert float(told["decision_s"]) == known_of(Options("Survey", robot="husky")).shared["decision_s"][0]
     printed = capsys.readouterr().out
     assert all(name in printed for name in (*NAMES, *OUTPUTS))
 
@@ -111,16 +113,16 @@ def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, capsys: p
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 def test_a_file_that_decides_otherwise_is_refused(action_type: str, tmp_path: Path) -> None:
     policy = save_drawn_policy(tmp_path, action_type)
-    options, setting = setting_of(policy)
-    check_equal(to_onnx(policy, options, setting).SerializeToString(), policy, setting)
+    options, known = setting_of(policy)
+    check_equal(to_onnx(policy, options, known).SerializeToString(), policy, known)
     weight, bias = policy.layers[-1]
     other = NetworkPolicy((*policy.layers[:-1], (weight[::-1], bias)), policy.action_space, policy.description)
     with pytest.raises(ExportError, match=r"onnxruntime commands another \w+ than the policy in \d+ of 2000"):
-        check_equal(to_onnx(other, options, setting).SerializeToString(), policy, setting)
+        check_equal(to_onnx(other, options, known).SerializeToString(), policy, known)
 
 
 def test_another_robot_than_the_trained_one_is_refused(tmp_path: Path) -> None:
-    hashed = robot_hash(settle(Options("Survey", robot="jackal")))
+    hashed = robot_hash(known_of(Options("Survey", robot="jackal")))
     policy = save_drawn_policy(tmp_path, made_with={"robot": hashed})
     with pytest.raises(ExportError, match=r"robot 'husky' has other numbers .* give that one's file with --robot"):
         setting_of(policy)

@@ -20,7 +20,7 @@ from homeward.agents import AgentError, make_policy
 from homeward.agents.learning.guide import BELIEFS, make_guide
 from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, Layer, PolicyFileError, load_policy, save_policy
 from homeward.envs.features import NAMES
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 
 DISCRETE = spaces.MultiDiscrete([5, 5, 3])
 CONTINUOUS = spaces.Box(-1.0, 1.0, (3,), np.float32)
@@ -66,12 +66,12 @@ def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: s
     options = Options("Survey", action_type=action_type)
     model = make_model(options, settings, seed=0)
     model.learn(settings.rollout)
-    setting = settle(options)
-    save_policy(tmp_path, layers_of(model), model.action_space, {}, make_guide(guide, "Survey", setting))
-    policy = load_policy(tmp_path, setting)
+    known = known_of(options)
+    save_policy(tmp_path, layers_of(model), model.action_space, {}, make_guide(guide, "Survey", known))
+    policy = load_policy(tmp_path, known)
     rng, begun = np.random.default_rng(0), np.ones(500, np.bool_)
     observations = rng.uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
-    twin = make_guide(guide, "Survey", setting)
+    twin = make_guide(guide, "Survey", known)
     inputs = observations if twin is None else twin.inputs(observations, begun)
     insight = rng.uniform(-1.0, 1.0, (500, Insight.columns)).astype(np.float32)  # for the critic alone
     expected, _ = model.predict(np.concatenate((insight, inputs), axis=1), deterministic=True)
@@ -201,7 +201,7 @@ def test_foreign_weights_are_refused(folder: Path, weights: bytes, message: str)
 
 @pytest.fixture
 def guided(tmp_path: Path) -> Path:
-    guide = make_guide("dmax_adaptive", "Survey", settle(Options("Survey")))
+    guide = make_guide("dmax_adaptive", "Survey", known_of(Options("Survey")))
     assert guide is not None
     layers = [*draw_layers(len(NAMES) + guide.extra, 8), *draw_layers(8 + guide.proposals, 13)]
     save_policy(tmp_path, layers, DISCRETE, {}, guide)
@@ -210,7 +210,7 @@ def guided(tmp_path: Path) -> Path:
 
 def test_a_guided_policy_acts_only_with_a_setting(guided: Path) -> None:
     observations, begun = np.zeros((2, len(NAMES)), np.float32), np.ones(2, np.bool_)
-    assert load_policy(guided, settle(Options("Survey"))).act(observations, begun).shape == (2, 3)
+    assert load_policy(guided, known_of(Options("Survey"))).act(observations, begun).shape == (2, 3)
     with pytest.raises(PolicyFileError, match="load it with an environment's setting"):
         load_policy(guided).act(observations, begun)
 
@@ -228,4 +228,4 @@ def test_a_guided_policy_acts_only_with_a_setting(guided: Path) -> None:
 def test_a_foreign_guide_is_refused(guided: Path, guide: Any, message: str) -> None:
     rewrite(guided, guide=guide)
     with pytest.raises(PolicyFileError, match=message):
-        load_policy(guided, settle(Options("Survey")))
+        load_policy(guided, known_of(Options("Survey")))

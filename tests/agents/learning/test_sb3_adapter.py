@@ -139,7 +139,7 @@ def test_relived_missions_go_on_as_if_nothing_had_been(mission: str, action_type
         env = HomewardVectorEnv(
             COUNT, mission=mission, action_type=action_type, autoreset_mode="SameStep", decision_s=DECISION_S
         )
-        return SB3Adapter(env, 0.5, make_guide(guide, mission, env.batch.setting), late_is_lost=True, insight=True)
+        return SB3Adapter(env, 0.5, make_guide(guide, mission, env.batch.known), late_is_lost=True, insight=True)
 
     first, second = make(), make()
     first.seed(5)

@@ -125,7 +125,7 @@ def test_the_bound_holds_at_any_prices(mission: str, joule: float, second: float
 @given(joule=st.floats(1e-9, 1.0), second=st.floats(0.0, 1.0))
 def test_a_patrol_s_bound_holds_at_any_prices(joule: float, second: float) -> None:
     rates = _measured("Patrol")
-    pit_stop_s = float(HomewardVectorEnv(mission="Patrol").batch.setting.shared["pit_stop_s"][0])
+    pit_stop_s = float(HomewardVectorEnv(mission="Patrol").batch.known.shared["pit_stop_s"][0])
     assert patrol_bound(rates, pit_stop_s, Prices(joule, second, np.zeros(0))) >= _lower("Patrol")
 
 

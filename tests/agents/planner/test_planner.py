@@ -16,7 +16,7 @@ from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
 from homeward.envs.features import INDEX, NAMES
-from homeward.envs.options import MISSIONS, Options, settle
+from homeward.envs.options import MISSIONS, Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -32,7 +32,7 @@ def observed(**features: float) -> Observations:
 
 def command(**features: float) -> NDArray[Any]:
     """Action of a fresh planner."""
-    planner = Planner(settle(Options("Survey")), 2.0)
+    planner = Planner(known_of(Options("Survey")), 2.0)
     return np.asarray(planner.act(observed(**features), np.ones(1, np.bool_))[0])
 
 
@@ -67,32 +67,32 @@ def test_it_turns_back_with_the_energy_for_the_way_home_and_senses_no_more() -> 
 @pytest.mark.parametrize("robot", ["rusti_computer", "husky"])
 def test_on_patrol_it_ends_with_less_than_a_lap_to_spare(robot: str) -> None:
     options = Options("Patrol", robot=robot)
-    episodes = run_episodes(Planner(settle(options), 1.75), options, range(64)).episodes
+    episodes = run_episodes(Planner(known_of(options), 1.75), options, range(64)).episodes
     assert episodes.home.all()
-    full_j = settle(options).shared["usable_j"][0]
+    full_j = known_of(options).shared["usable_j"][0]
     a_lap_j = full_j / episodes.score.min()
     assert (episodes.energy_left_j < 1.1 * a_lap_j).all()
-    rule = run_episodes(AdaptiveDmaxRule(settle(options), NO_SENSING, 0.0), options, range(64)).episodes
+    rule = run_episodes(AdaptiveDmaxRule(known_of(options), NO_SENSING, 0.0), options, range(64)).episodes
     assert (episodes.score >= rule.score).all()
     assert episodes.score.sum() > rule.score.sum()
 
 
 def test_on_patrol_the_last_lap_has_no_pit_stop_at_the_far_post() -> None:
     options = Options("Patrol")
-    planner, env = Planner(settle(options), 2.0), HomewardVectorEnv(1, autoreset_mode="Disabled", **vars(options))
+    planner, env = Planner(known_of(options), 2.0), HomewardVectorEnv(1, autoreset_mode="Disabled", **vars(options))
     observations, _ = env.reset(seed=0)
     action, begun = planner.act(observations, np.ones(1, np.bool_)), np.zeros(1, np.bool_)
     while action[0, 2] != RETURN:
         observations, *_ = env.step(action)
         action = planner.act(observations, begun)
-    distance_m = observations[0, INDEX["distance"]] * settle(options).shared["reach_m"][0]
-    assert distance_m == pytest.approx(settle(options).shared["length_m"][0])
+    distance_m = observations[0, INDEX["distance"]] * known_of(options).shared["reach_m"][0]
+    assert distance_m == pytest.approx(known_of(options).shared["length_m"][0])
     assert observations[0, INDEX["pit_stop"]] > 0.0
 
 
 def test_a_patrol_that_passes_its_posts_unseen_still_comes_home() -> None:
     options = Options("Patrol", decision_s=90.0)
-    episodes = run_episodes(Planner(settle(options), 2.0), options, range(16)).episodes
+    episodes = run_episodes(Planner(known_of(options), 2.0), options, range(16)).episodes
     assert episodes.home.all()
 
 

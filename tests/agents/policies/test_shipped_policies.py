@@ -31,7 +31,7 @@ def test_what_ships_loads_without_a_warning(mission: str) -> None:
     env = HomewardVectorEnv(mission=mission)
     policy = make_policy("ppo", env)
     assert isinstance(policy, NetworkPolicy)
-    assert not differences(policy.description, IDS[mission], env.batch.options, env.batch.setting)
+    assert not differences(policy.description, IDS[mission], env.batch.options, env.batch.known)
     assert {"command", "versions", "training"} <= set(policy.description)
     assert len(read_curve(SHIPPED / mission)) > 5
 

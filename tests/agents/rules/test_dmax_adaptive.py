@@ -11,7 +11,7 @@ from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import Pace
 from homeward.envs.features import INDEX
-from homeward.envs.options import Options, settle
+from homeward.envs.options import Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import ancillary_power
 from tests.agents.rules.shown import FIRST, episodes, observed
@@ -22,8 +22,8 @@ def drive(rule: AdaptiveDmaxRule, ratios: NDArray[np.float64], sensing: NDArray[
 
     Sensing, where it is on, takes what the file says times 1.1; the rest of the modelled energy takes its ratio.
     """
-    setting = settle(Options("Survey"))
-    s, robot = setting.shared[0], setting.robot
+    known = known_of(Options("Survey"))
+    s, robot = known.shared[0], known.robot
     used, modelled = 0.0, 0.0
     spare: Any = rule.spare(observed(), FIRST)
     for ratio, rate in zip(ratios, sensing, strict=True):
@@ -40,7 +40,7 @@ def drive(rule: AdaptiveDmaxRule, ratios: NDArray[np.float64], sensing: NDArray[
 
 
 def adaptive(deviations: float) -> AdaptiveDmaxRule:
-    return AdaptiveDmaxRule(settle(Options("Survey")), Pace(1.0, 0.0, 0.9), deviations)
+    return AdaptiveDmaxRule(known_of(Options("Survey")), Pace(1.0, 0.0, 0.9), deviations)
 
 
 @pytest.mark.parametrize("ratio", [0.8, 1.0, 1.5])

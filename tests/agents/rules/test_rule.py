@@ -7,7 +7,7 @@ from homeward.agents import make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.planner import Planner
 from homeward.agents.rules.rule import TurnBackRule
-from homeward.agents.shield import decode_actions
+from homeward.envs.actions import decode_actions
 from homeward.envs.features import INDEX
 from homeward.envs.options import MISSIONS, Options
 from homeward.envs.state import GO, RETURN
@@ -19,7 +19,7 @@ from tests.agents.rules.shown import FIRST, RULES, episodes, mode, observed
 @pytest.mark.parametrize("mission", ["OutAndBack", "Survey"])
 def test_rules_turn_back_at_the_far_end_and_when_time_runs_out(name: str, mission: str) -> None:
     env = HomewardVectorEnv(mission=mission)
-    s = env.batch.setting.shared[0]
+    s = env.batch.known.shared[0]
     end = float(s["length_m"] / s["reach_m"])
     assert mode(make_policy(name, env), observed(margin=1.0, distance=0.5 * end)) == GO
     assert mode(make_policy(name, env), observed(margin=1.0, distance=end)) == RETURN
@@ -47,7 +47,7 @@ def test_it_heads_home_where_its_rule_turns(name: str, action_type: str) -> None
     assert isinstance(rule, TurnBackRule)
     turns = rule.turns(shown, np.ones(4, np.bool_))
     assert turns.tolist() == [False, False, True, True]
-    commands = decode_actions(env.batch.setting, policies[1].act(shown, np.ones(4, np.bool_)))
+    commands = decode_actions(env.batch.known, policies[1].act(shown, np.ones(4, np.bool_)))
     np.testing.assert_array_equal(commands.homeward, turns)
 
 

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from homeward.agents import Policy
 from homeward.agents.base import Observations
-from homeward.envs.actions import encode_actions
-from homeward.envs.kernel import LEVELS
-from homeward.envs.options import Setting
+from homeward.envs.actions import LEVELS, encode_actions
+from homeward.envs.options import Known
 from homeward.envs.state import GO, STOP
 
 
@@ -19,8 +18,8 @@ from homeward.envs.state import GO, STOP
 class Onward(Policy):
     """Drives on at cruise and senses nothing: only the shield turns it back, at the last moment that it allows."""
 
-    def __init__(self, setting: Setting) -> None:
-        self._action = encode_actions(setting, setting.shared["cruise_mps"][0], 0.0, GO)
+    def __init__(self, known: Known) -> None:
+        self._action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, GO)
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
@@ -31,13 +30,13 @@ class Onward(Policy):
 class Wanderer(Policy):
     """Draws speed, sensing rate and, in a tenth of decisions, a stop; it never turns back."""
 
-    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
-        self._setting, self._rng = setting, rng
+    def __init__(self, known: Known, rng: np.random.Generator) -> None:
+        self._known, self._rng = known, rng
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
-        s, count = self._setting.shared[0], len(observations)
+        s, count = self._known.shared[0], len(observations)
         speed, sensing = self._rng.integers(0, LEVELS, (2, count)) / (LEVELS - 1)
         speed_mps = s["min_speed_mps"] + speed * (s["max_speed_mps"] - s["min_speed_mps"])
         mode = np.where(self._rng.random(count) < 0.1, STOP, GO)
-        return encode_actions(self._setting, speed_mps, sensing * s["max_sensing_hz"], mode)
+        return encode_actions(self._known, speed_mps, sensing * s["max_sensing_hz"], mode)

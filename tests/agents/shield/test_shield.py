@@ -5,24 +5,24 @@ import pytest
 
 from homeward.agents import Policy, make_policy
 from homeward.agents.evaluation import Run, episode_seeds, run_episodes
-from homeward.agents.shield import Shield, decode_actions
-from homeward.envs.actions import encode_actions
-from homeward.envs.options import MISSIONS, Options, settle
+from homeward.agents.shield import Shield
+from homeward.envs.actions import decode_actions, encode_actions
+from homeward.envs.options import MISSIONS, Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.shield.reckless import Onward, Wanderer
 
 
 def shielded(policy: Policy, options: Options, count: int) -> Run:
-    return run_episodes(Shield(policy, settle(options)), options, episode_seeds(2, count))
+    return run_episodes(Shield(policy, known_of(options)), options, episode_seeds(2, count))
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_who_wanders_for_ever_comes_home(mission: str, action_type: str) -> None:
     options = Options(mission, action_type=action_type)
-    bare = run_episodes(Wanderer(settle(options), np.random.default_rng(0)), options, episode_seeds(2, 64)).episodes
-    safe = shielded(Wanderer(settle(options), np.random.default_rng(0)), options, 64).episodes
+    bare = run_episodes(Wanderer(known_of(options), np.random.default_rng(0)), options, episode_seeds(2, 64)).episodes
+    safe = shielded(Wanderer(known_of(options), np.random.default_rng(0)), options, 64).episodes
     assert not bare.home.any()
     assert safe.home.all()
     assert (safe.score > 0.0).all()
@@ -31,9 +31,9 @@ def test_who_wanders_for_ever_comes_home(mission: str, action_type: str) -> None
 @pytest.mark.parametrize("route", ["generated", "hidden_wind"])
 def test_who_never_turns_is_turned_in_time(route: str) -> None:
     options = Options("OutAndBack", route=route)
-    safe = shielded(Onward(settle(options)), options, 200).episodes
+    safe = shielded(Onward(known_of(options)), options, 200).episodes
     assert safe.home.all()
-    assert np.median(safe.furthest_m) > 0.5 * settle(options).shared["length_m"][0]
+    assert np.median(safe.furthest_m) > 0.5 * known_of(options).shared["length_m"][0]
 
 
 def test_a_careful_rule_is_left_alone_where_all_is_known() -> None:
@@ -49,8 +49,8 @@ def test_a_careful_rule_is_left_alone_where_all_is_known() -> None:
 def test_it_turns_back_late() -> None:
     """Once it knows the day, hardly more than the reserve is left in the battery."""
     options = Options("OutAndBack")
-    safe = shielded(Onward(settle(options)), options, 200).episodes
-    left = safe.energy_left_j / settle(options).robot.usable_energy_j
+    safe = shielded(Onward(known_of(options)), options, 200).episodes
+    left = safe.energy_left_j / known_of(options).robot.usable_energy_j
     assert np.median(left) < 0.03
     assert np.percentile(left, 90.0) < 0.04
 
@@ -58,7 +58,7 @@ def test_it_turns_back_late() -> None:
 def test_it_probes_on_the_way_out_unless_nothing_is_hidden() -> None:
     for difficulty, expected in (("known", {4}), ("uncertain", {2, 4})):
         options = Options("OutAndBack", difficulty=difficulty)
-        policy = Shield(Onward(settle(options)), settle(options))
+        policy = Shield(Onward(known_of(options)), known_of(options))
         env = HomewardVectorEnv(2, autoreset_mode="Disabled", **vars(options))
         observations, _ = env.reset(seed=0)
         begun, speeds = np.ones(2, np.bool_), set()
@@ -72,7 +72,7 @@ def test_it_probes_on_the_way_out_unless_nothing_is_hidden() -> None:
 
 def test_a_biased_gauge_is_reckoned_with() -> None:
     options = Options("OutAndBack", difficulty="harsh")
-    safe = shielded(Onward(settle(options)), options, 200).episodes
+    safe = shielded(Onward(known_of(options)), options, 200).episodes
     assert safe.stranded.sum() <= 1
     assert safe.home.sum() >= 199
 
@@ -80,7 +80,7 @@ def test_a_biased_gauge_is_reckoned_with() -> None:
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_batches_equal_singles_and_nothing_is_left_of_missions_before(mission: str) -> None:
     options, seeds = Options(mission), episode_seeds(4, 5)
-    policy = Shield(Onward(settle(options)), settle(options))
+    policy = Shield(Onward(known_of(options)), known_of(options))
     together = run_episodes(policy, options, seeds).episodes
     for index, seed in enumerate(seeds):
         alone = run_episodes(policy, options, [seed]).episodes
@@ -89,9 +89,9 @@ def test_batches_equal_singles_and_nothing_is_left_of_missions_before(mission: s
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 def test_actions_are_decoded_as_the_environment_takes_them(action_type: str) -> None:
-    setting = settle(Options("Survey", action_type=action_type))
+    known = known_of(Options("Survey", action_type=action_type))
     for mode in (STOP, GO, RETURN):
-        commands = decode_actions(setting, encode_actions(setting, [0.1, 0.55, 1.0], [0.0, 50.0, 100.0], mode))
+        commands = decode_actions(known, encode_actions(known, [0.1, 0.55, 1.0], [0.0, 50.0, 100.0], mode))
         assert commands.sensing_hz == pytest.approx([0.0, 50.0, 100.0], abs=1e-5)
         assert commands.speed_mps == pytest.approx([0.0] * 3 if mode == STOP else [0.1, 0.55, 1.0], abs=1e-6)
         assert commands.homeward.tolist() == [mode == RETURN] * 3
@@ -100,12 +100,12 @@ def test_actions_are_decoded_as_the_environment_takes_them(action_type: str) -> 
 def test_a_confidence_that_nothing_was_tuned_for_is_refused() -> None:
     options = Options("Survey")
     with pytest.raises(ValueError, match=r"confidence = 0.5 is not allowed; choose from 0.999"):
-        Shield(Onward(settle(options)), settle(options), confidence=0.5)
+        Shield(Onward(known_of(options)), known_of(options), confidence=0.5)
 
 
 def test_numbers_far_from_what_is_usual_are_not_believed() -> None:
     """Down a slope with the wind on its back a robot rolls by itself; what it then finds out need not be what it is."""
     options = Options("OutAndBack", route="hidden_wind")
-    policy = Shield(Wanderer(settle(options), np.random.default_rng(0)), settle(options))
+    policy = Shield(Wanderer(known_of(options), np.random.default_rng(0)), known_of(options))
     safe = run_episodes(policy, options, episode_seeds(0, 512)).episodes
     assert not safe.stranded.any()
