@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from homeward.envs.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty
 from homeward.envs.instruments import InstrumentError, Instruments, load_instruments
 from homeward.envs.route_files import load_route
-from homeward.envs.routes import GENERATED, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
+from homeward.envs.routes import GENERATED, GENERATED_PLACES, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
 from homeward.envs.state import (
     DRAWN_DTYPE,
     HIDDEN_DTYPE,
@@ -39,7 +39,7 @@ eight it never comes to know what a return is worth: stable-baselines3's PPO had
 decisions of OutAndBack, and with three to come home (0.4 M, 96 % of 200 unseen missions; one seed of training each)."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
-_PLACES, _PATROL_PLACES = 32, 4
+_PATROL_PLACES = 4
 _DECISIONS = 200
 """Decisions in which a robot that senses nothing drives its battery empty, unless `decision_s` says otherwise."""
 _FEWEST_DECISIONS, _MOST_DECISIONS = 5, 20_000
@@ -226,7 +226,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     reach_m = _REACH * range_m
 
     length_m = 4.0 * cruise * decision_s if mission == PATROL else reach_m
-    places = _PATROL_PLACES if mission == PATROL else _PLACES
+    places = _PATROL_PLACES if mission == PATROL else GENERATED_PLACES
     difficulty = DIFFICULTY[options.difficulty]
     instruments = load_instruments(difficulty.instruments if options.instruments is None else options.instruments)
     hidden, interest = np.zeros(1, HIDDEN_DTYPE), MEAN_INTEREST

@@ -93,6 +93,8 @@ class Route:
 
 KNOTS = 8
 """Pieces of a generated route: grade is linear and curvature constant between knots."""
+GENERATED_PLACES = 32
+"""Places of a generated route, but for those of a patrol."""
 INTEREST_LENGTH = 0.1
 """Length over which interest is correlated, over that of the route. Chosen so that what is sensed tells of what comes
 next, and there is a good deal of different ground on the way."""

@@ -9,14 +9,15 @@ import numpy as np
 from homeward.agents.identification_kernel import UNKNOWN, Ground, driving, modelled_driving
 from homeward.envs import sensing
 from homeward.envs.actions import LEVELS
+from homeward.envs.state import AHEAD
 from homeward.physics.jit import compiled
 
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
 """Prices of energy that are tried, over what it buys on average ground, all of it sensed at the middle rate."""
 STOPS = np.array([-1.0, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.5])
 """Distances up to which a stop for the radio pays, in half-rate distances of the link; below 0, samples are free."""
-SPREAD = np.array([0.245, 0.245, 0.422, 1.308, 2.779])
-"""Interest of five equally frequent kinds of ground, over its mean: that of the places of 200 generated routes."""
+_KINDS = 3
+"""Kinds of ground, equally frequent, that a stretch of several places is taken to be made of."""
 _LEAST_RATIO = 0.1
 """Least consumption over the model's that plans are made with: one must cost something."""
 
@@ -34,13 +35,11 @@ BELIEF_DTYPE = np.dtype(
                 "east",  # direction of travel
                 "north",
                 "sine_here",
-                "sine_near",
-                "sine_beyond",
                 "interest_here",
-                "interest_near",
-                "interest_far",  # below 0: unknown
             )
         ),
+        ("sine_ahead", np.float64, (len(AHEAD),)),  # means of the stretches of `homeward.envs.state.AHEAD`
+        ("interest_ahead", np.float64, (len(AHEAD),)),
     ]
 )
 """What a robot knows and believes."""
@@ -54,6 +53,7 @@ MODEL_DTYPE = np.dtype(
         ("steepest", np.float64),  # sines of the table below: evenly from -steepest to steepest
         ("per_m", np.float64, (LEVELS, 71)),  # energy of a metre's driving by speed and sine
         ("interest", np.float64),  # mean of all ground
+        ("spread", np.float64, (len(AHEAD), _KINDS)),  # interest of the kinds of ground of a stretch, over its mean
         ("found", np.float64, (LEVELS, LEVELS)),  # information of a metre of interest 1 by speed and rate
     ]
 )
@@ -72,16 +72,16 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
         commands: Written: speed (m/s), sensing rate (Hz) and 1 to stop for the radio, shape (n, 3).
     """
     s, model = constants[0], models[0]
-    drives = np.empty((3, LEVELS + 1))
+    drives = np.empty((1 + len(AHEAD), LEVELS + 1))
     for n in range(len(beliefs)):
         b = beliefs[n]
         _drive(b, vehicle, model, s, b.sine_here, drives[0])
-        _drive(b, vehicle, model, s, b.sine_near, drives[1])
-        _drive(b, vehicle, model, s, b.sine_beyond, drives[2])
+        for stretch in range(len(AHEAD)):
+            _drive(b, vehicle, model, s, b.sine_ahead[stretch], drives[1 + stretch])
         gain = model.interest * model.found[LEVELS - 1, LEVELS // 2]
         cost = (
-            drives[2, LEVELS - 1]
-            + drives[2, LEVELS]
+            drives[1, LEVELS - 1]
+            + drives[1, LEVELS]
             + b.unknown[0] * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
         )
         best, joule, sample = -1.0, gain / cost, 0.0
@@ -115,7 +115,7 @@ def _metre(model: Any, speed: int, sine: float) -> float:
 
 @compiled
 def _best_way(
-    b: Any, model: Any, drive: Any, interest: float, energy_price: float, sample_price: float
+    gauge: float, model: Any, drive: Any, interest: float, energy_price: float, sample_price: float
 ) -> tuple[int, int]:
     """Speed and rate that make the most of a metre, on which driving takes so much at each speed."""
     best, best_speed, best_rate = -1e300, LEVELS - 1, 0
@@ -123,7 +123,7 @@ def _best_way(
         s_per_m = 1.0 / model.speeds_mps[speed]
         for rate in range(LEVELS):
             value = interest * model.found[speed, rate] - sample_price * model.rates_hz[rate] * s_per_m
-            value -= energy_price * (drive[speed] + b.unknown[0] * model.sensing[rate] * s_per_m)
+            value -= energy_price * (drive[speed] + gauge * model.sensing[rate] * s_per_m)
             if value > best:
                 best, best_speed, best_rate = value, speed, rate
     return best_speed, best_rate
@@ -132,19 +132,18 @@ def _best_way(
 @compiled
 def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample_price: float) -> float:
     """Information that a survey finds on its way to the turn at some prices."""
-    here = _way(b, model, drives[0], b.interest_here, energy_price, sample_price, False)
-    near = _way(b, model, drives[1], b.interest_near, energy_price, sample_price, False)
-    beyond = _way(b, model, drives[2], model.interest, energy_price, sample_price, True)
-    far = beyond
-    if b.interest_far >= 0.0:
-        far = _way(b, model, drives[2], b.interest_far, energy_price, sample_price, True)
     place = min(int(b.position_m * s.per_place_m), s.places - 1)
     position_m, spare, backlog = b.position_m, b.spare, b.backlog
     left_s = b.left_s - position_m / s.cruise_mps
-    found = 0.0
+    found, stretch = 0.0, -1
+    way = _way(model, b.unknown[0], drives[0], b.interest_here, model.spread[0], energy_price, sample_price)
     for k in range(place, s.places):
-        ahead = k - place
-        way = here if ahead == 0 else near if ahead <= 2 else far if ahead <= 10 else beyond
+        if stretch + 1 < len(AHEAD) and k - place == AHEAD[stretch + 1][0]:
+            stretch += 1
+            way = _way(
+                model, b.unknown[0], drives[1 + stretch], b.interest_ahead[stretch], model.spread[stretch],
+                energy_price, sample_price,
+            )  # fmt: skip
         gain, energy, samples, time_s = way
         radio_hz = _radio(s, position_m, False)
         if sample_price * radio_hz > energy_price * b.unknown[0] * model.standing:
@@ -180,20 +179,19 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
 
 @compiled
 def _way(
-    b: Any, model: Any, drive: Any, interest: float, energy_price: float, sample_price: float, spread: bool
+    model: Any, gauge: float, drive: Any, interest: float, spread: Any, energy_price: float, sample_price: float
 ) -> tuple[float, float, float, float]:
-    """Information, energy out and home, samples and time of a metre: of ground of one interest, or of a mixture."""
+    """Information, energy out and home, samples and time of a metre of a stretch, on average over its ground."""
     gain = energy = samples = time_s = 0.0
-    count = len(SPREAD) if spread else 1
-    for kind in range(count):
-        weight = interest * (SPREAD[kind] if spread else 1.0)
-        speed, rate = _best_way(b, model, drive, weight, energy_price, sample_price)
+    for kind in spread:
+        weight = interest * kind
+        speed, rate = _best_way(gauge, model, drive, weight, energy_price, sample_price)
         s_per_m = 1.0 / model.speeds_mps[speed]
         gain += weight * model.found[speed, rate]
-        energy += drive[speed] + b.unknown[0] * model.sensing[rate] * s_per_m
+        energy += drive[speed] + gauge * model.sensing[rate] * s_per_m
         samples += model.rates_hz[rate] * s_per_m
         time_s += s_per_m
-    return gain / count, energy / count + drive[LEVELS], samples / count, time_s / count
+    return gain / _KINDS, energy / _KINDS + drive[LEVELS], samples / _KINDS, time_s / _KINDS
 
 
 @compiled
@@ -220,11 +218,13 @@ def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample
     step_m = s.max_speed_mps * s.decision_s
     beyond = b.position_m + step_m - (np.floor(b.position_m * s.per_place_m) + 1.0) * s.place_m
     share = min(max(beyond / step_m, 0.0), 1.0)
-    interest = (1.0 - share) * b.interest_here + share * b.interest_near
-    speed, rate = _best_way(b, model, drive, interest, energy_price, sample_price)
+    interest = (1.0 - share) * b.interest_here + share * b.interest_ahead[0]
+    speed, rate = _best_way(b.unknown[0], model, drive, interest, energy_price, sample_price)
     if b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit:
         # What is taken now must be sent from here.
-        speed, rate = _best_way(b, model, drive, interest, energy_price, max(sample_price, standing / radio_hz))
+        speed, rate = _best_way(
+            b.unknown[0], model, drive, interest, energy_price, max(sample_price, standing / radio_hz)
+        )
         pays = pays or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
     command[0], command[1], command[2] = model.speeds_mps[speed], model.rates_hz[rate], 1.0 if pays else 0.0
     if pays:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
 from typing import Any, final
 
 import numpy as np
@@ -17,8 +18,9 @@ from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, sees_posts
 from homeward.envs.actions import LEVELS, encode_actions
 from homeward.envs.options import Known
+from homeward.envs.routes import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
 from homeward.envs.sensing import information
-from homeward.envs.state import GO, PATROL, RETURN, STOP, SURVEY
+from homeward.envs.state import AHEAD, GO, PATROL, RETURN, STOP, SURVEY
 from homeward.physics import ancillary_power, d_max
 
 _STEEPEST_SINE = 0.7
@@ -77,6 +79,7 @@ class Planner(Policy):
             [information(1.0, 1.0, rate_hz / speed_mps, 1.0, s["saturation_per_m"]) for rate_hz in model["rates_hz"]]
             for speed_mps in model["speeds_mps"]
         ]
+        model["spread"] = [_spread(last - first) for first, last in AHEAD]
         self._sines = sines
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
@@ -123,10 +126,25 @@ class Planner(Policy):
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
         for name in ("east", "north"):
             beliefs[name] = feature(observations, name)
-        for name, seen in (("here", "grade"), ("near", "grade_1"), ("beyond", "grade_mean")):
-            beliefs[f"sine_{name}"] = 0.1 * feature(observations, seen)
-        for name, seen in (("here", "interest"), ("near", "interest_1"), ("far", "interest_5")):
-            beliefs[f"interest_{name}"] = 2.0 * feature(observations, seen)
-        if not s["route_is_known"]:
-            beliefs["interest_far"] = -1.0
+        beliefs["sine_here"] = 0.1 * feature(observations, "grade") * feature(observations, "outbound")
+        beliefs["interest_here"] = 2.0 * feature(observations, "interest")
+        for stretch, (first, _) in enumerate(AHEAD):
+            beliefs["sine_ahead"][:, stretch] = 0.1 * feature(observations, f"grade_{first}")
+            beliefs["interest_ahead"][:, stretch] = 2.0 * feature(observations, f"interest_{first}")
         return beliefs
+
+
+def _spread(places: int) -> NDArray[np.float64]:
+    """Interest of equally frequent kinds of ground of a stretch of generated routes, over its mean.
+
+    Its logarithm is a Gaussian process (`homeward.envs.routes.generate`): of its variance, that within the stretch.
+    """
+    count = kernel.MODEL_DTYPE["spread"].shape[-1]
+    lags = np.abs(np.subtract.outer(np.arange(places), np.arange(places)))
+    correlation = float(np.exp(-lags / (INTEREST_LENGTH * GENERATED_PLACES)).mean())
+    deviation = INTEREST_DEVIATION * (1.0 - correlation) ** 0.5
+    normal = NormalDist()
+    borders = [-np.inf, *(normal.inv_cdf(k / count) for k in range(1, count)), np.inf]
+    # The mean of a log-normal number within its quantiles.
+    shares = np.diff([0.0 if z == -np.inf else 1.0 if z == np.inf else normal.cdf(z - deviation) for z in borders])
+    return np.asarray(count * shares)
