@@ -58,6 +58,10 @@ class Args:
     """Folder for evaluation.json, episodes.csv and the plots."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
+    instruments: str | None = None
+    """exact, meter, gauge or a TOML file with sizes of errors; by default as the difficulty has them."""
+    weather: str | None = None
+    """still or changing; by default as the difficulty has it."""
     robot: str = "rusti_computer"
     """Preset name or TOML file."""
     route: str = "generated"
@@ -128,6 +132,8 @@ def _options(args: Args) -> Options:
         robot=args.robot,
         route=args.route,
         difficulty=args.difficulty,
+        instruments=args.instruments,
+        weather=args.weather,
         action_type=args.action_type,
         decision_s=args.decision_s,
     )

@@ -52,6 +52,10 @@ class Args:
     """Points of the learning curve, curve.csv: the same 500 missions each, driven by the policy as it stands."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
+    instruments: str | None = None
+    """exact, meter, gauge or a TOML file with sizes of errors; by default as the difficulty has them."""
+    weather: str | None = None
+    """still or changing; by default as the difficulty has it."""
     robot: str = "rusti_computer"
     """Preset name or TOML file."""
     route: str = "generated"
@@ -152,6 +156,8 @@ def _options(args: Args) -> Options:
         robot=args.robot,
         route=args.route,
         difficulty=args.difficulty,
+        instruments=args.instruments,
+        weather=args.weather,
         action_type=args.action_type,
         shaping=args.shaping,
         discount=args.ppo.discount,

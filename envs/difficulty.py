@@ -112,7 +112,7 @@ def draw(rng: Any, p: Any, base: Any, m: Any, hidden: Any) -> None:
     p.effects = base.effects
     p.rolling_resistance = base.rolling_resistance * (drawn.rolling.low + drawn.rolling.span * rolling)
     p.payload_mass_kg = base.payload_mass_kg + (drawn.payload.low + drawn.payload.span * payload) * base.mass_kg
-    if hidden.weather_changes:
+    if hidden.forecast_errs:
         p.wind_exposure = max(base.wind_exposure, 1.0)
         p.effects |= _WIND | _PAYLOAD
     if drawn.surface.low > 0.0:

@@ -32,6 +32,7 @@ from homeward.physics.bounds import Bounds
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")
 SHAPINGS = ("dmax", "none")
+WEATHERS = ("still", "changing")
 RETURN_SHARE = 0.015
 """Decisions in a row that must ask for the return before it is final, over those in which the battery lasts at cruise:
 as a rule three of two hundred. With one, a policy that chooses at random ends its mission after three decisions; with
@@ -94,6 +95,8 @@ class Options:
             `harsh` (also rough patches); see `homeward.envs.difficulty`.
         instruments: What the robot reads itself with: `exact`, `meter`, `gauge`, the path of a TOML file with sizes, or
             `Instruments`; by default what its difficulty has: these three in turn.
+        weather: `still` (as it is at the start) or `changing` (`homeward.envs.weather`); by default what its difficulty
+            has. Nothing changes at `known`.
         action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).
         shaping: `dmax` (potential-based, from d_max) or `none` (the score on coming home, and nothing else).
         discount: Discount factor that the shaping is consistent with, in (0, 1].
@@ -113,6 +116,7 @@ class Options:
     route: str | Path | Route = GENERATED
     difficulty: str = "uncertain"
     instruments: str | Path | Instruments | None = None
+    weather: str | None = None
     action_type: str = "discrete"
     shaping: str = "dmax"
     discount: float = 0.9995
@@ -126,6 +130,7 @@ class Options:
             ("difficulty", self.difficulty, DIFFICULTIES),
             ("action_type", self.action_type, ACTION_TYPES),
             ("shaping", self.shaping, SHAPINGS),
+            ("weather", self.weather or "still", WEATHERS),
         ):
             if not isinstance(value, str) or value not in allowed:
                 raise OptionError(f"{name} = {value!r} is not allowed; choose from {', '.join(allowed)}")
@@ -242,7 +247,8 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     h["truth"], h["full_j"] = truth.record()[0], truth.usable_energy_j
     h["generated"], h["hidden_wind"] = generated, generated and options.route == HIDDEN_WIND
     h["own_robots"] = difficulty.weather_changes or truth is not robot
-    h["weather_changes"] = difficulty.weather_changes
+    h["forecast_errs"] = difficulty.weather_changes
+    h["weather_changes"] = difficulty.weather_changes and options.weather != "still"
     for name in DRAWN_DTYPE.names or ():
         drawn = getattr(difficulty, name)
         h["drawn"][name] = drawn.low, drawn.high - drawn.low

@@ -178,6 +178,7 @@ DRAWN_DTYPE = np.dtype([(name, UNIFORM_DTYPE) for name in ("health", "rolling", 
 HIDDEN_DTYPE = np.dtype(
     [
         ("own_robots", np.bool_),  # whether missions have true robots that are not the one of the file
+        ("forecast_errs", np.bool_),
         ("weather_changes", np.bool_),
         ("generated", np.bool_),  # whether every mission has a route of its own
         ("hidden_wind", np.bool_),

@@ -40,7 +40,7 @@ def begin(m: Any, rng: Any, shared: Any, hidden: Any) -> None:
         m.warming_k = WARMING_K_PER_H * (2.0 * warms - 1.0) * shared.decision_s / 3600.0
         m.gust_east_mps, m.gust_north_mps = GUSTINESS * m.wind_mps * gust_east, GUSTINESS * m.wind_mps * gust_north
     m.forecast_east_mps, m.forecast_north_mps = m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps
-    if hidden.weather_changes:
+    if hidden.forecast_errs:
         m.forecast_east_mps += FORECAST_ERROR_MPS * error_east
         m.forecast_north_mps += FORECAST_ERROR_MPS * error_north
         if hidden.hidden_wind:

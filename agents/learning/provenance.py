@@ -20,7 +20,7 @@ _LEARNER = (
 )  # fmt: skip
 _AFTER_TRAINING = ("__init__.py", "onnx_export.py", "onnx_graph.py", "policy_file.py", "provenance.py")
 """Files of `learning` that no outcome of training follows from; a new one counts until it is listed here."""
-_COMPARED = ("env", "robot", "route", "difficulty")
+_COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather")
 
 
 def made_with(options: Options) -> dict[str, str]:
