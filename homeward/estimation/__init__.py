@@ -1,0 +1,19 @@
+"""Readings in, a distribution of the robot's parameters, the wind and the way home out."""
+
+from homeward.estimation.drive import Vehicle, vehicle_of
+from homeward.estimation.estimator import Estimate, Estimator, Margin
+from homeward.estimation.filter import READING_DTYPE
+from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE
+from homeward.estimation.prior import Prior
+
+__all__ = [
+    "MARGIN_DTYPE",
+    "PLAN_DTYPE",
+    "READING_DTYPE",
+    "Estimate",
+    "Estimator",
+    "Margin",
+    "Prior",
+    "Vehicle",
+    "vehicle_of",
+]

@@ -1,0 +1,559 @@
+"""An extended Kalman filter for each of a few hypotheses about the wind, weighted by how well they predict.
+
+Energy is linear in all unknown numbers but the wind, where the second order is reckoned with as well. What the ground
+between home and here takes is a state of its own, `ROLLED`: it takes in rough ground as it is met, its covariance with
+the wind says what of the way out may have been wind, and the way home meets the same ground again.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from homeward.estimation.drive import climbing, drag, modelled_driving, rolling
+from homeward.estimation.prior import (
+    CLIMB,
+    EAST,
+    GAIN,
+    GUST_EAST,
+    GUST_NORTH,
+    NORTH,
+    OFFSET,
+    PER_CAPACITY,
+    ROLLED,
+    ROLLING,
+    STATES,
+    USED,
+    WEIGHT,
+)
+from homeward.physics.jit import compiled, inline
+
+READING_DTYPE = np.dtype(
+    [
+        ("time_s", np.float64),  # since the mission began
+        ("position_m", np.float64),  # from home
+        ("power_w", np.float64),  # mean since the reading before
+        ("soc", np.float64),  # state of charge, a share
+        ("modelled_j", np.float64),  # by the robot's own model since the reading before
+        ("speed_mps", np.float64),  # while it moved
+        ("sine", np.float64),  # of the slope here, in the direction of the way out
+        ("east", np.float64),  # direction of the way out here
+        ("north", np.float64),
+    ]
+)
+"""What a robot reads of itself; NaN where an instrument is silent."""
+ROBOT_DTYPE = np.dtype(
+    [(name, np.float64) for name in ("time_s", "position_m", "lag", "soc", "soc_since", "soc_taken")]
+)
+"""Time and place of the last reading; by how much the state of charge lags, as a share of the file's usable energy; the
+state of charge, the energy used when it last changed, and when it was last taken in."""
+HYPOTHESIS_DTYPE = np.dtype(
+    [
+        ("mean", np.float64, (STATES,)),
+        ("covariance", np.float64, (STATES, STATES)),
+        ("log_weight", np.float64),
+        ("rolled", np.float64),  # sum over the ground between home and here of rolling as it was met
+        (
+            "bend",
+            np.float64,
+            (2, 3),
+        ),  # second derivatives of that ground's drag by mean wind and gust: east, both, north
+        ("bend_here", np.float64, (2, 3)),  # the same of the ground that `ROLLING` was learned on
+        ("rolls_here", np.float64),  # rolling of it by the file
+    ]
+)
+PLACE_DTYPE = np.dtype(
+    [(name, np.float64) for name in ("sine", "east", "north", "readings", "driven_m", "sine_driven")]
+)
+"""Slope as the mean of its readings, direction of the way out, metres driven out and the slope reckoned with there."""
+
+_LEAST_LOG_WEIGHT = -14.0  # one in a million: a hypothesis may come back where ground and wind were others than thought
+_TEMPER = 1.0
+_OUTLIER = 1e-3  # probability that a reading of power says nothing
+_DOUBT = 9.0  # square of standard deviations from which a state of charge counts less
+_LEAST_ERROR = 1e-5  # of a state of charge: single precision and what sums leave
+_STUCK_STEPS = 3.0  # by which an unchanged state of charge must be off before it says nothing, beside its noise
+_STUCK = 0.005  # as above, a share of the battery
+_UNEVEN = 0.3  # error of the rolling of one place, over the standard deviation of a change of the ground
+_PLACE_SLOPE_SD = 0.003  # of the sine within a place: slopes of routes change by 0.006 from place to place
+
+
+@compiled
+def update(
+    v: Any, prior: Any, asked: Any, readings: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any
+) -> None:
+    """Take in what robots read.
+
+    Args:
+        v: `Vehicle`.
+        prior: `Prior`.
+        asked: Which robots have a reading, shape (n,).
+        readings: `READING_DTYPE`, shape (n,).
+        robots: `ROBOT_DTYPE`, shape (n,).
+        hypotheses: `HYPOTHESIS_DTYPE`, shape (n, hypotheses).
+        places: `PLACE_DTYPE`, shape (n, places).
+        rollings: Rolling resistance over the file's where it was met, shape (n, hypotheses, places).
+    """
+    slope, moved, jump, bend = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(3)
+    for i in range(len(asked)):
+        robot, reading = robots[i], readings[i]
+        dt_s = reading.time_s - robot.time_s
+        if not asked[i] or not dt_s > 0.0:
+            continue
+        _see(v, robot, reading, places[i])
+        used_before = mean_of(hypotheses[i], USED)
+        for k in range(hypotheses.shape[1]):
+            if hypotheses[i, k].log_weight > -np.inf:
+                _drive(
+                    v,
+                    prior,
+                    robot,
+                    reading,
+                    dt_s,
+                    hypotheses[i, k],
+                    places[i],
+                    rollings[i, k],
+                    slope,
+                    moved,
+                    jump,
+                    bend,
+                )
+        _weigh(hypotheses[i])
+        used = mean_of(hypotheses[i], USED)
+        _charge(prior, robot, reading.soc, dt_s, used, used_before, hypotheses[i])
+        _weigh(hypotheses[i])
+        _remember(v, robot, reading, places[i])
+
+
+@inline
+def place_of(v: Any, position_m: float, places: Any) -> int:
+    """Number of the place that a position is in."""
+    return min(int(position_m / v.place_m), len(places) - 1)
+
+
+@inline
+def mean_of(hypotheses: Any, state: int) -> float:
+    """Mean of a state over all hypotheses."""
+    total = 0.0
+    for k in range(len(hypotheses)):
+        if hypotheses[k].log_weight > -np.inf:
+            total += np.exp(hypotheses[k].log_weight) * hypotheses[k].mean[state]
+    return total
+
+
+@inline
+def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
+    """Note slope and direction here on the way out, and take them for those of places that were passed unseen."""
+    here = place_of(v, reading.position_m, places)
+    if reading.position_m < robot.position_m or not np.isfinite(reading.sine + reading.east + reading.north):
+        return
+    for k in range(place_of(v, robot.position_m, places) + 1, here + 1):
+        places[k].readings, places[k].driven_m = 0.0, 0.0
+        places[k].sine, places[k].east, places[k].north = reading.sine, reading.east, reading.north
+    place = places[here]
+    place.readings += 1.0
+    place.sine += (reading.sine - place.sine) / place.readings
+    place.east, place.north = reading.east, reading.north
+
+
+@inline
+def _speed(v: Any, robot: Any, reading: Any, dt_s: float) -> float:
+    """Speed while it moved: by the way, unless it stood for a part of the time."""
+    by_way_mps = abs(reading.position_m - robot.position_m) / dt_s
+    return float(reading.speed_mps if reading.speed_mps > 1.05 * by_way_mps else by_way_mps)
+
+
+@compiled
+def _drive(
+    v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any,
+    slope: Any, shared: Any, jump: Any, bend: Any,
+) -> None:  # fmt: skip
+    """Move a hypothesis on to a reading, and take in the power that was read.
+
+    `slope` is how the energy depends on the states before, `shared` the covariance of the reading with the states.
+    """
+    x, p = h.mean, h.covariance
+    _blow(prior, dt_s, x, p)
+    outwards, way_m = reading.position_m >= robot.position_m, abs(reading.position_m - robot.position_m)
+    took, rolls, kept, climb_variance = _way(v, prior, robot, reading, dt_s, h, places, rollings, slope, bend)
+    variance = 0.0
+    slope[OFFSET] = dt_s  # the reading holds the offset, the energy does not
+    for a in range(STATES):
+        total = 0.0
+        for b in range(STATES):
+            total += p[a, b] * slope[b]
+        shared[a] = total
+        variance += slope[a] * total
+    slope[OFFSET] = 0.0
+    _add_to_used(p, shared, slope)
+    x[USED] += took
+    if outwards:
+        _carry(p, ROLLED, 1.0, ROLLING, rolls)
+        x[ROLLED] += rolls * x[ROLLING]
+        shared[ROLLED] += rolls * shared[ROLLING]
+    else:
+        climb_kept = max(1.0 - way_m / robot.position_m, 0.0)
+        _carry(p, ROLLED, kept, ROLLING, 0.0)
+        _carry(p, CLIMB, climb_kept, ROLLING, 0.0)
+        x[ROLLED] *= kept
+        x[CLIMB] *= climb_kept
+        shared[ROLLED] *= kept
+        shared[CLIMB] *= climb_kept
+
+    # Slopes that were misread: they raise the energy and, on the way out, are met again on the way home.
+    weight = misread_climb(prior, x)
+    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2
+    p[USED, USED] += noise
+    shared[USED] += noise
+    variance += noise
+    if outwards:
+        p[CLIMB, CLIMB] += climb_variance
+        p[CLIMB, USED] += weight * climb_variance
+        p[USED, CLIMB] += weight * climb_variance
+        shared[CLIMB] += weight * climb_variance
+    else:
+        # Rolling is known better in all than place by place: what one took more, the others took less.
+        uneven = (_UNEVEN * prior.patch_sd * rolls) ** 2
+        p[ROLLED, ROLLED] += uneven
+        p[USED, USED] += uneven
+        p[ROLLED, USED] -= uneven
+        p[USED, ROLLED] -= uneven
+        shared[ROLLED] -= uneven
+        shared[USED] += uneven
+        variance += uneven
+
+    jump[:] = 0.0
+    change = 0.0
+    if outwards and way_m > 0.0:
+        change = 1.0 - np.exp(-way_m / prior.patch_m)
+        jump[ROLLING], jump[ROLLED], jump[USED] = 1.0, rolls, slope[ROLLING]
+    fades = np.exp(-dt_s / prior.gust_s)
+    for a in range(3):
+        h.bend[0, a] = h.bend[0, a] + bend[a] if outwards else kept * h.bend[0, a]
+        h.bend[1, a] = fades * h.bend[1, a] + bend[a] if outwards else fades * kept * h.bend[1, a]
+        h.bend_here[0, a] += bend[a] if outwards else 0.0
+        h.bend_here[1, a] = fades * h.bend_here[1, a] + (bend[a] if outwards else 0.0)
+    h.rolls_here += rolls if outwards else 0.0
+    read = reading.power_w * dt_s / v.full_j
+    if np.isfinite(read):
+        variance += (prior.power_noise * read) ** 2
+        east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
+        h.log_weight += _take_in(
+            x, p, read - took - x[OFFSET] * dt_s, variance, shared, jump, change, prior.patch_sd, read
+        )
+        change_mps = (
+            x[EAST] - east_mps,
+            x[NORTH] - north_mps,
+            x[GUST_EAST] - gust_east_mps,
+            x[GUST_NORTH] - gust_north_mps,
+        )
+        _bend(x, p, ROLLED, h.bend, 1.0, change_mps)
+        _bend(x, p, ROLLING, h.bend_here, 1.0 / max(h.rolls_here, 1e-12), change_mps)
+        keep = 1.0 - change
+        for a in range(3):
+            h.bend_here[0, a] *= keep
+            h.bend_here[1, a] *= keep
+        h.rolls_here *= keep
+    elif change > 0.0:
+        _spread(p, jump, change * prior.patch_sd**2)
+    _map(v, robot, reading, h, places, rollings, rolls)
+
+
+@inline
+def _blow(prior: Any, dt_s: float, x: Any, p: Any) -> None:
+    """Let gusts change."""
+    kept = np.exp(-dt_s / prior.gust_s)
+    variance = gust_variance(prior, x, p)
+    for gust in (GUST_EAST, GUST_NORTH):
+        x[gust] *= kept
+        for a in range(STATES):
+            p[gust, a] *= kept
+            p[a, gust] *= kept
+        p[gust, gust] += variance * (1.0 - kept * kept)
+
+
+@inline
+def gust_variance(prior: Any, x: Any, p: Any) -> float:
+    """Of each component of the gusts, (m/s)^2."""
+    square = x[EAST] * x[EAST] + x[NORTH] * x[NORTH] + p[EAST, EAST] + p[NORTH, NORTH]
+    return float(prior.gust_share * prior.gust_share * square)
+
+
+@inline
+def misread_climb(prior: Any, x: Any) -> float:
+    """By how much a climb that the slopes did not show raises the energy: less where the modelled energy knows it."""
+    return float(x[WEIGHT] - prior.model_knows_slopes * x[GAIN])
+
+
+@compiled
+def _way(
+    v: Any,
+    prior: Any,
+    robot: Any,
+    reading: Any,
+    dt_s: float,
+    h: Any,
+    places: Any,
+    rollings: Any,
+    slope: Any,
+    bend: Any,
+) -> tuple[float, float, float, float]:
+    """What the time since the last reading took, and by how much each state raises it: first (`slope`) and, for the
+    wind, second derivatives (`bend`).
+
+    Returns:
+        Energy; rolling by the file; share of the ground's rolling between home and here that remains; variance of
+        climbing by the file that misread slopes leave.
+    """
+    x = h.mean
+    outwards = reading.position_m >= robot.position_m
+    ahead = 1.0 if outwards else -1.0
+    reached_m, end_m = min(robot.position_m, reading.position_m), max(robot.position_m, reading.position_m)
+    speed_mps = _speed(v, robot, reading, dt_s)
+    per_rolled = 1.0 / max(h.rolled, 1e-12)
+    slope[:], bend[:] = 0.0, 0.0
+    own = drive = rolls = met = climb_variance = 0.0
+    k = place_of(v, reached_m, places)
+    while reached_m < end_m:
+        border_m = min((k + 1) * v.place_m, end_m) if k < len(places) - 1 else end_m
+        part_m, place = max(border_m - reached_m, 0.0), places[k]
+        full = part_m / v.full_j
+        sine = ahead * (place.sine if outwards else place.sine_driven)
+        roll, climb = rolling(v, sine) * full, climbing(v, sine) * full
+        own += modelled_driving(v, sine, speed_mps) * full
+        east, north = ahead * place.east, ahead * place.north
+        headwind_mps = (x[EAST] + x[GUST_EAST]) * east + (x[NORTH] + x[GUST_NORTH]) * north
+        air = drag(v, speed_mps, headwind_mps) * full
+        share = 0.0 if outwards else rollings[k] * roll * per_rolled
+        rolls += roll
+        met += share
+        force = (x[ROLLING] * roll if outwards else x[ROLLED] * share) + x[WEIGHT] * climb + x[GAIN] * air
+        if force > 0.0:
+            second = 2.0 * x[GAIN] * v.drag_ns2_per_m2 * v.per_efficiency * full
+            gust = second * abs(speed_mps + headwind_mps)
+            second *= np.sign(speed_mps + headwind_mps)
+            bend[0] += second * east * east
+            bend[1] += second * east * north
+            bend[2] += second * north * north
+            slope[GAIN] += air
+            slope[WEIGHT] += climb
+            slope[EAST] += gust * east
+            slope[NORTH] += gust * north
+            if outwards:
+                slope[ROLLING] += roll
+            else:
+                slope[ROLLED] += share
+                slope[CLIMB] -= misread_climb(prior, x) * part_m / robot.position_m
+            slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + _PLACE_SLOPE_SD**2
+            climb_variance += (climbing(v, 1.0) * full) ** 2 * slope_variance
+            drive += force
+        reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
+    slope[GUST_EAST], slope[GUST_NORTH] = slope[EAST], slope[NORTH]
+    idle = v.idle_w * dt_s / v.full_j
+    if np.isfinite(reading.modelled_j):
+        idle = reading.modelled_j / v.full_j - own
+    slope[GAIN] += idle
+    if not outwards:
+        drive += slope[CLIMB] * x[CLIMB]
+    return drive + x[GAIN] * idle, rolls, max(1.0 - met, 0.0), climb_variance
+
+
+@inline
+def _add_to_used(p: Any, shared: Any, slope: Any) -> None:
+    """Covariance when the energy, linear in the states by `slope`, is added to what was used."""
+    own = 0.0
+    for a in range(STATES):
+        own += slope[a] * shared[a]
+    again = 0.0
+    for b in range(STATES):
+        total = 0.0
+        for a in range(STATES):
+            total += slope[a] * p[a, b]
+        again += slope[b] * total
+        if b != USED:
+            p[USED, b] += total
+            p[b, USED] = p[USED, b]
+        else:
+            p[USED, USED] += 2.0 * total
+    p[USED, USED] += again
+    shared[USED] += own
+
+
+@inline
+def _carry(p: Any, row: int, kept: float, source: int, factor: float) -> None:
+    """Covariance when a state becomes a share of itself and a factor times another one."""
+    own = kept * kept * p[row, row] + 2.0 * kept * factor * p[row, source] + factor * factor * p[source, source]
+    for a in range(STATES):
+        p[row, a] = kept * p[row, a] + factor * p[source, a]
+        p[a, row] = p[row, a]
+    p[row, row] = own
+
+
+@inline
+def _bend(x: Any, p: Any, row: int, bend: Any, factor: float, change_mps: Any) -> None:
+    """Follow the curve on which rolling and drag together are what was read, where an update went along its tangent."""
+    east, north, gust_east, gust_north = change_mps
+    by_gust_east = factor * (bend[1, 0] * (east + gust_east) + bend[1, 1] * (north + gust_north))
+    by_gust_north = factor * (bend[1, 1] * (east + gust_east) + bend[1, 2] * (north + gust_north))
+    by_east = factor * (bend[0, 0] * east + bend[0, 1] * north + bend[1, 0] * gust_east + bend[1, 1] * gust_north)
+    by_north = factor * (bend[0, 1] * east + bend[0, 2] * north + bend[1, 1] * gust_east + bend[1, 2] * gust_north)
+    x[row] -= 0.5 * (by_east * east + by_north * north + by_gust_east * gust_east + by_gust_north * gust_north)
+    _carry(p, row, 1.0, EAST, -by_east)
+    _carry(p, row, 1.0, NORTH, -by_north)
+    _carry(p, row, 1.0, GUST_EAST, -by_gust_east)
+    _carry(p, row, 1.0, GUST_NORTH, -by_gust_north)
+
+
+@inline
+def _spread(p: Any, direction: Any, variance: float) -> None:
+    for a in range(STATES):
+        for b in range(STATES):
+            p[a, b] += variance * direction[a] * direction[b]
+
+
+@compiled
+def _take_in(
+    x: Any,
+    p: Any,
+    surprise: float,
+    variance: float,
+    shared: Any,
+    jump: Any,
+    change: float,
+    change_sd: float,
+    read: float,
+) -> float:
+    """Kalman's update, averaged over three explanations: as before, the ground has changed, the reading says nothing.
+
+    Args:
+        x: Mean, shape (STATES,).
+        p: Covariance.
+        surprise: What was read beyond what was predicted.
+        variance: Of the surprise, if the ground is as before.
+        shared: Covariance of the reading with the states, if so.
+        jump: How states depend on a change of the rolling resistance; the energy does as `USED` does.
+        change: Probability of such a change.
+        change_sd: Standard deviation of it.
+        read: What was read.
+
+    Returns:
+        Logarithm of the likelihood.
+    """
+    q = change_sd * change_sd
+    rise = jump[USED]
+    variance, changed = max(variance, 1e-18), max(variance, 1e-18) + q * rise * rise
+    square = surprise * surprise
+    same = (1.0 - change) * np.exp(-0.5 * square / variance) / np.sqrt(2.0 * np.pi * variance)
+    other = change * np.exp(-0.5 * square / changed) / np.sqrt(2.0 * np.pi * changed)
+    nothing = _OUTLIER / max(abs(read), abs(read - surprise), 1e-9)
+    total = same + other + nothing
+    same, other = same / total, other / total
+    weight_0, weight_1 = same * (square - variance), other * (square - changed)
+    q_mean = q * (other + (change * nothing / total))
+    for a in range(STATES):
+        k_0, k_1 = shared[a] / variance, (shared[a] + q * rise * jump[a]) / changed
+        k_a = same * k_0 + other * k_1
+        for b in range(a + 1):
+            l_0, l_1 = shared[b] / variance, (shared[b] + q * rise * jump[b]) / changed
+            l_a = same * l_0 + other * l_1
+            p[a, b] += q_mean * jump[a] * jump[b] + weight_0 * k_0 * l_0 + weight_1 * k_1 * l_1 - square * k_a * l_a
+            p[b, a] = p[a, b]
+        x[a] += k_a * surprise
+    return float(_TEMPER * np.log(total))
+
+
+@inline
+def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, rolls: float) -> None:
+    """Note the ground as it was met on the way out."""
+    if reading.position_m < robot.position_m:
+        kept_m = reading.position_m
+        total = 0.0
+        for k in range(place_of(v, kept_m, places) + 1):
+            total += rollings[k] * rolling(v, places[k].sine_driven) * max(min(v.place_m, kept_m - k * v.place_m), 0.0)
+        h.rolled = total / v.full_j
+        return
+    reached_m = robot.position_m
+    k = place_of(v, reached_m, places)
+    while reached_m < reading.position_m:
+        border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
+        part_m = max(border_m - reached_m, 0.0)
+        before_m = max(reached_m - k * v.place_m, 0.0)
+        rollings[k] += (h.mean[ROLLING] - rollings[k]) * part_m / max(part_m + before_m, 1e-9)
+        reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
+    h.rolled += h.mean[ROLLING] * rolls
+
+
+@inline
+def _remember(v: Any, robot: Any, reading: Any, places: Any) -> None:
+    """Note where the robot is, and the slopes that its way out was reckoned with."""
+    reached_m = robot.position_m
+    k = place_of(v, reached_m, places)
+    while reached_m < reading.position_m:
+        border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
+        part_m = max(border_m - reached_m, 0.0)
+        before_m = max(reached_m - k * v.place_m, 0.0)
+        places[k].sine_driven += (places[k].sine - places[k].sine_driven) * part_m / max(part_m + before_m, 1e-9)
+        reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
+    robot.time_s, robot.position_m = reading.time_s, reading.position_m
+
+
+@compiled
+def _charge(prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_before: float, hypotheses: Any) -> None:
+    """Take in a state of charge: what was used over the capacity.
+
+    Args:
+        prior: `Prior`.
+        robot: `ROBOT_DTYPE`.
+        soc: As it was read.
+        dt_s: Since the last reading.
+        used: By the likeliest hypothesis.
+        used_before: The same at the last reading.
+        hypotheses: `HYPOTHESIS_DTYPE`, shape (hypotheses,).
+    """
+    # A first-order lag behind what is used at a constant power.
+    kept = np.exp(-dt_s / prior.soc_lag_s) if prior.soc_lag_s > 0.0 else 0.0
+    per_lag = prior.soc_lag_s / dt_s * (1.0 - kept)
+    robot.lag = kept * robot.lag + per_lag * (used - used_before)
+    if not np.isfinite(soc):
+        return
+    if soc != robot.soc:
+        robot.soc, robot.soc_since = soc, used
+    elif used - robot.soc_since > _STUCK_STEPS * prior.soc_step + 5.0 * prior.soc_noise + _STUCK:
+        return
+    # Rounding errors are the same again until noise or use moves the charge by a step.
+    step, noise = max(prior.soc_step, 1e-9), prior.soc_noise
+    alike = np.exp(-((2.0 * np.pi * noise / step) ** 2)) * max(1.0 - abs(used - robot.soc_taken) / step, 0.0)
+    robot.soc_taken = used
+    error = (step * step / 12.0 + noise * noise + _LEAST_ERROR**2) / max(1.0 - alike, 1e-3)
+    for k in range(len(hypotheses)):
+        h = hypotheses[k]
+        if h.log_weight > -np.inf:
+            x, p = h.mean, h.covariance
+            spent, per_capacity = x[USED] - robot.lag, x[PER_CAPACITY]
+            surprise = 1.0 - soc - per_capacity * spent
+            variance = error
+            gain = np.empty(STATES)
+            for a in range(STATES):
+                gain[a] = spent * p[a, PER_CAPACITY] + per_capacity * p[a, USED]
+            variance += spent * gain[PER_CAPACITY] + per_capacity * gain[USED]
+            variance = max(variance, surprise * surprise / _DOUBT)
+            for a in range(STATES):
+                x[a] += gain[a] * surprise / variance
+                for b in range(STATES):
+                    p[a, b] -= gain[a] * gain[b] / variance
+            h.log_weight -= 0.5 * (surprise * surprise / variance + np.log(variance))
+
+
+@inline
+def _weigh(hypotheses: Any) -> None:
+    """Make the weights add up to one, none of them hopeless."""
+    most, total = -np.inf, 0.0
+    for k in range(len(hypotheses)):
+        most = max(most, hypotheses[k].log_weight)
+    for k in range(len(hypotheses)):
+        if hypotheses[k].log_weight > -np.inf:
+            hypotheses[k].log_weight = max(hypotheses[k].log_weight - most, _LEAST_LOG_WEIGHT)
+            total += np.exp(hypotheses[k].log_weight)
+    for k in range(len(hypotheses)):
+        hypotheses[k].log_weight -= np.log(total)

@@ -1,0 +1,232 @@
+"""What a plan leaves: energy left, less what driving on and then home takes, as a distribution."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from homeward.estimation.drive import climbing, drag, modelled_driving, rolling
+from homeward.estimation.filter import gust_variance, misread_climb, place_of
+from homeward.estimation.prior import (
+    CLIMB,
+    EAST,
+    GAIN,
+    GUST_EAST,
+    GUST_NORTH,
+    NORTH,
+    PER_CAPACITY,
+    ROLLED,
+    ROLLING,
+    STATES,
+    USED,
+    WEIGHT,
+)
+from homeward.physics.jit import compiled, inline
+
+PLAN_DTYPE = np.dtype(
+    [
+        ("onwards_m", np.float64),  # to drive on before heading home, negative to drive towards home
+        ("speed_mps", np.float64),  # of that
+        ("onwards_j", np.float64),  # all but driving meanwhile, by the robot's own model
+        ("onwards_s", np.float64),  # how long that takes
+        ("home_mps", np.float64),  # speed home
+        ("home_cost_j", np.float64),  # from here home by the robot's own model at cruise
+        ("sine", np.float64),  # of the slope ahead; NaN: as here
+    ]
+)
+"""A plan: drive on, then home."""
+MARGIN_DTYPE = np.dtype(
+    [(f"{name}{kind}_j", np.float64) for name in ("left", "cost", "margin") for kind in ("", "_sd")]
+    + [("cost_share", np.float64), ("cost_share_sd", np.float64), ("margin_low_j", np.float64)]
+)
+"""Energy left, cost of a plan and margin, metered, and their standard deviations; the cost as a share of a full
+battery; and the margin at the risk that was asked for."""
+_BISECTIONS = 30
+
+
+@compiled
+def judge(
+    v: Any, prior: Any, plans: Any, risk: float, robots: Any, hypotheses: Any, places: Any, rollings: Any, margins: Any,
+    each: Any,
+) -> None:  # fmt: skip
+    """What plans leave.
+
+    Args:
+        v: `Vehicle`.
+        prior: `Prior`.
+        plans: `PLAN_DTYPE`, shape (n,).
+        risk: Probability that the margin is below `margin_low_j`.
+        robots: See `homeward.estimation.filter`, as the next three.
+        hypotheses: Shape (n, hypotheses).
+        places: Shape (n, places).
+        rollings: Shape (n, hypotheses, places).
+        margins: Written, `MARGIN_DTYPE`, shape (n,).
+        each: Written: weight, mean and standard deviation of the margin of each hypothesis, shape (n, hypotheses, 3).
+    """
+    slope, share, sums = np.zeros(STATES), np.zeros(STATES), np.zeros((4, 2))
+    for i in range(len(plans)):
+        sums[:] = 0.0
+        for k in range(hypotheses.shape[1]):
+            h = hypotheses[i, k]
+            weight = np.exp(h.log_weight)
+            each[i, k, :] = 0.0
+            if weight == 0.0:
+                continue
+            cost, variance = _cost(v, prior, robots[i], plans[i], h, places[i], rollings[i, k], slope)
+            x, p = h.mean, h.covariance
+            capacity = 1.0 / x[PER_CAPACITY]
+            left = capacity * (1.0 + p[PER_CAPACITY, PER_CAPACITY] * capacity * capacity) - x[USED]
+            share[:] = slope
+            share[:] *= x[PER_CAPACITY]
+            share[PER_CAPACITY] += cost
+            _add(sums[0], weight, cost, variance + _quadratic(p, slope))
+            _add(sums[1], weight, cost * x[PER_CAPACITY], variance * x[PER_CAPACITY] ** 2 + _quadratic(p, share))
+            slope[USED] += 1.0
+            slope[PER_CAPACITY] += capacity * capacity
+            margin_variance = variance + _quadratic(p, slope)
+            _add(sums[2], weight, left - cost, margin_variance)
+            each[i, k, 0], each[i, k, 1], each[i, k, 2] = weight, left - cost, np.sqrt(margin_variance)
+            slope[:] = 0.0
+            slope[USED], slope[PER_CAPACITY] = 1.0, capacity * capacity
+            _add(sums[3], weight, left, _quadratic(p, slope))
+        m = margins[i]
+        m.cost_j, m.cost_sd_j = v.full_j * sums[0, 0], v.full_j * _deviation(sums[0])
+        m.cost_share, m.cost_share_sd = sums[1, 0], _deviation(sums[1])
+        m.margin_j, m.margin_sd_j = v.full_j * sums[2, 0], v.full_j * _deviation(sums[2])
+        m.left_j, m.left_sd_j = v.full_j * sums[3, 0], v.full_j * _deviation(sums[3])
+        m.margin_low_j = v.full_j * _quantile(each[i], risk)
+        each[i, :, 1:] *= v.full_j
+
+
+@inline
+def _add(sums: Any, weight: float, mean: float, variance: float) -> None:
+    sums[0] += weight * mean
+    sums[1] += weight * (variance + mean * mean)
+
+
+@inline
+def _deviation(sums: Any) -> float:
+    return float(np.sqrt(max(sums[1] - sums[0] * sums[0], 0.0)))
+
+
+@inline
+def _quadratic(p: Any, slope: Any) -> float:
+    total = 0.0
+    for a in range(STATES):
+        for b in range(STATES):
+            total += slope[a] * p[a, b] * slope[b]
+    return max(total, 0.0)
+
+
+@compiled
+def _quantile(each: Any, risk: float) -> float:
+    """Below which a mixture of normal distributions is with a probability."""
+    low, high = np.inf, -np.inf
+    for k in range(len(each)):
+        if each[k, 0] > 0.0:
+            low = min(low, each[k, 1] - 9.0 * each[k, 2])
+            high = max(high, each[k, 1] + 9.0 * each[k, 2])
+    for _ in range(_BISECTIONS):
+        middle, below = 0.5 * (low + high), 0.0
+        for k in range(len(each)):
+            if each[k, 0] > 0.0:
+                below += each[k, 0] * 0.5 * math.erfc((each[k, 1] - middle) / max(each[k, 2] * math.sqrt(2.0), 1e-300))
+        if below < risk:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def _cost(
+    v: Any, prior: Any, robot: Any, plan: Any, h: Any, places: Any, rollings: Any, slope: Any
+) -> tuple[float, float]:
+    """Energy of a plan by a hypothesis, by how much each state raises it (`slope`), and the variance beside theirs."""
+    x, p = h.mean, h.covariance
+    here_m = robot.position_m
+    turn_m = max(here_m + plan.onwards_m, 0.0)
+    lasts_s = plan.onwards_s + turn_m / plan.home_mps
+    # Of the gusts now a part stays on average; of those to come, an average over the way counts.
+    course = lasts_s / prior.gust_s
+    stays = (1.0 - np.exp(-course)) / course if course > 1e-6 else 1.0
+    gusts = gust_variance(prior, x, p)
+    to_come = max(2.0 / course * (1.0 - stays) - stays * stays, 0.0) * gusts if course > 1e-6 else 0.0
+    misread = misread_climb(prior, x)
+    slope[:] = 0.0
+    cost = 0.0
+    last = place_of(v, here_m, places)
+    for k in range(last + 1):
+        start_m, end_m = k * v.place_m, here_m if k == last else (k + 1) * v.place_m
+        if end_m > start_m:
+            met = rollings[k] * max(x[ROLLED], 0.0) / max(h.rolled, 1e-12)
+            ground = places[k].sine_driven, places[k].east, places[k].north
+            slow_m = end_m - max(min(turn_m, end_m), start_m)  # of it, driven before it heads home
+            cost += _metres(
+                v, x, p, ground, -1.0, slow_m, plan.speed_mps, met, True, here_m, misread, stays, gusts, slope
+            )
+            way_m = end_m - start_m - slow_m
+            cost += _metres(
+                v, x, p, ground, -1.0, way_m, plan.home_mps, met, True, here_m, misread, stays, gusts, slope
+            )
+    # What the wind's variance makes of the ground's rolling: the other side of `bend`.
+    bent = h.bend[0, 0] * p[EAST, EAST] + 2.0 * h.bend[0, 1] * p[EAST, NORTH] + h.bend[0, 2] * p[NORTH, NORTH]
+    cost -= 0.5 * bent * min(turn_m / max(here_m, 1e-9), 1.0)
+    onwards_m, unseen = turn_m - here_m, 0.0
+    if onwards_m > 0.0:
+        place = places[last]
+        ground = (plan.sine if np.isfinite(plan.sine) else place.sine), place.east, place.north
+        for ahead, speed_mps in ((1.0, plan.speed_mps), (-1.0, plan.home_mps)):
+            cost += _metres(
+                v, x, p, ground, ahead, onwards_m, speed_mps, x[ROLLING], False, here_m, misread, stays, gusts, slope
+            )
+        # New ground: it may roll otherwise, out and home.
+        change = 1.0 - np.exp(-onwards_m / prior.patch_m)
+        unseen = change * (2.0 * prior.patch_sd * rolling(v, 0.0) * onwards_m / v.full_j) ** 2
+    # All but driving: the model's way home at cruise, and what its electronics take at another speed.
+    own = 0.0
+    for k in range(last + 1):
+        part_m = (here_m if k == last else (k + 1) * v.place_m) - k * v.place_m
+        own += modelled_driving(v, -places[k].sine_driven, v.cruise_mps) * part_m
+    rest_j = max(plan.home_cost_j - own, 0.0) * min(turn_m / here_m, 1.0) if here_m > 0.0 else 0.0
+    rest_j += v.idle_w * (turn_m / plan.home_mps - min(turn_m, here_m) / v.cruise_mps) + plan.onwards_j
+    slope[GAIN] += rest_j / v.full_j
+    cost += x[GAIN] * rest_j / v.full_j
+    windy = slope[EAST] ** 2 + slope[NORTH] ** 2
+    slope[GUST_EAST], slope[GUST_NORTH] = stays * slope[EAST], stays * slope[NORTH]
+    return cost, windy * to_come + unseen + (prior.model_error * cost) ** 2
+
+
+@inline
+def _metres(
+    v: Any, x: Any, p: Any, ground: Any, ahead: float, way_m: float, speed_mps: float, met: float, known: bool,
+    here_m: float, misread: float, stays: float, gusts: float, slope: Any,
+) -> float:  # fmt: skip
+    """Energy of driving over ground that is alike, and by how much each state raises it (added to `slope`)."""
+    if way_m <= 0.0:
+        return 0.0
+    sine, east, north = ahead * ground[0], ahead * ground[1], ahead * ground[2]
+    full = way_m / v.full_j
+    roll, climb = rolling(v, sine) * full, climbing(v, sine) * full
+    headwind_mps = (x[EAST] + stays * x[GUST_EAST]) * east + (x[NORTH] + stays * x[GUST_NORTH]) * north
+    air = drag(v, speed_mps, headwind_mps) * full
+    force = met * roll + x[WEIGHT] * climb + x[GAIN] * air
+    if force <= 0.0:
+        return 0.0
+    bend = x[GAIN] * v.drag_ns2_per_m2 * v.per_efficiency * full
+    gust = 2.0 * bend * abs(speed_mps + headwind_mps)
+    mean_wind = p[EAST, EAST] * east * east + 2.0 * p[EAST, NORTH] * east * north + p[NORTH, NORTH] * north * north
+    slope[GAIN] += air
+    slope[WEIGHT] += climb
+    slope[EAST] += gust * east
+    slope[NORTH] += gust * north
+    if known:
+        share = met * roll / max(x[ROLLED], 1e-12)
+        slope[ROLLED] += share
+        slope[CLIMB] -= misread * way_m / here_m
+        force -= misread * x[CLIMB] * way_m / here_m
+    else:
+        slope[ROLLING] += roll
+    return float(force + np.sign(speed_mps + headwind_mps) * bend * (mean_wind + gusts))

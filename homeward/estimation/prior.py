@@ -1,0 +1,120 @@
+"""What is known before anything was driven: the spread of robots, winds and ground, and the errors of instruments."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.estimation.drive import Vehicle
+
+
+class Prior(NamedTuple):
+    """Means and standard deviations (`sd`) of what a mission hides, and of the instruments' errors.
+
+    The defaults are the robots and winds of `uncertain` missions with exact instruments.
+    """
+
+    capacity: float = 0.9  # of the battery, over the file's usable energy: U(0.8, 1)
+    capacity_sd: float = 0.058
+    rolling: float = 1.05  # resistance over the file's: U(0.8, 1.3)
+    rolling_sd: float = 0.144
+    mass: float = 1.1  # over the file's: 1 + U(0, 0.2)
+    mass_sd: float = 0.058
+    wind_sd_mps: float = 1.5  # of each component of the mean wind
+    forecast_sd_mps: float = 1.0  # of each component of a forecast, about the wind at the start
+    gust_share: float = 0.3  # standard deviation of each component of the gusts over the mean wind
+    gust_s: float = 1040.0  # their correlation time: geometric mean of 5 and 60 minutes
+    missed: float = 0.02  # probability that the forecast says nothing about the wind
+    missed_mps: float = 4.5  # strength of the mean wind then, U(3, 6), from anywhere
+    missed_sd_mps: float = 1.2
+    patch_m: float = np.inf  # mean distance between changes of the ground
+    patch_sd: float = 0.0  # of such a change, over the file's rolling resistance
+    gain_sd: float = 0.0  # of the power meter, a share
+    offset_sd_w: float = 0.0  # of the power meter
+    power_noise: float = 0.0  # of a reading of power, a share of it
+    soc_step: float = 0.0  # of the state of charge, a share
+    soc_noise: float = 0.0  # of the same, before rounding
+    soc_lag_s: float = 0.0  # time constant by which the state of charge lags
+    slope_noise: float = 0.0  # of a reading of a slope's sine
+    model_knows_slopes: float = (
+        1.0  # whether modelled energies are by the slopes as they are (1) or as they are read (0)
+    )
+    model_error: float = 0.001  # of a decision's energy, a share: what the model leaves out
+
+
+STATES = 12
+GAIN, ROLLING, WEIGHT, EAST, NORTH, GUST_EAST, GUST_NORTH, OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY = range(STATES)
+"""State of a hypothesis. Energies are metered ones without the meter's offset, over the file's usable energy.
+
+GAIN        metered over modelled energy of all but rolling and climbing
+ROLLING     metered rolling energy over the file's, where the robot is
+WEIGHT      metered climbing energy over the file's
+EAST, NORTH             mean wind, towards where it comes from, m/s
+GUST_EAST, GUST_NORTH   what the wind is beyond that now, m/s
+OFFSET      of the power meter, per second
+ROLLED      rolling energy between home and here
+CLIMB       the file's climbing energy between home and here beyond that of the slopes as they were read
+USED        energy used so far
+PER_CAPACITY            1 over the battery's capacity
+"""
+_RING = 8
+_FORECASTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+_SPLIT = 1.0
+"""Where the winds about the forecast are, in standard deviations; what is left of the variance is each one's own."""
+HYPOTHESES = len(_FORECASTS) + _RING
+
+
+def first_hypotheses(
+    prior: Prior, vehicle: Vehicle, forecast_mps: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Means, covariances and probabilities of the hypotheses about missions that begin.
+
+    Args:
+        prior: What is known.
+        vehicle: The robot's own model.
+        forecast_mps: East and north component of the wind that was forecast, shape (n, 2).
+
+    Returns:
+        Shapes (n, HYPOTHESES, STATES), (n, HYPOTHESES, STATES, STATES) and (n, HYPOTHESES).
+    """
+    n, f = len(forecast_mps), len(_FORECASTS)
+    mean, covariance = np.zeros((n, HYPOTHESES, STATES)), np.zeros((n, HYPOTHESES, STATES, STATES))
+    mean[..., GAIN], mean[..., ROLLING], mean[..., WEIGHT] = 1.0, prior.rolling * prior.mass, prior.mass
+    mean[..., PER_CAPACITY] = (1.0 + (prior.capacity_sd / prior.capacity) ** 2) / prior.capacity
+    # To first order in gain, resistance and mass.
+    slopes = np.array(
+        [[1.0, 0.0, 0.0], [prior.rolling * prior.mass, prior.mass, prior.rolling], [prior.mass, 0.0, 1.0]]
+    )
+    covariance[..., :3, :3] = slopes @ np.diag(np.square([prior.gain_sd, prior.rolling_sd, prior.mass_sd])) @ slopes.T
+    covariance[..., OFFSET, OFFSET] = (prior.offset_sd_w / vehicle.full_j) ** 2
+    capacity_sd = np.hypot(prior.capacity_sd, prior.capacity * prior.gain_sd)
+    covariance[..., PER_CAPACITY, PER_CAPACITY] = (capacity_sd / prior.capacity**2) ** 2
+
+    # The forecast is of mean wind and gust together.
+    wind, gust = prior.wind_sd_mps**2, 2.0 * (prior.gust_share * prior.wind_sd_mps) ** 2
+    per_total = 1.0 / (wind + gust + prior.forecast_sd_mps**2) if wind else 0.0
+    wind_left = wind - wind * wind * per_total
+    split_mps = _SPLIT * np.sqrt(wind_left)
+    own = wind_left - 2.0 / f * split_mps**2
+    for axis in range(2):
+        given = forecast_mps[:, None, axis]
+        moved = split_mps * _FORECASTS[:, axis]
+        # Where the mean wind is another, so is the gust that the forecast leaves room for.
+        regression = -gust * per_total * wind / wind_left if wind else 0.0
+        mean[:, :f, EAST + axis] = wind * per_total * given + moved
+        mean[:, :f, GUST_EAST + axis] = gust * per_total * given + regression * moved
+        gust_left = gust - gust * gust * per_total - regression**2 * wind_left
+        covariance[:, :f, EAST + axis, EAST + axis] = own
+        covariance[:, :f, GUST_EAST + axis, GUST_EAST + axis] = gust_left + regression**2 * own
+        covariance[:, :f, EAST + axis, GUST_EAST + axis] = regression * own
+        covariance[:, :f, GUST_EAST + axis, EAST + axis] = regression * own
+    around = 2.0 * np.pi * np.arange(_RING) / _RING
+    mean[:, f:, EAST], mean[:, f:, NORTH] = prior.missed_mps * np.cos(around), prior.missed_mps * np.sin(around)
+    for axis in range(2):
+        covariance[:, f:, EAST + axis, EAST + axis] = prior.missed_sd_mps**2
+        covariance[:, f:, GUST_EAST + axis, GUST_EAST + axis] = (prior.gust_share * prior.missed_mps) ** 2
+    probability = np.empty((n, HYPOTHESES))
+    probability[:, :f], probability[:, f:] = (1.0 - prior.missed) / f, prior.missed / _RING
+    return mean, covariance, probability
