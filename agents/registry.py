@@ -13,6 +13,7 @@ from homeward.agents.base import Policy
 from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax import DmaxRule
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.random_policy import RandomPolicy
 from homeward.agents.rules.soc50 import StateOfChargeRule
@@ -72,6 +73,7 @@ AGENTS: dict[str, Callable[[Request], Policy]] = {
     "dmax": _tuned("dmax", DmaxRule),
     "dmax_mapped": _tuned("dmax_mapped", MappedDmaxRule),
     "dmax_adaptive": _tuned("dmax_adaptive", AdaptiveDmaxRule),
+    "dmax_belief": _tuned("dmax_belief", BeliefDmaxRule),
     "planner": _planner,
     "ppo": _ppo,
 }

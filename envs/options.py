@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import numbers
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -233,6 +233,8 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     length_m = 4.0 * cruise * decision_s if mission == PATROL else reach_m
     places = _PATROL_PLACES if mission == PATROL else GENERATED_PLACES
     difficulty = DIFFICULTY[options.difficulty]
+    if options.weather == "still":
+        difficulty = replace(difficulty, weather_changes=False)
     instruments = load_instruments(difficulty.instruments if options.instruments is None else options.instruments)
     hidden, interest = np.zeros(1, HIDDEN_DTYPE), MEAN_INTEREST
     h = hidden[0]
@@ -246,9 +248,8 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     pit_stop_s = 0.5 * length_m / cruise if mission == PATROL else 0.0
     h["truth"], h["full_j"] = truth.record()[0], truth.usable_energy_j
     h["generated"], h["hidden_wind"] = generated, generated and options.route == HIDDEN_WIND
-    h["own_robots"] = difficulty.weather_changes or truth is not robot
-    h["forecast_errs"] = difficulty.weather_changes
-    h["weather_changes"] = difficulty.weather_changes and options.weather != "still"
+    h["own_robots"] = not difficulty.route_is_known or truth is not robot
+    h["forecast_errs"], h["weather_changes"] = not difficulty.route_is_known, difficulty.weather_changes
     for name in DRAWN_DTYPE.names or ():
         drawn = getattr(difficulty, name)
         h["drawn"][name] = drawn.low, drawn.high - drawn.low

@@ -93,6 +93,10 @@ class Route:
 
 KNOTS = 8
 """Pieces of a generated route: grade is linear and curvature constant between knots."""
+NEW_PATCH = 0.5
+"""Probability of other ground from one piece to the next."""
+WIND_SCALE_MPS = 1.5
+"""Standard deviation of either part of the wind: its speed has a Rayleigh distribution of this scale."""
 GENERATED_PLACES = 32
 """Places of a generated route, but for those of a patrol."""
 INTEREST_LENGTH = 0.1
@@ -133,8 +137,8 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
         slope = 0.5 * slope + 0.8660254 * rng.standard_normal()
         turn = 0.5 * turn + 0.8660254 * rng.standard_normal()
         patch = rng.random()
-        if patch < 0.5:
-            roughness = max(0.0, 4.0 * patch - 1.0)
+        if patch < NEW_PATCH:
+            roughness = max(0.0, 2.0 * patch / NEW_PATCH - 1.0)
         after = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
         last = (knot + 1) * count // KNOTS
         step = (after - sine) / max(last - first, 1)
@@ -156,7 +160,7 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
         sine, first = after, last
     m.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
     strength, direction = rng.random(), rng.random()
-    m.wind_mps = 1.5 * np.sqrt(-2.0 * np.log(1.0 - strength))
+    m.wind_mps = WIND_SCALE_MPS * np.sqrt(-2.0 * np.log(1.0 - strength))
     m.wind_from_rad = 2.0 * np.pi * direction
     if tailwind_out:
         east, north = 0.0, 0.0

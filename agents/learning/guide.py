@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.agents.base import Observations, feature
+from homeward.agents.base import Observations
 from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import Pace
@@ -70,8 +70,8 @@ class Guide:
         actions = self._policy.drive(observations, returns)
         again = np.zeros(len(begun), np.bool_)
         outlook = self._rule.look(observations, again)
-        spare = self._rule.spare_by(outlook, observations)
-        beliefs = _beliefs(feature(observations, "energy"), outlook)
+        spare = self._rule.spare_by(outlook)
+        beliefs = _beliefs(outlook)
         returning = _agreeing(np.clip(-spare / self._rule.sharp, -1.0, 1.0), returns)
         propose = self._choices if self._discrete else self._commands
         return np.concatenate((observations, beliefs, propose(actions, returning)), axis=1, dtype=np.float32)
@@ -93,13 +93,13 @@ class Guide:
         return columns
 
 
-def _beliefs(energy: NDArray[np.float64], outlook: Outlook) -> NDArray[np.float64]:
+def _beliefs(outlook: Outlook) -> NDArray[np.float64]:
     """Columns of `BELIEFS`."""
     both = outlook.home + outlook.onwards
     columns = (
-        10.0 * (energy - both),
-        40.0 * (energy - outlook.home),
-        outlook.home / np.maximum(energy, 1e-3),
+        10.0 * (outlook.left - both),
+        40.0 * (outlook.left - outlook.home),
+        outlook.home / np.maximum(outlook.left, 1e-3),
         4.0 * (outlook.driving - 1.0),
         4.0 * (outlook.sensing - 1.0),
         5.0 * outlook.deviation / np.maximum(both, 1e-9),

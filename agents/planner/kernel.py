@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from homeward.agents.identification_kernel import UNKNOWN, Ground, driving, modelled_driving
 from homeward.envs import sensing
 from homeward.envs.actions import LEVELS
 from homeward.envs.state import AHEAD
+from homeward.estimation.drive import climbing, drag, modelled_driving, rolling
 from homeward.physics.jit import compiled
 
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
@@ -23,10 +23,14 @@ _LEAST_RATIO = 0.1
 
 BELIEF_DTYPE = np.dtype(
     [
-        ("unknown", np.float64, (len(UNKNOWN),)),  # as identified
         *(
             (name, np.float64)
             for name in (
+                "gain",  # share of the battery over that of the file, of all energy but rolling and climbing
+                "rolling",  # the same of rolling
+                "weight",  # and of climbing
+                "wind_east_mps",
+                "wind_north_mps",
                 "reserve",  # share of the way home kept beyond it
                 "spare",  # energy beyond the way home and the reserve; energies are shares of the usable energy
                 "left_s",  # until the time limit
@@ -82,7 +86,7 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
         cost = (
             drives[1, LEVELS - 1]
             + drives[1, LEVELS]
-            + b.unknown[0] * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
+            + b.gain * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
         )
         best, joule, sample = -1.0, gain / cost, 0.0
         for eagerness in EAGERNESS:
@@ -90,7 +94,7 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
                 energy_price = eagerness * gain / cost
                 sample_price = 0.0
                 if stop >= 0.0:
-                    sample_price = energy_price * b.unknown[0] * model.standing / _radio(s, stop * s.link_m, False)
+                    sample_price = energy_price * b.gain * model.standing / _radio(s, stop * s.link_m, False)
                 found = _follow(b, model, s, drives, energy_price, sample_price)
                 if found > best:
                     best, joule, sample = found, energy_price, sample_price
@@ -136,19 +140,19 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
     position_m, spare, backlog = b.position_m, b.spare, b.backlog
     left_s = b.left_s - position_m / s.cruise_mps
     found, stretch = 0.0, -1
-    way = _way(model, b.unknown[0], drives[0], b.interest_here, model.spread[0], energy_price, sample_price)
+    way = _way(model, b.gain, drives[0], b.interest_here, model.spread[0], energy_price, sample_price)
     for k in range(place, s.places):
         if stretch + 1 < len(AHEAD) and k - place == AHEAD[stretch + 1][0]:
             stretch += 1
             way = _way(
-                model, b.unknown[0], drives[1 + stretch], b.interest_ahead[stretch], model.spread[stretch],
+                model, b.gain, drives[1 + stretch], b.interest_ahead[stretch], model.spread[stretch],
                 energy_price, sample_price,
             )  # fmt: skip
         gain, energy, samples, time_s = way
         radio_hz = _radio(s, position_m, False)
-        if sample_price * radio_hz > energy_price * b.unknown[0] * model.standing:
+        if sample_price * radio_hz > energy_price * b.gain * model.standing:
             stop_s = min(backlog / radio_hz, max(left_s, 0.0))
-            spare -= stop_s * b.unknown[0] * model.standing
+            spare -= stop_s * b.gain * model.standing
             left_s -= stop_s
             backlog -= stop_s * radio_hz
         if spare <= 0.0 or left_s <= 0.0:
@@ -167,8 +171,8 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
             excess, radio_hz = backlog - s.backlog_limit, _radio(s, position_m, False)
             stop_s = excess / radio_hz
             backlog = s.backlog_limit
-            if stop_s * b.unknown[0] * model.standing <= spare and stop_s <= left_s:
-                spare -= stop_s * b.unknown[0] * model.standing
+            if stop_s * b.gain * model.standing <= spare and stop_s <= left_s:
+                spare -= stop_s * b.gain * model.standing
                 left_s -= stop_s
             else:
                 found -= way_m * gain * min(excess / max(taken, 1e-9), 1.0)
@@ -197,14 +201,17 @@ def _way(
 @compiled
 def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
     """Energy of a metre's driving out at each speed and, last, home at the fastest: at least a little."""
-    ground, slopes = Ground(sine, b.east, b.north), np.empty(len(UNKNOWN))
     for level in range(LEVELS + 1):
         speed, ahead = (level, 1.0) if level < LEVELS else (LEVELS - 1, -1.0)
-        speed_mps = model.speeds_mps[speed]
-        more_j = driving(v, b.unknown, ground, ahead, speed_mps, 0.0, slopes)
-        more_j -= b.unknown[0] * modelled_driving(v, ground, ahead, speed_mps)
+        speed_mps, headwind_mps = (
+            model.speeds_mps[speed],
+            ahead * (b.wind_east_mps * b.east + b.wind_north_mps * b.north),
+        )
+        more_j = b.rolling * rolling(v, sine) + b.weight * climbing(v, ahead * sine)
+        more_j = max(more_j + b.gain * drag(v, speed_mps, headwind_mps), 0.0)
+        more_j -= b.gain * modelled_driving(v, ahead * sine, speed_mps)
         modelled = _metre(model, speed, ahead * sine)
-        drive[level] = max(b.unknown[0] * modelled + more_j / s.usable_j, _LEAST_RATIO * modelled)
+        drive[level] = max(b.gain * modelled + more_j / s.usable_j, _LEAST_RATIO * modelled)
     drive[LEVELS] *= 1.0 + b.reserve
 
 
@@ -212,19 +219,17 @@ def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
 def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample_price: float, command: Any) -> None:
     """Command of the next decision at some prices."""
     radio_hz = _radio(s, b.position_m, False)
-    standing = energy_price * b.unknown[0] * model.standing
+    standing = energy_price * b.gain * model.standing
     pays = sample_price * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
     # Of the next decision, a part may already be in the next place.
     step_m = s.max_speed_mps * s.decision_s
     beyond = b.position_m + step_m - (np.floor(b.position_m * s.per_place_m) + 1.0) * s.place_m
     share = min(max(beyond / step_m, 0.0), 1.0)
     interest = (1.0 - share) * b.interest_here + share * b.interest_ahead[0]
-    speed, rate = _best_way(b.unknown[0], model, drive, interest, energy_price, sample_price)
+    speed, rate = _best_way(b.gain, model, drive, interest, energy_price, sample_price)
     if b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit:
         # What is taken now must be sent from here.
-        speed, rate = _best_way(
-            b.unknown[0], model, drive, interest, energy_price, max(sample_price, standing / radio_hz)
-        )
+        speed, rate = _best_way(b.gain, model, drive, interest, energy_price, max(sample_price, standing / radio_hz))
         pays = pays or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
     command[0], command[1], command[2] = model.speeds_mps[speed], model.rates_hz[rate], 1.0 if pays else 0.0
     if pays:

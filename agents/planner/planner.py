@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, Policy, feature
-from homeward.agents.identification import Identification
+from homeward.agents.belief import Belief
 from homeward.agents.planner import kernel
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
-from homeward.agents.rules.dmax_identified import IdentifiedDmaxRule
+from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_lap import LapRule
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, sees_posts
@@ -21,11 +21,19 @@ from homeward.envs.options import Known
 from homeward.envs.routes import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
 from homeward.envs.sensing import information
 from homeward.envs.state import AHEAD, GO, PATROL, RETURN, STOP, SURVEY
+from homeward.estimation.prior import (
+    EAST,
+    GAIN,
+    GUST_EAST,
+    GUST_NORTH,
+    NORTH,
+    PER_CAPACITY,
+    ROLLING,
+    WEIGHT,
+)
 from homeward.physics import ancillary_power, d_max
 
 _STEEPEST_SINE = 0.7
-_PROBE = 0.5
-"""Share of the range of speeds at which a probe is driven."""
 _TYPICAL_SHARE = 2.0 / 3.0
 """Share of a metre's information in the setting's expected one: that of half of the fastest rate."""
 
@@ -34,7 +42,7 @@ _TYPICAL_SHARE = 2.0 / 3.0
 class Planner(Policy):
     """Plans anew at every decision, as far as the turn, with the robot and the wind that it has identified.
 
-    When to turn back is decided by `IdentifiedDmaxRule`: as a score never falls on the way out, the best plan goes on
+    When to turn back is decided by `BeliefDmaxRule`: as a score never falls on the way out, the best plan goes on
     until the energy, less a reserve, is down to the way home. A patrol goes by `LapRule` or, where its posts pass
     unseen, by `AdaptiveDmaxRule`.
 
@@ -58,12 +66,12 @@ class Planner(Policy):
         self._survey = bool(s["mission"] == SURVEY)
         pace = Pace(float(self._survey), 0.0, 1.0)
         self.rule: BelievingRule
-        self._identification: Identification | None = None
+        self._belief: Belief | None = None
         if s["mission"] == PATROL:
             self.rule = (LapRule if sees_posts(known) else AdaptiveDmaxRule)(known, pace, deviations)
         else:
-            self.rule = rule = IdentifiedDmaxRule(known, pace, deviations)
-            self._identification = rule.identification
+            self.rule = rule = BeliefDmaxRule(known, pace, deviations)
+            self._belief = rule.belief
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
         model["speeds_mps"] = np.linspace(s["min_speed_mps"], s["max_speed_mps"], LEVELS)
@@ -92,18 +100,17 @@ class Planner(Policy):
         `rule.turns` must have been called with the same observations before: it updates the beliefs.
         """
         turns = homebound & (feature(observations, "outbound") > 0.0)
-        s = self._known.shared[0]
         speed_mps = self._thriftiest(0.1 * feature(observations, "grade") * np.where(turns, -1.0, 1.0))
         sensing_hz, stops = np.zeros(len(observations)), np.zeros(len(observations), np.bool_)
-        if self._survey and self._identification:
+        if self._survey and self._belief:
             out = ~homebound
-            beliefs = self._beliefs(observations, self._identification.unknown)[out]
+            beliefs = self._beliefs(observations, self._belief)[out]
             commands = np.empty((len(beliefs), 3))
-            kernel.plan(beliefs, self._identification.vehicle, self._model, self._known.shared, commands)
+            kernel.plan(beliefs, self._belief.estimator.vehicle, self._model, self._known.shared, commands)
             speed_mps[out], sensing_hz[out], stops[out] = commands[:, 0], commands[:, 1], commands[:, 2] > 0.0
-        if self._identification:
-            slow_mps = s["min_speed_mps"] + _PROBE * (s["max_speed_mps"] - s["min_speed_mps"])
-            speed_mps = np.where(self._identification.probes & ~homebound, slow_mps, speed_mps)
+        if self._belief:
+            slow = self._belief.probes & ~homebound
+            speed_mps = np.where(slow, np.minimum(speed_mps, self._belief.probe_mps), speed_mps)
         mode = np.where(homebound, RETURN, np.where(stops, STOP, GO))
         return encode_actions(self._known, speed_mps, sensing_hz, mode)
 
@@ -113,14 +120,18 @@ class Planner(Policy):
         nearest = np.abs(self._sines - sine[:, None]).argmin(axis=1)
         return np.asarray(model["speeds_mps"][model["per_m"][:, nearest].argmin(axis=0)])
 
-    def _beliefs(self, observations: Observations, unknown: NDArray[np.float64]) -> NDArray[np.void]:
+    def _beliefs(self, observations: Observations, belief: Belief) -> NDArray[np.void]:
         s = self._known.shared[0]
         outlook = self.rule.look(observations, np.zeros(len(observations), np.bool_))
         beliefs = np.zeros(len(observations), kernel.BELIEF_DTYPE)
-        beliefs["unknown"] = unknown
+        believed = belief.estimate().mean
+        for name, state in (("gain", GAIN), ("rolling", ROLLING), ("weight", WEIGHT)):
+            beliefs[name] = believed[:, state] * believed[:, PER_CAPACITY]
+        beliefs["wind_east_mps"] = believed[:, EAST] + believed[:, GUST_EAST]
+        beliefs["wind_north_mps"] = believed[:, NORTH] + believed[:, GUST_NORTH]
         reserve = self.rule.deviations * outlook.deviation
         beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
-        beliefs["spare"] = self.rule.spare_by(outlook, observations)
+        beliefs["spare"] = self.rule.spare_by(outlook)
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]

@@ -48,6 +48,7 @@ class AdaptiveDmaxRule(BelievingRule):
         spread = np.maximum(residual, 0.0) / np.maximum(self._last[:, 1], 1e-9)
         home, onwards = feature(observations, "home_cost"), self.cost_of_going_on(observations)
         return Outlook(
+            left=feature(observations, "metered"),
             home=ratios[:, 0] * home,
             onwards=ratios[:, 0] * onwards,
             deviation=np.sqrt(spread + _UNSEEN**2) * (home + onwards),

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
-from homeward.agents.rules.dmax_identified import gauge_error
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, Outlook
 from homeward.envs.options import Known
@@ -39,7 +38,7 @@ class LapRule(BelievingRule):
         s = known.shared[0]
         # By the file: what hides from a robot makes it more, so that to leave one out saves this at least.
         self._stop_share = float(s["pit_stop_s"] * ancillary_power(known.robot, 0.0) / s["usable_j"])
-        self._gauge_error = gauge_error(known)
+        self._gauge_error = float(known.instruments.soc_variance**0.5)
         self._forget(0)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
@@ -52,6 +51,7 @@ class LapRule(BelievingRule):
         deviation = np.where(count > 1.0, np.sqrt(variance), _UNSEEN * lap)
         as_by_file = np.ones(len(energy))
         return Outlook(
+            left=energy,
             home=np.where(self._away, self._back, 0.0) - (self._arrival - energy),
             onwards=lap - self._stop_share,
             deviation=np.hypot(deviation, self._gauge_error * (1.0 - energy + lap)),

@@ -21,6 +21,7 @@ class Outlook(NamedTuple):
     """What a robot believes of itself and its way home, arrays of shape (n,); energies are shares of the usable energy.
 
     Attributes:
+        left: Energy left.
         home: Energy of the way home.
         onwards: Energy of going on to the next chance to turn, and back.
         deviation: Standard deviation of what both take.
@@ -28,6 +29,7 @@ class Outlook(NamedTuple):
         sensing: The same of sensing.
     """
 
+    left: NDArray[np.float64]
     home: NDArray[np.float64]
     onwards: NDArray[np.float64]
     deviation: NDArray[np.float64]
@@ -139,11 +141,11 @@ class BelievingRule(TurnBackRule):
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Energy beyond the corrected way home and the reserve, see `TurnBackRule.spare`."""
-        return self.spare_by(self.look(observations, begun), observations)
+        return self.spare_by(self.look(observations, begun))
 
-    def spare_by(self, outlook: Outlook, observations: Observations) -> NDArray[np.float64]:
+    def spare_by(self, outlook: Outlook) -> NDArray[np.float64]:
         """The same, by what it believes."""
-        return feature(observations, "metered") - outlook.home - outlook.onwards - self.deviations * outlook.deviation
+        return outlook.left - outlook.home - outlook.onwards - self.deviations * outlook.deviation
 
     @abstractmethod
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:

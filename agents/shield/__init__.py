@@ -1,5 +1,5 @@
 """The shield: around any agent, it brings home what would strand."""
 
-from homeward.agents.shield.shield import DEVIATIONS, Shield
+from homeward.agents.shield.shield import RISKS, Shield
 
-__all__ = ["DEVIATIONS", "Shield"]
+__all__ = ["RISKS", "Shield"]

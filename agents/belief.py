@@ -1,0 +1,153 @@
+"""What a robot believes of itself, the wind and its way home: `homeward.estimation`, fed with its observations."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, feature
+from homeward.envs.options import Known
+from homeward.envs.routes import KNOTS, NEW_PATCH, WIND_SCALE_MPS
+from homeward.envs.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
+from homeward.estimation import READING_DTYPE, Estimate, Estimator, Margin, Prior, Vehicle
+from homeward.physics import ancillary_power
+
+_SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
+_PROBE_EVERY = 8
+"""Decisions of which one is a probe, driven slower: at one speed wind explains as much as rolling does."""
+_PROBE = 0.5
+"""Share of the range of speeds at which a probe is driven."""
+_ON_BORDER = 1e-4
+"""Share of a place within which a robot is taken to be on its border, where rounding says which place is shown."""
+
+
+def prior_of(known: Known, missed: float) -> Prior:
+    """Prior of the missions of an environment, from the table of its difficulty and the sizes of its instruments.
+
+    Args:
+        known: Constants of the environment.
+        missed: Probability that the forecast says nothing about the wind.
+    """
+    d, i, s = known.difficulty, known.instruments, known.shared[0]
+    hides = not d.route_is_known
+    surface = d.surface
+    # Roughness after a change is 0 in one of two cases and else U(0, 1), times the gain of the surface.
+    gain_square, mean = surface.mean**2 + surface.deviation**2, surface.mean / 4.0
+    patch_sd = (2.0 * (gain_square / 6.0 - mean**2)) ** 0.5
+    return Prior(
+        capacity=d.health.mean,
+        capacity_sd=d.health.deviation,
+        rolling=d.rolling.mean,
+        rolling_sd=d.rolling.deviation,
+        mass=1.0 + d.payload.mean,
+        mass_sd=d.payload.deviation,
+        wind_sd_mps=WIND_SCALE_MPS if hides else 0.0,
+        forecast_sd_mps=FORECAST_ERROR_MPS if hides else 0.0,
+        gust_share=GUSTINESS if d.weather_changes else 0.0,
+        gust_s=(WANDERS_S[0] * WANDERS_S[1]) ** 0.5,
+        missed=missed if hides else 0.0,
+        patch_m=float(s["length_m"]) / (KNOTS * NEW_PATCH) if patch_sd > 0.0 else np.inf,
+        patch_sd=patch_sd,
+        gain_sd=i.power_gain / _SQRT_3,
+        offset_sd_w=float(s["power_offset_w"]) / _SQRT_3,
+        power_noise=i.power_noise,
+        soc_step=i.soc_step,
+        soc_noise=i.soc_noise,
+        soc_lag_s=i.soc_lag_s,
+        slope_noise=i.grade_noise,
+        model_knows_slopes=0.0,
+    )
+
+
+class Belief:
+    """Estimates what is hidden from missions, from what they observe.
+
+    Args:
+        known: Constants of the environment.
+        missed: Probability that the forecast says nothing about the wind.
+
+    Attributes:
+        estimator: It holds what is believed.
+    """
+
+    def __init__(self, known: Known, missed: float) -> None:
+        robot, s = known.robot, known.shared[0]
+        nominal = robot.record()[0]
+        self._known, self._prior = known, prior_of(known, missed)
+        self._vehicle = Vehicle(
+            full_j=float(s["usable_j"]),
+            rolling_resistance=robot.rolling_resistance,
+            mass_kg=float(nominal["mass_kg"] + nominal["payload_mass_kg"]),
+            drag_ns2_per_m2=robot.drag_ns2_per_m2,
+            per_efficiency=1.0 / robot.traction_efficiency,
+            cruise_mps=float(s["cruise_mps"]),
+            idle_w=float(ancillary_power(robot, 0.0)),
+            place_m=float(s["place_m"]),
+        )
+        # In shorter pit stops, turns pass unseen: how far the robot went is not known, and nothing is learned from it.
+        self._sees_turns = bool(s["pit_stop_s"] == 0.0 or s["pit_stop_s"] >= s["decision_s"])
+        self.probe_mps = float(s["min_speed_mps"] + _PROBE * (s["max_speed_mps"] - s["min_speed_mps"]))
+        self._forget(0)
+
+    def _forget(self, count: int) -> None:
+        self.estimator = Estimator(self._vehicle, self._prior, int(self._known.shared["places"][0]), count)
+        self._modelled, self._position_m = np.zeros((2, count))
+        self._place, self._decisions = np.full(count, -1), np.zeros(count, np.int64)
+
+    def learn(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
+        """Take in observations of missions; one that is shown twice counts once.
+
+        Args:
+            observations: Shape (n, features).
+            begun: Missions that have just begun, shape (n,).
+        """
+        s = self._known.shared[0]
+        if len(begun) != len(self._place):
+            self._forget(len(begun))
+        if begun.any():
+            east, north = (10.0 * feature(observations, f"forecast_{axis}") for axis in ("east", "north"))
+            self.estimator.begin(begun, east, north)
+            self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
+        outwards = feature(observations, "outbound")
+        position_m = feature(observations, "distance") * s["reach_m"]
+        modelled = feature(observations, "modelled")
+        readings = np.zeros(len(begun), READING_DTYPE)
+        self._decisions = np.rint(feature(observations, "time") * s["max_decisions"]).astype(np.int64)
+        readings["time_s"] = self._decisions * s["decision_s"]
+        readings["position_m"] = position_m
+        readings["power_w"] = feature(observations, "power") * s["cruise_w"] if self._sees_turns else np.nan
+        readings["soc"] = feature(observations, "energy")
+        readings["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
+        speed_mps = feature(observations, "speed") * s["max_speed_mps"]
+        # One that came to an end of the route stands there in the end, and does not say how fast it came.
+        arrives = (speed_mps == 0.0) & (position_m != self._position_m)
+        readings["speed_mps"] = np.where(arrives, np.nan, speed_mps)
+        readings["east"] = outwards * feature(observations, "east")
+        readings["north"] = outwards * feature(observations, "north")
+        at = position_m / s["place_m"]
+        place = (at + _ON_BORDER).astype(np.int64)
+        # What is read of a slope belongs to the place: to read it twice tells nothing new.
+        new = (place != self._place) & (np.abs(at - np.rint(at)) > _ON_BORDER)
+        readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
+        self._place = np.where(new, place, self._place)
+        self.estimator.update(readings, ~begun)
+        self._modelled, self._position_m = modelled, position_m
+
+    @property
+    def probes(self) -> NDArray[np.bool_]:
+        """Whether the next decision should be driven no faster than `probe_mps`, shape (n,)."""
+        return np.asarray((self._decisions % _PROBE_EVERY == 1) & (not self._known.difficulty.route_is_known))
+
+    def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
+        """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""
+        plans = self.estimator.plans(feature(observations, "home_cost") * self._known.shared["usable_j"][0], home_mps)
+        plans["sine"] = 0.1 * feature(observations, "grade_1")
+        return plans
+
+    def margin(self, plans: NDArray[np.void], risk: float) -> Margin:
+        """What plans leave, see `homeward.estimation.Estimator.margin`."""
+        return self.estimator.margin(plans, risk)
+
+    def estimate(self) -> Estimate:
+        """Parameters and wind, see `homeward.estimation.Estimator.estimate`."""
+        return self.estimator.estimate()

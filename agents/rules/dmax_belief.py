@@ -1,0 +1,62 @@
+"""The mapped rule by a robot that estimates its parameters and the wind, with a reserve of k standard deviations."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations
+from homeward.agents.belief import Belief
+from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.rule import BelievingRule, Outlook
+from homeward.envs.options import Known
+from homeward.estimation.prior import GAIN, PER_CAPACITY
+
+MISSED = 0.02
+"""Probability that a forecast of the wind is taken to say nothing: chosen so that one reading that no forecast explains
+in fifty is enough to doubt it."""
+_RISK = 1e-3  # of which the quantile is not used here
+
+
+@final
+class BeliefDmaxRule(BelievingRule):
+    """Turns back when going on and then home would leave less than some standard deviations of what is left.
+
+    Args:
+        known: Constants of the environment.
+        pace: Speed and sensing rate.
+        deviations: Standard deviations k kept back, 0 or above.
+
+    Attributes:
+        belief: What it believes.
+    """
+
+    chances = 1.0  # it knows what the next one takes
+
+    def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
+        super().__init__(known, pace, deviations)
+        self.belief = Belief(known, MISSED)
+
+    def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
+        """What it believes, see `BelievingRule.look`."""
+        self.belief.learn(observations, begun)
+        s = self._known.shared[0]
+        home = self.belief.plans(observations)
+        onwards = home.copy()
+        onwards["onwards_m"], onwards["onwards_s"] = self._outward_m, self._outward_m / s["cruise_mps"]
+        onwards["onwards_j"] = self._extra_share * s["usable_j"]
+        onwards["onwards_j"] += self.belief.estimator.vehicle.idle_w * onwards["onwards_s"]
+        now, then = (self.belief.margin(plan, _RISK).total for plan in (home, onwards))
+        believed = self.belief.estimate().mean
+        full_j = s["usable_j"] / believed[:, PER_CAPACITY]
+        more_j = then["cost_j"] - now["cost_j"]
+        return Outlook(
+            left=now["left_j"] / full_j,
+            home=now["cost_j"] / full_j,
+            onwards=more_j / full_j,
+            deviation=then["margin_sd_j"] / full_j,
+            driving=more_j / s["usable_j"] / np.maximum(self.cost_of_going_on(observations), 1e-9),
+            sensing=believed[:, GAIN] * believed[:, PER_CAPACITY],
+        )
