@@ -299,7 +299,8 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
     health = difficulty.health
     s["soc_per_metered"] = (1.0 + (health.deviation / health.mean) ** 2) / health.mean
     deviation = float(s["soc_per_metered"]) * np.hypot(health.deviation / health.mean, instruments.power_gain / _SQRT_3)
-    s["soc_prior"] = instruments.soc_variance / deviation**2 if deviation > 0.0 else 1e12
+    # Never none: before anything is metered, what is expected is all there is to go by.
+    s["soc_prior"] = max(instruments.soc_variance / deviation**2, 1e-12) if deviation > 0.0 else 1e12
 
 
 def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:
