@@ -98,12 +98,13 @@ def load_instruments(given: str | Path | Instruments) -> Instruments:
         return given
     if isinstance(given, str) and given in INSTRUMENTS:
         return INSTRUMENTS[given]
+    if not isinstance(given, str | Path) or Path(given).suffix != ".toml":
+        shown = str(given) if isinstance(given, Path) else given
+        raise InstrumentError(f"instruments = {shown!r}; choose {', '.join(INSTRUMENTS)} or name a TOML file")
     path = Path(given)
-    if path.suffix != ".toml":
-        raise InstrumentError(f"instruments = {str(given)!r}; choose {', '.join(INSTRUMENTS)} or name a TOML file")
     try:
         sizes = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:  # not TOML, not UTF-8, or a name that no file can have
         raise InstrumentError(f"{path}: {error}") from None
     known = [field.name for field in dataclasses.fields(Instruments)]
     for name in sizes:
