@@ -151,7 +151,10 @@ def read(m: Any, shared: Any, used_j: float) -> None:
     noise = shared.power_noise * normal(m.key, m.decisions, POWER)
     m.read_w = power_w * (m.meter_gain + noise) + m.meter_offset_w
     m.metered_j += m.read_w * shared.decision_s
-    m.soc_followed += (soc - m.soc_followed) * shared.soc_follows
+    # A lag of first order behind a charge that falls evenly over the decision, whatever its length.
+    before = (m.energy_j + used_j) / m.capacity_j
+    behind = (before - soc) * shared.soc_lag_decisions
+    m.soc_followed = soc + behind + (m.soc_followed - before - behind) * shared.soc_keeps
     shown = m.soc_followed
     if shared.soc_noise > 0.0:
         shown += shared.soc_noise * normal(m.key, m.decisions, SOC)

@@ -289,7 +289,8 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
     s["inexact"] = instruments != Instruments()
     for name in ("soc_step", "soc_noise", "power_gain", "power_noise", "speed_noise", "grade_noise"):
         s[name] = getattr(instruments, name)
-    s["soc_follows"] = 1.0 - np.exp(-s["decision_s"] / instruments.soc_lag_s) if instruments.soc_lag_s else 1.0
+    s["soc_lag_decisions"] = instruments.soc_lag_s / s["decision_s"]
+    s["soc_keeps"] = np.exp(-s["decision_s"] / instruments.soc_lag_s) if instruments.soc_lag_s else 0.0
     fastest = np.array([robot.max_speed_mps])
     full_w = robot.usable_energy_j * fastest / d_max(robot, fastest) + float(
         ancillary_power(robot, robot.max_sensing_hz) - ancillary_power(robot, 0.0)

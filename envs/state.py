@@ -158,7 +158,8 @@ SHARED_DTYPE = np.dtype(
         # Sizes of the instruments' errors, see `homeward.envs.instruments`.
         ("soc_step", np.float64),
         ("soc_noise", np.float64),
-        ("soc_follows", np.float64),  # share of its distance that the gauge goes towards the truth in a decision
+        ("soc_lag_decisions", np.float64),  # lag of the gauge, and the share of its distance from a level that is
+        ("soc_keeps", np.float64),  # left after a decision
         ("power_gain", np.float64),
         ("power_offset_w", np.float64),
         ("power_noise", np.float64),
