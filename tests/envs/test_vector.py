@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
 from homeward.envs import batch, kernel
-from homeward.envs.batch import REWARD_TERMS
+from homeward.envs.reward import TERMS
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.scalar import HomewardEnv
@@ -168,7 +168,7 @@ def same_info(expected: dict[str, Any], found: dict[str, Any]) -> None:
                 spent_j = [ledger[cause] for ledger in expected[key][mask]]
                 np.testing.assert_array_equal(spent_j, found[key][cause][mask])
         elif key == "reward_terms":
-            for term in REWARD_TERMS:
+            for term in TERMS:
                 np.testing.assert_array_equal(expected[key][term][mask], found[key][term][mask])
         else:
             assert expected[key].dtype == found[key].dtype
