@@ -54,7 +54,7 @@ OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"dificulty": "known"}, "unknown keyword 'dificulty' (did you mean 'difficulty'?)"),
     (
         {"colour": "red"},
-        "unknown keyword 'colour'; allowed: robot, route, difficulty, instruments, action_type, shaping",
+        "unknown keyword 'colour'; allowed: robot, route, difficulty, instruments, action_type",
     ),
     ({"robot": "rusty"}, "presets: f1tenth, husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean"),
     ({"robot": "no/such.toml"}, "presets: f1tenth, husky, jackal"),
