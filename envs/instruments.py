@@ -129,7 +129,7 @@ def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
     m.meter_gain = 1.0 + shared.power_gain * (2.0 * gain - 1.0)
     m.meter_offset_w = shared.power_offset_w * (2.0 * offset - 1.0)
     m.soc = m.soc_followed = m.metered = 1.0
-    m.metered_j = m.read_w = m.read_mps = 0.0
+    m.metered_j = m.metered_followed = m.read_w = m.read_mps = 0.0
     m.sum_used_metered = m.sum_metered_squared = 0.0
 
 
@@ -139,7 +139,7 @@ def read(m: Any, shared: Any, used_j: float) -> None:
 
     The state of charge that is metered goes on evenly between the steps of the gauge: the energy by the meter over the
     energy of a full battery by the same meter, which least squares learn from all readings of the gauge, drawn to what
-    the robot's file says.
+    the robot's file says. They set each reading against what the meter shows with the lag of the gauge.
     """
     soc, power_w = m.energy_j / m.capacity_j, used_j * shared.per_decision
     if not shared.inexact:
@@ -161,9 +161,11 @@ def read(m: Any, shared: Any, used_j: float) -> None:
     if shared.soc_step > 0.0:
         shown = shared.soc_step * np.floor(shown * shared.per_soc_step + 0.5)
     m.soc = min(max(shown, 0.0), 1.0)
-    metered = m.metered_j * shared.per_usable_j
-    m.sum_used_metered += (1.0 - m.soc) * metered
-    m.sum_metered_squared += metered * metered
+    metered, step = m.metered_j * shared.per_usable_j, m.read_w * shared.decision_s * shared.per_usable_j
+    behind = step * shared.soc_lag_decisions
+    m.metered_followed = metered - behind + (m.metered_followed - metered + step + behind) * shared.soc_keeps
+    m.sum_used_metered += (1.0 - m.soc) * m.metered_followed
+    m.sum_metered_squared += m.metered_followed * m.metered_followed
     per_metered = shared.soc_prior * shared.soc_per_metered + m.sum_used_metered
     per_metered /= shared.soc_prior + m.sum_metered_squared
     m.metered = min(max(1.0 - metered * per_metered, 0.0), 1.0)

@@ -70,6 +70,7 @@ MISSION_DTYPE = np.dtype(
         ("meter_gain", np.float64),
         ("meter_offset_w", np.float64),
         ("soc_followed", np.float64),  # state of charge that the gauge has come to
+        ("metered_followed", np.float64),  # and what the meter has, with the same lag, as a share of a full battery
         ("sum_used_metered", np.float64),  # sums over the readings, to learn the battery's energy by the meter
         ("sum_metered_squared", np.float64),
         ("soc", np.float64),  # read
