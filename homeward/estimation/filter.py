@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.estimation.drive import climbing, drag, modelled_driving, rolling
+from homeward.estimation.drive import Stretch, climbing, misread_climb, modelled_driving, predict, rolling
 from homeward.estimation.prior import (
     CLIMB,
     EAST,
@@ -25,7 +25,6 @@ from homeward.estimation.prior import (
     ROLLING,
     STATES,
     USED,
-    WEIGHT,
 )
 from homeward.physics.jit import compiled, inline
 
@@ -69,7 +68,7 @@ PLACE_DTYPE = np.dtype(
 """Slope as the mean of its readings, direction of the way out, metres driven out and the slope reckoned with there."""
 
 _LEAST_LOG_WEIGHT = -14.0  # one in a million: a hypothesis may come back where ground and wind were others than thought
-_TEMPER = 1.0
+_TEMPER = 0.5
 _OUTLIER = 1e-3  # probability that a reading of power says nothing
 _DOUBT = 9.0  # square of standard deviations from which a state of charge counts less
 _LEAST_ERROR = 1e-5  # of a state of charge: single precision and what sums leave
@@ -158,7 +157,7 @@ def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
 
 
 @inline
-def _speed(v: Any, robot: Any, reading: Any, dt_s: float) -> float:
+def _speed(robot: Any, reading: Any, dt_s: float) -> float:
     """Speed while it moved: by the way, unless it stood for a part of the time."""
     by_way_mps = abs(reading.position_m - robot.position_m) / dt_s
     return float(reading.speed_mps if reading.speed_mps > 1.05 * by_way_mps else by_way_mps)
@@ -176,7 +175,9 @@ def _drive(
     x, p = h.mean, h.covariance
     _blow(prior, dt_s, x, p)
     outwards, way_m = reading.position_m >= robot.position_m, abs(reading.position_m - robot.position_m)
-    took, rolls, kept, climb_variance = _way(v, prior, robot, reading, dt_s, h, places, rollings, slope, bend)
+    took, left, rolls, kept, climb_variance = _way(
+        v, prior, robot, reading, dt_s, h, places, rollings, slope, bend, jump
+    )
     variance = 0.0
     slope[OFFSET] = dt_s  # the reading holds the offset, the energy does not
     for a in range(STATES):
@@ -203,7 +204,7 @@ def _drive(
 
     # Slopes that were misread: they raise the energy and, on the way out, are met again on the way home.
     weight = misread_climb(prior, x)
-    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2
+    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + left
     p[USED, USED] += noise
     shared[USED] += noise
     variance += noise
@@ -280,83 +281,49 @@ def gust_variance(prior: Any, x: Any, p: Any) -> float:
     return float(prior.gust_share * prior.gust_share * square)
 
 
-@inline
-def misread_climb(prior: Any, x: Any) -> float:
-    """By how much a climb that the slopes did not show raises the energy: less where the modelled energy knows it."""
-    return float(x[WEIGHT] - prior.model_knows_slopes * x[GAIN])
-
-
 @compiled
 def _way(
-    v: Any,
-    prior: Any,
-    robot: Any,
-    reading: Any,
-    dt_s: float,
-    h: Any,
-    places: Any,
-    rollings: Any,
-    slope: Any,
-    bend: Any,
-) -> tuple[float, float, float, float]:
+    v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any, slope: Any,
+    bend: Any, part: Any,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
     """What the time since the last reading took, and by how much each state raises it: first (`slope`) and, for the
     wind, second derivatives (`bend`).
 
     Returns:
-        Energy; rolling by the file; share of the ground's rolling between home and here that remains; variance of
-        climbing by the file that misread slopes leave.
+        Energy; its variance beside that of the states; rolling by the file; share of the ground's rolling between home
+        and here that remains; variance of climbing by the file that misread slopes leave.
     """
-    x = h.mean
+    x, p = h.mean, h.covariance
     outwards = reading.position_m >= robot.position_m
     ahead = 1.0 if outwards else -1.0
     reached_m, end_m = min(robot.position_m, reading.position_m), max(robot.position_m, reading.position_m)
-    speed_mps = _speed(v, robot, reading, dt_s)
+    speed_mps = _speed(robot, reading, dt_s)
     per_rolled = 1.0 / max(h.rolled, 1e-12)
     slope[:], bend[:] = 0.0, 0.0
-    own = drive = rolls = met = climb_variance = 0.0
+    own = took = variance = rolls = met = climb_variance = 0.0
     k = place_of(v, reached_m, places)
     while reached_m < end_m:
         border_m = min((k + 1) * v.place_m, end_m) if k < len(places) - 1 else end_m
-        part_m, place = max(border_m - reached_m, 0.0), places[k]
-        full = part_m / v.full_j
+        way_m, place = max(border_m - reached_m, 0.0), places[k]
         sine = ahead * (place.sine if outwards else place.sine_driven)
-        roll, climb = rolling(v, sine) * full, climbing(v, sine) * full
-        own += modelled_driving(v, sine, speed_mps) * full
-        east, north = ahead * place.east, ahead * place.north
-        headwind_mps = (x[EAST] + x[GUST_EAST]) * east + (x[NORTH] + x[GUST_NORTH]) * north
-        air = drag(v, speed_mps, headwind_mps) * full
-        share = 0.0 if outwards else rollings[k] * roll * per_rolled
+        roll = rolling(v, sine) * way_m / v.full_j
+        again = -1.0 if outwards else rollings[k] * max(x[ROLLED], 0.0) * per_rolled
+        home_share = way_m / max(robot.position_m, 1e-9)
+        stretch = Stretch(way_m, sine, ahead * place.east, ahead * place.north, speed_mps, again, home_share, 1.0)
+        energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+        own += modelled_driving(v, sine, speed_mps) * way_m / v.full_j
+        took += energy
+        variance += left
         rolls += roll
-        met += share
-        force = (x[ROLLING] * roll if outwards else x[ROLLED] * share) + x[WEIGHT] * climb + x[GAIN] * air
-        if force > 0.0:
-            second = 2.0 * x[GAIN] * v.drag_ns2_per_m2 * v.per_efficiency * full
-            gust = second * abs(speed_mps + headwind_mps)
-            second *= np.sign(speed_mps + headwind_mps)
-            bend[0] += second * east * east
-            bend[1] += second * east * north
-            bend[2] += second * north * north
-            slope[GAIN] += air
-            slope[WEIGHT] += climb
-            slope[EAST] += gust * east
-            slope[NORTH] += gust * north
-            if outwards:
-                slope[ROLLING] += roll
-            else:
-                slope[ROLLED] += share
-                slope[CLIMB] -= misread_climb(prior, x) * part_m / robot.position_m
-            slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + _PLACE_SLOPE_SD**2
-            climb_variance += (climbing(v, 1.0) * full) ** 2 * slope_variance
-            drive += force
+        met += rollings[k] * roll * per_rolled
+        slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + _PLACE_SLOPE_SD**2
+        climb_variance += (climbing(v, 1.0) * way_m / v.full_j) ** 2 * slope_variance
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
-    slope[GUST_EAST], slope[GUST_NORTH] = slope[EAST], slope[NORTH]
     idle = v.idle_w * dt_s / v.full_j
     if np.isfinite(reading.modelled_j):
         idle = reading.modelled_j / v.full_j - own
     slope[GAIN] += idle
-    if not outwards:
-        drive += slope[CLIMB] * x[CLIMB]
-    return drive + x[GAIN] * idle, rolls, max(1.0 - met, 0.0), climb_variance
+    return took + x[GAIN] * idle, variance, rolls, max(1.0 - met, 0.0), climb_variance
 
 
 @inline
