@@ -99,7 +99,7 @@ class Stretch(NamedTuple):
     east: float
     north: float
     speed_mps: float
-    rolling: float  # resistance over the file's; below 0: that of the state `ROLLING`
+    rolled: float  # what a joule of rolling by the file takes there over `ROLLED`; below 0: it is `ROLLING`
     climb_share: float  # of the way from here home
     stays: float  # share of the gusts now that is met there
 
@@ -131,13 +131,13 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
     part[EAST], part[NORTH] = second * air_mps * s.east, second * air_mps * s.north
     part[GUST_EAST], part[GUST_NORTH] = s.stays * part[EAST], s.stays * part[NORTH]
     energy = x[WEIGHT] * climb + x[GAIN] * part[GAIN]
-    if s.rolling < 0.0:
+    if s.rolled < 0.0:
         part[ROLLING] = roll
         energy += x[ROLLING] * roll
     else:
-        part[ROLLED] = s.rolling * roll / max(x[ROLLED], 1e-12)
+        part[ROLLED] = s.rolled * roll
         part[CLIMB] = -misread_climb(prior, x) * s.climb_share
-        energy += s.rolling * roll + part[CLIMB] * x[CLIMB]
+        energy += part[ROLLED] * x[ROLLED] + part[CLIMB] * x[CLIMB]
     share, left = 1.0, 0.0
     if energy < _SURELY * roll:
         variance = 0.0

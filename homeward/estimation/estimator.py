@@ -87,6 +87,7 @@ class Estimator:
         new = np.zeros(len(forecast_mps), self.state.dtype)
         new["robot"]["soc"] = np.nan
         new["hypotheses"]["mean"], new["hypotheses"]["covariance"] = mean, covariance
+        new["hypotheses"]["gust_s"] = self.prior.gust_s
         with np.errstate(divide="ignore"):
             new["hypotheses"]["log_weight"] = np.log(probability)
         self.state[mask] = new

@@ -52,6 +52,7 @@ HYPOTHESIS_DTYPE = np.dtype(
         ("mean", np.float64, (STATES,)),
         ("covariance", np.float64, (STATES, STATES)),
         ("log_weight", np.float64),
+        ("gust_s", np.float64),  # correlation time of the gusts
         ("rolled", np.float64),  # sum over the ground between home and here of rolling as it was met
         (
             "bend",
@@ -74,6 +75,8 @@ _DOUBT = 9.0  # square of standard deviations from which a state of charge count
 _LEAST_ERROR = 1e-5  # of a state of charge: single precision and what sums leave
 _STUCK_STEPS = 3.0  # by which an unchanged state of charge must be off before it says nothing, beside its noise
 _STUCK = 0.005  # as above, a share of the battery
+_LEAST_ROLLING = 0.1  # over the file's, wherever it is noted for the way home
+_ADAPT = 0.15  # change of the logarithm of the gusts' correlation time by a squared error that is 1 beyond expectation
 _UNEVEN = 0.3  # error of the rolling of one place, over the standard deviation of a change of the ground
 _PLACE_SLOPE_SD = 0.003  # of the sine within a place: slopes of routes change by 0.006 from place to place
 
@@ -173,7 +176,7 @@ def _drive(
     `slope` is how the energy depends on the states before, `shared` the covariance of the reading with the states.
     """
     x, p = h.mean, h.covariance
-    _blow(prior, dt_s, x, p)
+    _blow(prior, dt_s, h)
     outwards, way_m = reading.position_m >= robot.position_m, abs(reading.position_m - robot.position_m)
     took, left, rolls, kept, climb_variance = _way(
         v, prior, robot, reading, dt_s, h, places, rollings, slope, bend, jump
@@ -229,7 +232,7 @@ def _drive(
     if outwards and way_m > 0.0:
         change = 1.0 - np.exp(-way_m / prior.patch_m)
         jump[ROLLING], jump[ROLLED], jump[USED] = 1.0, rolls, slope[ROLLING]
-    fades = np.exp(-dt_s / prior.gust_s)
+    fades = np.exp(-dt_s / h.gust_s)
     for a in range(3):
         h.bend[0, a] = h.bend[0, a] + bend[a] if outwards else kept * h.bend[0, a]
         h.bend[1, a] = fades * h.bend[1, a] + bend[a] if outwards else fades * kept * h.bend[1, a]
@@ -240,9 +243,13 @@ def _drive(
     if np.isfinite(read):
         variance += (prior.power_noise * read) ** 2
         east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
-        h.log_weight += _take_in(
+        log_likelihood, misfit = _take_in(
             x, p, read - took - x[OFFSET] * dt_s, variance, shared, jump, change, prior.patch_sd, read
         )
+        h.log_weight += _TEMPER * log_likelihood
+        # Larger errors than expected are gusts that change faster.
+        gust_s = h.gust_s * np.exp(-_ADAPT * (min(misfit, _DOUBT) - 1.0))
+        h.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
         change_mps = (
             x[EAST] - east_mps,
             x[NORTH] - north_mps,
@@ -262,9 +269,9 @@ def _drive(
 
 
 @inline
-def _blow(prior: Any, dt_s: float, x: Any, p: Any) -> None:
+def _blow(prior: Any, dt_s: float, h: Any) -> None:
     """Let gusts change."""
-    kept = np.exp(-dt_s / prior.gust_s)
+    x, p, kept = h.mean, h.covariance, np.exp(-dt_s / h.gust_s)
     variance = gust_variance(prior, x, p)
     for gust in (GUST_EAST, GUST_NORTH):
         x[gust] *= kept
@@ -307,7 +314,7 @@ def _way(
         way_m, place = max(border_m - reached_m, 0.0), places[k]
         sine = ahead * (place.sine if outwards else place.sine_driven)
         roll = rolling(v, sine) * way_m / v.full_j
-        again = -1.0 if outwards else rollings[k] * max(x[ROLLED], 0.0) * per_rolled
+        again = -1.0 if outwards else rollings[k] * per_rolled
         home_share = way_m / max(robot.position_m, 1e-9)
         stretch = Stretch(way_m, sine, ahead * place.east, ahead * place.north, speed_mps, again, home_share, 1.0)
         energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
@@ -390,7 +397,7 @@ def _take_in(
     change: float,
     change_sd: float,
     read: float,
-) -> float:
+) -> tuple[float, float]:
     """Kalman's update, averaged over three explanations: as before, the ground has changed, the reading says nothing.
 
     Args:
@@ -405,7 +412,7 @@ def _take_in(
         read: What was read.
 
     Returns:
-        Logarithm of the likelihood.
+        Logarithm of the likelihood; square of the surprise over its variance.
     """
     q = change_sd * change_sd
     rise = jump[USED]
@@ -427,7 +434,7 @@ def _take_in(
             p[a, b] += q_mean * jump[a] * jump[b] + weight_0 * k_0 * l_0 + weight_1 * k_1 * l_1 - square * k_a * l_a
             p[b, a] = p[a, b]
         x[a] += k_a * surprise
-    return float(_TEMPER * np.log(total))
+    return float(np.log(total)), same * square / variance + other * square / changed
 
 
 @inline
@@ -440,15 +447,15 @@ def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, r
             total += rollings[k] * rolling(v, places[k].sine_driven) * max(min(v.place_m, kept_m - k * v.place_m), 0.0)
         h.rolled = total / v.full_j
         return
-    reached_m = robot.position_m
+    rolling_now, reached_m = max(h.mean[ROLLING], _LEAST_ROLLING), robot.position_m
     k = place_of(v, reached_m, places)
     while reached_m < reading.position_m:
         border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
         part_m = max(border_m - reached_m, 0.0)
         before_m = max(reached_m - k * v.place_m, 0.0)
-        rollings[k] += (h.mean[ROLLING] - rollings[k]) * part_m / max(part_m + before_m, 1e-9)
+        rollings[k] += (rolling_now - rollings[k]) * part_m / max(part_m + before_m, 1e-9)
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
-    h.rolled += h.mean[ROLLING] * rolls
+    h.rolled += rolling_now * rolls
 
 
 @inline

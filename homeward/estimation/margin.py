@@ -14,7 +14,6 @@ from homeward.estimation.prior import (
     GAIN,
     NORTH,
     PER_CAPACITY,
-    ROLLED,
     STATES,
     USED,
 )
@@ -145,7 +144,7 @@ def _cost(
     here_m = robot.position_m
     turn_m = max(here_m + plan.onwards_m, 0.0)
     # Of the gusts now a part stays on average; of those to come, an average over the way counts.
-    course = max((plan.onwards_s + turn_m / plan.home_mps) / prior.gust_s, 1e-6)
+    course = max((plan.onwards_s + turn_m / plan.home_mps) / h.gust_s, 1e-6)
     stays = (1.0 - np.exp(-course)) / course
     gusts = gust_variance(prior, x, p)
     slope[:], bend[:] = 0.0, 0.0
@@ -156,7 +155,7 @@ def _cost(
         border_m = min(max(turn_m, start_m), end_m)  # beyond it, it drives home already before it heads home
         place = places[k]
         own += modelled_driving(v, -place.sine_driven, v.cruise_mps) * (end_m - start_m)
-        met = rollings[k] * max(x[ROLLED], 0.0) / max(h.rolled, 1e-12)
+        met = rollings[k] / max(h.rolled, 1e-12)
         for way_m, speed_mps in ((border_m - start_m, plan.home_mps), (end_m - border_m, plan.speed_mps)):
             if way_m > 0.0:
                 sine, east, north = -place.sine_driven, -place.east, -place.north
