@@ -180,7 +180,10 @@ def _cost(
     gusty = 0.5 * gusts * (bend[0] + bend[2])
     for a in range(3):
         bend[a] -= home_share * h.bend[0, a]
-    cost += gusty + 0.5 * (bend[0] * p[EAST, EAST] + 2.0 * bend[1] * p[EAST, NORTH] + bend[2] * p[NORTH, NORTH])
+    ee, en = bend[0] * p[EAST, EAST] + bend[1] * p[EAST, NORTH], bend[0] * p[EAST, NORTH] + bend[1] * p[NORTH, NORTH]
+    ne, nn = bend[1] * p[EAST, EAST] + bend[2] * p[EAST, NORTH], bend[1] * p[EAST, NORTH] + bend[2] * p[NORTH, NORTH]
+    cost += gusty + 0.5 * (ee + nn)
+    variance += 0.5 * (ee * ee + 2.0 * en * ne + nn * nn)
     # All but driving: the model's way home at cruise, and what its electronics take at another speed.
     rest_j = max(plan.home_cost_j - own, 0.0) * home_share + plan.onwards_j
     rest_j += v.idle_w * (turn_m / plan.home_mps - min(turn_m, here_m) / v.cruise_mps)
