@@ -137,7 +137,8 @@ def observe(m: Any, shared: Any, cost_j: float, out: Any) -> None:
     out.link = 1.0 / fading(m.position_m, shared.per_link_m)
     against = m.forecast_east_mps * place.east + m.forecast_north_mps * place.north
     out.headwind = _cut(0.1 * m.direction * against, LIMIT)
-    out.forecast_east, out.forecast_north = 0.1 * m.forecast_east_mps, 0.1 * m.forecast_north_mps
+    out.forecast_east = _cut(0.1 * m.forecast_east_mps, LIMIT)
+    out.forecast_north = _cut(0.1 * m.forecast_north_mps, LIMIT)
     out.east = m.direction * place.east
     out.north = m.direction * place.north
     out.temperature = 0.05 * (m.temperature_c - 10.0)

@@ -98,12 +98,13 @@ def load_instruments(given: str | Path | Instruments) -> Instruments:
         return given
     if isinstance(given, str) and given in INSTRUMENTS:
         return INSTRUMENTS[given]
+    if not isinstance(given, str | Path) or Path(given).suffix != ".toml":
+        shown = str(given) if isinstance(given, Path) else given
+        raise InstrumentError(f"instruments = {shown!r}; choose {', '.join(INSTRUMENTS)} or name a TOML file")
     path = Path(given)
-    if path.suffix != ".toml":
-        raise InstrumentError(f"instruments = {str(given)!r}; choose {', '.join(INSTRUMENTS)} or name a TOML file")
     try:
         sizes = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:  # not TOML, not UTF-8, or a name that no file can have
         raise InstrumentError(f"{path}: {error}") from None
     known = [field.name for field in dataclasses.fields(Instruments)]
     for name in sizes:
@@ -128,7 +129,7 @@ def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
     m.meter_gain = 1.0 + shared.power_gain * (2.0 * gain - 1.0)
     m.meter_offset_w = shared.power_offset_w * (2.0 * offset - 1.0)
     m.soc = m.soc_followed = m.metered = 1.0
-    m.metered_j = m.read_w = m.read_mps = 0.0
+    m.metered_j = m.metered_followed = m.read_w = m.read_mps = 0.0
     m.sum_used_metered = m.sum_metered_squared = 0.0
 
 
@@ -138,7 +139,7 @@ def read(m: Any, shared: Any, used_j: float) -> None:
 
     The state of charge that is metered goes on evenly between the steps of the gauge: the energy by the meter over the
     energy of a full battery by the same meter, which least squares learn from all readings of the gauge, drawn to what
-    the robot's file says.
+    the robot's file says. They set each reading against what the meter shows with the lag of the gauge.
     """
     soc, power_w = m.energy_j / m.capacity_j, used_j * shared.per_decision
     if not shared.inexact:
@@ -150,16 +151,21 @@ def read(m: Any, shared: Any, used_j: float) -> None:
     noise = shared.power_noise * normal(m.key, m.decisions, POWER)
     m.read_w = power_w * (m.meter_gain + noise) + m.meter_offset_w
     m.metered_j += m.read_w * shared.decision_s
-    m.soc_followed += (soc - m.soc_followed) * shared.soc_follows
+    # A lag of first order behind a charge that falls evenly over the decision, whatever its length.
+    before = (m.energy_j + used_j) / m.capacity_j
+    behind = (before - soc) * shared.soc_lag_decisions
+    m.soc_followed = soc + behind + (m.soc_followed - before - behind) * shared.soc_keeps
     shown = m.soc_followed
     if shared.soc_noise > 0.0:
         shown += shared.soc_noise * normal(m.key, m.decisions, SOC)
     if shared.soc_step > 0.0:
         shown = shared.soc_step * np.floor(shown * shared.per_soc_step + 0.5)
     m.soc = min(max(shown, 0.0), 1.0)
-    metered = m.metered_j * shared.per_usable_j
-    m.sum_used_metered += (1.0 - m.soc) * metered
-    m.sum_metered_squared += metered * metered
+    metered, step = m.metered_j * shared.per_usable_j, m.read_w * shared.decision_s * shared.per_usable_j
+    behind = step * shared.soc_lag_decisions
+    m.metered_followed = metered - behind + (m.metered_followed - metered + step + behind) * shared.soc_keeps
+    m.sum_used_metered += (1.0 - m.soc) * m.metered_followed
+    m.sum_metered_squared += m.metered_followed * m.metered_followed
     per_metered = shared.soc_prior * shared.soc_per_metered + m.sum_used_metered
     per_metered /= shared.soc_prior + m.sum_metered_squared
     m.metered = min(max(1.0 - metered * per_metered, 0.0), 1.0)

@@ -296,7 +296,8 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
     s["inexact"] = instruments != Instruments()
     for name in ("soc_step", "soc_noise", "power_gain", "power_noise", "speed_noise", "grade_noise"):
         s[name] = getattr(instruments, name)
-    s["soc_follows"] = 1.0 - np.exp(-s["decision_s"] / instruments.soc_lag_s) if instruments.soc_lag_s else 1.0
+    s["soc_lag_decisions"] = instruments.soc_lag_s / s["decision_s"]
+    s["soc_keeps"] = np.exp(-s["decision_s"] / instruments.soc_lag_s) if instruments.soc_lag_s else 0.0
     fastest = np.array([robot.max_speed_mps])
     full_w = robot.usable_energy_j * fastest / d_max(robot, fastest) + float(
         ancillary_power(robot, robot.max_sensing_hz) - ancillary_power(robot, 0.0)
@@ -306,7 +307,8 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
     health = difficulty.health
     s["soc_per_metered"] = (1.0 + (health.deviation / health.mean) ** 2) / health.mean
     deviation = float(s["soc_per_metered"]) * np.hypot(health.deviation / health.mean, instruments.power_gain / _SQRT_3)
-    s["soc_prior"] = instruments.soc_variance / deviation**2 if deviation > 0.0 else 1e12
+    # Never none: before anything is metered, what is expected is all there is to go by.
+    s["soc_prior"] = max(instruments.soc_variance / deviation**2, 1e-12) if deviation > 0.0 else 1e12
 
 
 def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:

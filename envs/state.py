@@ -70,6 +70,7 @@ MISSION_DTYPE = np.dtype(
         ("meter_gain", np.float64),
         ("meter_offset_w", np.float64),
         ("soc_followed", np.float64),  # state of charge that the gauge has come to
+        ("metered_followed", np.float64),  # and what the meter has, with the same lag, as a share of a full battery
         ("sum_used_metered", np.float64),  # sums over the readings, to learn the battery's energy by the meter
         ("sum_metered_squared", np.float64),
         ("soc", np.float64),  # read
@@ -158,7 +159,8 @@ SHARED_DTYPE = np.dtype(
         # Sizes of the instruments' errors, see `homeward.envs.instruments`.
         ("soc_step", np.float64),
         ("soc_noise", np.float64),
-        ("soc_follows", np.float64),  # share of its distance that the gauge goes towards the truth in a decision
+        ("soc_lag_decisions", np.float64),  # lag of the gauge, and the share of its distance from a level that is
+        ("soc_keeps", np.float64),  # left after a decision
         ("power_gain", np.float64),
         ("power_offset_w", np.float64),
         ("power_noise", np.float64),

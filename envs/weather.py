@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from homeward.envs.draws import GUST_EAST, GUST_NORTH, normal
+from homeward.envs.routes import LIMITS
 from homeward.physics.jit import inline
 
 GUSTINESS = 0.3
@@ -18,7 +19,9 @@ FORECAST_ERROR_MPS = 1.0
 """Standard deviation of the error of either part of the wind that is forecast, m/s. Chosen: two thirds of the 1.5 m/s
 by which winds of generated routes vary, so that a forecast says something and leaves something to find out."""
 WARMING_K_PER_H = 2.0
-"""Most by which it gets warmer or colder in an hour, K. Chosen: 12 K from dawn to noon, as on a clear day."""
+"""Most by which it gets warmer or colder in an hour, K, within what a route may hold. Chosen: 12 K from dawn to noon,
+as on a clear day."""
+_COLDEST_C, _HOTTEST_C, _ = LIMITS["temperature_c"]
 
 
 @inline
@@ -55,7 +58,7 @@ def change(m: Any) -> None:
         m.gust_north_mps *= m.gust_keeps
         m.gust_east_mps += m.gust_kick * normal(m.key, m.decisions, GUST_EAST)
         m.gust_north_mps += m.gust_kick * normal(m.key, m.decisions, GUST_NORTH)
-    m.temperature_c += m.warming_k
+    m.temperature_c = min(max(m.temperature_c + m.warming_k, _COLDEST_C), _HOTTEST_C)
 
 
 @inline

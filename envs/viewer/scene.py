@@ -57,7 +57,7 @@ class Scene:
         driven_m: How far the ground is known from driving it, m.
         position_m: Distance from home along the route, m.
         furthest_m: The furthest so far, m.
-        direction: 1 away from home, -1 towards it.
+        direction: 1 away from home, -1 towards it, also while a return is asked for that is not final.
         no_return_m: Point of no return by the robot's own model, m; None where there is none, see `Outlook`.
         runs_out_m: Where the battery will be empty on the way home by the robot's own model; None if it gets home.
         laps_left: Laps that a patrol may add by the robot's own model, None for other missions.
@@ -150,6 +150,7 @@ def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 
     gauge_j, home_j = float(m.soc * s.usable_j), float(home_cost(m, s))
     spare_j = float(m.metered * s.usable_j) - home_j
     state = _state(m)
+    direction = -1.0 if m.asked > 0 else float(m.direction)  # asked for a return, it heads home before that is final
     going = not m.over and not outlook.is_patrol()
     return Scene(
         heading=f"{batch.options.difficulty}, {known.robot.name}",
@@ -167,7 +168,7 @@ def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 
         driven_m=float(m.mapped * s.place_m),
         position_m=float(m.position_m),
         furthest_m=float(m.furthest_m),
-        direction=float(m.direction),
+        direction=direction,
         no_return_m=outlook.no_return_m(m, places, spare_j) if going and not m.returning else None,
         runs_out_m=outlook.runs_out_m(m, places, spare_j) if going and m.returning else None,
         laps_left=outlook.laps_left(m, places, spare_j) if outlook.is_patrol() else None,
@@ -191,7 +192,7 @@ def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 
         sending=bool(np.diff(states["delivered"][-2:]).sum() > 0.0),
         score=float(m.score),
         good_score=float(s.score_scale),
-        headwind_mps=float(m.direction * weather.headwind(m, m.here)),
+        headwind_mps=float(direction * weather.headwind(m, m.here)),
         temperature_c=float(m.temperature_c),
     )
 
@@ -204,7 +205,7 @@ def _state(m: Any) -> str:
         ("ready", m.decisions == 0),
         ("pit stop", m.dwell_s > 0.0),
         ("stopped", m.speed_mps == 0.0),
-        ("returning", m.returning),
+        ("returning", m.asked > 0),
         ("out", m.direction > 0.0),
     ):
         if holds:

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from homeward.estimation.prior import (
+    CLIMB,
+    EAST,
+    GAIN,
+    GUST_EAST,
+    GUST_NORTH,
+    NORTH,
+    ROLLED,
+    ROLLING,
+    STATES,
+    WEIGHT,
+)
 from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.jit import inline
+
+_SURELY = 0.7  # of rolling: energy of a stretch above which it is not in doubt that something has to be driven
 
 
 class Vehicle(NamedTuple):
@@ -74,3 +89,77 @@ def modelled_driving(v: Any, sine: float, speed_mps: float) -> float:
     """
     at_cruise = drag(v, v.cruise_mps, 0.0)
     return max(max(rolling(v, sine) + climbing(v, sine) + at_cruise, 0.0) + drag(v, speed_mps, 0.0) - at_cruise, 0.0)
+
+
+class Stretch(NamedTuple):
+    """A stretch of a way over ground that is alike."""
+
+    way_m: float
+    sine: float  # of the slope, in the direction of travel, as the next two
+    east: float
+    north: float
+    speed_mps: float
+    rolled: float  # what a joule of rolling by the file takes there over `ROLLED`; below 0: it is `ROLLING`
+    climb_share: float  # of the way from here home
+    stays: float  # share of the gusts now that is met there
+
+
+@inline
+def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, part: Any) -> tuple[float, float]:
+    """Energy of driving a stretch by a hypothesis, over the file's usable energy, and its variance beside the states'.
+
+    It is normally distributed by the states, but never below 0: where it may be both, the mean and the slopes are those
+    of the normal distribution cut off there.
+
+    Args:
+        v: `Vehicle`.
+        prior: `Prior`.
+        x: Mean of the states, shape (STATES,).
+        p: Their covariance.
+        s: `Stretch`.
+        slope: Added to: by how much each state raises the energy, shape (STATES,).
+        bend: Added to: second derivatives by the wind, east, both and north.
+        part: Room for work, shape (STATES,).
+    """
+    full = s.way_m / v.full_j
+    roll, climb = rolling(v, s.sine) * full, climbing(v, s.sine) * full
+    headwind_mps = (x[EAST] + s.stays * x[GUST_EAST]) * s.east + (x[NORTH] + s.stays * x[GUST_NORTH]) * s.north
+    air_mps = s.speed_mps + headwind_mps
+    part[:] = 0.0
+    part[GAIN], part[WEIGHT] = drag(v, s.speed_mps, headwind_mps) * full, climb
+    second = 2.0 * x[GAIN] * v.drag_ns2_per_m2 * v.per_efficiency * full * np.sign(air_mps)
+    part[EAST], part[NORTH] = second * air_mps * s.east, second * air_mps * s.north
+    part[GUST_EAST], part[GUST_NORTH] = s.stays * part[EAST], s.stays * part[NORTH]
+    energy = x[WEIGHT] * climb + x[GAIN] * part[GAIN]
+    if s.rolled < 0.0:
+        part[ROLLING] = roll
+        energy += x[ROLLING] * roll
+    else:
+        part[ROLLED] = s.rolled * roll
+        part[CLIMB] = -misread_climb(prior, x) * s.climb_share
+        energy += part[ROLLED] * x[ROLLED] + part[CLIMB] * x[CLIMB]
+    share, left = 1.0, 0.0
+    if energy < _SURELY * roll:
+        variance = 0.0
+        for a in range(STATES):
+            for b in range(STATES):
+                variance += part[a] * p[a, b] * part[b]
+        sd = math.sqrt(max(variance, 1e-24))
+        z = energy / sd
+        share = 0.5 * math.erfc(-z / math.sqrt(2.0))
+        density = sd * math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        mean = energy * share + density
+        left = max(energy * mean + variance * share - mean * mean - share * share * variance, 0.0)
+        energy = mean
+    for a in range(STATES):
+        slope[a] += share * part[a]
+    bend[0] += share * second * s.east * s.east
+    bend[1] += share * second * s.east * s.north
+    bend[2] += share * second * s.north * s.north
+    return energy, left
+
+
+@inline
+def misread_climb(prior: Any, x: Any) -> float:
+    """By how much a climb that the slopes did not show raises the energy: less where the modelled energy knows it."""
+    return float(x[WEIGHT] - prior.model_knows_slopes * x[GAIN])

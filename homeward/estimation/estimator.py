@@ -83,10 +83,11 @@ class Estimator:
             wind_north_mps: The same to the north.
         """
         forecast_mps = np.stack((wind_east_mps, wind_north_mps), axis=-1)[mask]
-        mean, covariance, probability = first_hypotheses(self.prior, self.vehicle, forecast_mps)
+        mean, covariance, probability = first_hypotheses(self.prior, self.vehicle.full_j, forecast_mps)
         new = np.zeros(len(forecast_mps), self.state.dtype)
         new["robot"]["soc"] = np.nan
         new["hypotheses"]["mean"], new["hypotheses"]["covariance"] = mean, covariance
+        new["hypotheses"]["gust_s"] = self.prior.gust_s
         with np.errstate(divide="ignore"):
             new["hypotheses"]["log_weight"] = np.log(probability)
         self.state[mask] = new

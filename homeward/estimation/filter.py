@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.estimation.drive import climbing, drag, modelled_driving, rolling
+from homeward.estimation.drive import Stretch, climbing, misread_climb, modelled_driving, predict, rolling
 from homeward.estimation.prior import (
     CLIMB,
     EAST,
@@ -25,7 +25,6 @@ from homeward.estimation.prior import (
     ROLLING,
     STATES,
     USED,
-    WEIGHT,
 )
 from homeward.physics.jit import compiled, inline
 
@@ -53,6 +52,7 @@ HYPOTHESIS_DTYPE = np.dtype(
         ("mean", np.float64, (STATES,)),
         ("covariance", np.float64, (STATES, STATES)),
         ("log_weight", np.float64),
+        ("gust_s", np.float64),  # correlation time of the gusts
         ("rolled", np.float64),  # sum over the ground between home and here of rolling as it was met
         (
             "bend",
@@ -69,12 +69,14 @@ PLACE_DTYPE = np.dtype(
 """Slope as the mean of its readings, direction of the way out, metres driven out and the slope reckoned with there."""
 
 _LEAST_LOG_WEIGHT = -14.0  # one in a million: a hypothesis may come back where ground and wind were others than thought
-_TEMPER = 1.0
+_TEMPER = 0.5
 _OUTLIER = 1e-3  # probability that a reading of power says nothing
 _DOUBT = 9.0  # square of standard deviations from which a state of charge counts less
 _LEAST_ERROR = 1e-5  # of a state of charge: single precision and what sums leave
 _STUCK_STEPS = 3.0  # by which an unchanged state of charge must be off before it says nothing, beside its noise
 _STUCK = 0.005  # as above, a share of the battery
+_LEAST_ROLLING = 0.1  # over the file's, wherever it is noted for the way home
+_ADAPT = 0.15  # change of the logarithm of the gusts' correlation time by a squared error that is 1 beyond expectation
 _UNEVEN = 0.3  # error of the rolling of one place, over the standard deviation of a change of the ground
 _PLACE_SLOPE_SD = 0.003  # of the sine within a place: slopes of routes change by 0.006 from place to place
 
@@ -158,7 +160,7 @@ def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
 
 
 @inline
-def _speed(v: Any, robot: Any, reading: Any, dt_s: float) -> float:
+def _speed(robot: Any, reading: Any, dt_s: float) -> float:
     """Speed while it moved: by the way, unless it stood for a part of the time."""
     by_way_mps = abs(reading.position_m - robot.position_m) / dt_s
     return float(reading.speed_mps if reading.speed_mps > 1.05 * by_way_mps else by_way_mps)
@@ -174,9 +176,11 @@ def _drive(
     `slope` is how the energy depends on the states before, `shared` the covariance of the reading with the states.
     """
     x, p = h.mean, h.covariance
-    _blow(prior, dt_s, x, p)
+    _blow(prior, dt_s, h)
     outwards, way_m = reading.position_m >= robot.position_m, abs(reading.position_m - robot.position_m)
-    took, rolls, kept, climb_variance = _way(v, prior, robot, reading, dt_s, h, places, rollings, slope, bend)
+    took, left, rolls, kept, climb_variance = _way(
+        v, prior, robot, reading, dt_s, h, places, rollings, slope, bend, jump
+    )
     variance = 0.0
     slope[OFFSET] = dt_s  # the reading holds the offset, the energy does not
     for a in range(STATES):
@@ -203,7 +207,7 @@ def _drive(
 
     # Slopes that were misread: they raise the energy and, on the way out, are met again on the way home.
     weight = misread_climb(prior, x)
-    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2
+    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + left
     p[USED, USED] += noise
     shared[USED] += noise
     variance += noise
@@ -228,7 +232,7 @@ def _drive(
     if outwards and way_m > 0.0:
         change = 1.0 - np.exp(-way_m / prior.patch_m)
         jump[ROLLING], jump[ROLLED], jump[USED] = 1.0, rolls, slope[ROLLING]
-    fades = np.exp(-dt_s / prior.gust_s)
+    fades = np.exp(-dt_s / h.gust_s)
     for a in range(3):
         h.bend[0, a] = h.bend[0, a] + bend[a] if outwards else kept * h.bend[0, a]
         h.bend[1, a] = fades * h.bend[1, a] + bend[a] if outwards else fades * kept * h.bend[1, a]
@@ -239,9 +243,13 @@ def _drive(
     if np.isfinite(read):
         variance += (prior.power_noise * read) ** 2
         east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
-        h.log_weight += _take_in(
+        log_likelihood, misfit = _take_in(
             x, p, read - took - x[OFFSET] * dt_s, variance, shared, jump, change, prior.patch_sd, read
         )
+        h.log_weight += _TEMPER * log_likelihood
+        # Larger errors than expected are gusts that change faster.
+        gust_s = h.gust_s * np.exp(-_ADAPT * (min(misfit, _DOUBT) - 1.0))
+        h.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
         change_mps = (
             x[EAST] - east_mps,
             x[NORTH] - north_mps,
@@ -261,9 +269,9 @@ def _drive(
 
 
 @inline
-def _blow(prior: Any, dt_s: float, x: Any, p: Any) -> None:
+def _blow(prior: Any, dt_s: float, h: Any) -> None:
     """Let gusts change."""
-    kept = np.exp(-dt_s / prior.gust_s)
+    x, p, kept = h.mean, h.covariance, np.exp(-dt_s / h.gust_s)
     variance = gust_variance(prior, x, p)
     for gust in (GUST_EAST, GUST_NORTH):
         x[gust] *= kept
@@ -280,83 +288,49 @@ def gust_variance(prior: Any, x: Any, p: Any) -> float:
     return float(prior.gust_share * prior.gust_share * square)
 
 
-@inline
-def misread_climb(prior: Any, x: Any) -> float:
-    """By how much a climb that the slopes did not show raises the energy: less where the modelled energy knows it."""
-    return float(x[WEIGHT] - prior.model_knows_slopes * x[GAIN])
-
-
 @compiled
 def _way(
-    v: Any,
-    prior: Any,
-    robot: Any,
-    reading: Any,
-    dt_s: float,
-    h: Any,
-    places: Any,
-    rollings: Any,
-    slope: Any,
-    bend: Any,
-) -> tuple[float, float, float, float]:
+    v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any, slope: Any,
+    bend: Any, part: Any,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
     """What the time since the last reading took, and by how much each state raises it: first (`slope`) and, for the
     wind, second derivatives (`bend`).
 
     Returns:
-        Energy; rolling by the file; share of the ground's rolling between home and here that remains; variance of
-        climbing by the file that misread slopes leave.
+        Energy; its variance beside that of the states; rolling by the file; share of the ground's rolling between home
+        and here that remains; variance of climbing by the file that misread slopes leave.
     """
-    x = h.mean
+    x, p = h.mean, h.covariance
     outwards = reading.position_m >= robot.position_m
     ahead = 1.0 if outwards else -1.0
     reached_m, end_m = min(robot.position_m, reading.position_m), max(robot.position_m, reading.position_m)
-    speed_mps = _speed(v, robot, reading, dt_s)
+    speed_mps = _speed(robot, reading, dt_s)
     per_rolled = 1.0 / max(h.rolled, 1e-12)
     slope[:], bend[:] = 0.0, 0.0
-    own = drive = rolls = met = climb_variance = 0.0
+    own = took = variance = rolls = met = climb_variance = 0.0
     k = place_of(v, reached_m, places)
     while reached_m < end_m:
         border_m = min((k + 1) * v.place_m, end_m) if k < len(places) - 1 else end_m
-        part_m, place = max(border_m - reached_m, 0.0), places[k]
-        full = part_m / v.full_j
+        way_m, place = max(border_m - reached_m, 0.0), places[k]
         sine = ahead * (place.sine if outwards else place.sine_driven)
-        roll, climb = rolling(v, sine) * full, climbing(v, sine) * full
-        own += modelled_driving(v, sine, speed_mps) * full
-        east, north = ahead * place.east, ahead * place.north
-        headwind_mps = (x[EAST] + x[GUST_EAST]) * east + (x[NORTH] + x[GUST_NORTH]) * north
-        air = drag(v, speed_mps, headwind_mps) * full
-        share = 0.0 if outwards else rollings[k] * roll * per_rolled
+        roll = rolling(v, sine) * way_m / v.full_j
+        again = -1.0 if outwards else rollings[k] * per_rolled
+        home_share = way_m / max(robot.position_m, 1e-9)
+        stretch = Stretch(way_m, sine, ahead * place.east, ahead * place.north, speed_mps, again, home_share, 1.0)
+        energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+        own += modelled_driving(v, sine, speed_mps) * way_m / v.full_j
+        took += energy
+        variance += left
         rolls += roll
-        met += share
-        force = (x[ROLLING] * roll if outwards else x[ROLLED] * share) + x[WEIGHT] * climb + x[GAIN] * air
-        if force > 0.0:
-            second = 2.0 * x[GAIN] * v.drag_ns2_per_m2 * v.per_efficiency * full
-            gust = second * abs(speed_mps + headwind_mps)
-            second *= np.sign(speed_mps + headwind_mps)
-            bend[0] += second * east * east
-            bend[1] += second * east * north
-            bend[2] += second * north * north
-            slope[GAIN] += air
-            slope[WEIGHT] += climb
-            slope[EAST] += gust * east
-            slope[NORTH] += gust * north
-            if outwards:
-                slope[ROLLING] += roll
-            else:
-                slope[ROLLED] += share
-                slope[CLIMB] -= misread_climb(prior, x) * part_m / robot.position_m
-            slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + _PLACE_SLOPE_SD**2
-            climb_variance += (climbing(v, 1.0) * full) ** 2 * slope_variance
-            drive += force
+        met += rollings[k] * roll * per_rolled
+        slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + _PLACE_SLOPE_SD**2
+        climb_variance += (climbing(v, 1.0) * way_m / v.full_j) ** 2 * slope_variance
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
-    slope[GUST_EAST], slope[GUST_NORTH] = slope[EAST], slope[NORTH]
     idle = v.idle_w * dt_s / v.full_j
     if np.isfinite(reading.modelled_j):
         idle = reading.modelled_j / v.full_j - own
     slope[GAIN] += idle
-    if not outwards:
-        drive += slope[CLIMB] * x[CLIMB]
-    return drive + x[GAIN] * idle, rolls, max(1.0 - met, 0.0), climb_variance
+    return took + x[GAIN] * idle, variance, rolls, max(1.0 - met, 0.0), climb_variance
 
 
 @inline
@@ -423,7 +397,7 @@ def _take_in(
     change: float,
     change_sd: float,
     read: float,
-) -> float:
+) -> tuple[float, float]:
     """Kalman's update, averaged over three explanations: as before, the ground has changed, the reading says nothing.
 
     Args:
@@ -438,7 +412,7 @@ def _take_in(
         read: What was read.
 
     Returns:
-        Logarithm of the likelihood.
+        Logarithm of the likelihood; square of the surprise over its variance.
     """
     q = change_sd * change_sd
     rise = jump[USED]
@@ -460,7 +434,7 @@ def _take_in(
             p[a, b] += q_mean * jump[a] * jump[b] + weight_0 * k_0 * l_0 + weight_1 * k_1 * l_1 - square * k_a * l_a
             p[b, a] = p[a, b]
         x[a] += k_a * surprise
-    return float(_TEMPER * np.log(total))
+    return float(np.log(total)), same * square / variance + other * square / changed
 
 
 @inline
@@ -473,15 +447,15 @@ def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, r
             total += rollings[k] * rolling(v, places[k].sine_driven) * max(min(v.place_m, kept_m - k * v.place_m), 0.0)
         h.rolled = total / v.full_j
         return
-    reached_m = robot.position_m
+    rolling_now, reached_m = max(h.mean[ROLLING], _LEAST_ROLLING), robot.position_m
     k = place_of(v, reached_m, places)
     while reached_m < reading.position_m:
         border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
         part_m = max(border_m - reached_m, 0.0)
         before_m = max(reached_m - k * v.place_m, 0.0)
-        rollings[k] += (h.mean[ROLLING] - rollings[k]) * part_m / max(part_m + before_m, 1e-9)
+        rollings[k] += (rolling_now - rollings[k]) * part_m / max(part_m + before_m, 1e-9)
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
-    h.rolled += h.mean[ROLLING] * rolls
+    h.rolled += rolling_now * rolls
 
 
 @inline

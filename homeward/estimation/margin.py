@@ -7,21 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from homeward.estimation.drive import climbing, drag, modelled_driving, rolling
-from homeward.estimation.filter import gust_variance, misread_climb, place_of
+from homeward.estimation.drive import Stretch, modelled_driving, predict, rolling
+from homeward.estimation.filter import gust_variance, place_of
 from homeward.estimation.prior import (
-    CLIMB,
     EAST,
     GAIN,
-    GUST_EAST,
-    GUST_NORTH,
     NORTH,
     PER_CAPACITY,
-    ROLLED,
-    ROLLING,
     STATES,
     USED,
-    WEIGHT,
 )
 from homeward.physics.jit import compiled, inline
 
@@ -65,7 +59,8 @@ def judge(
         margins: Written, `MARGIN_DTYPE`, shape (n,).
         each: Written: weight, mean and standard deviation of the margin of each hypothesis, shape (n, hypotheses, 3).
     """
-    slope, share, sums = np.zeros(STATES), np.zeros(STATES), np.zeros((4, 2))
+    slope, share, part = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
+    sums, bend = np.zeros((4, 2)), np.zeros(3)
     for i in range(len(plans)):
         sums[:] = 0.0
         for k in range(hypotheses.shape[1]):
@@ -74,7 +69,7 @@ def judge(
             each[i, k, :] = 0.0
             if weight == 0.0:
                 continue
-            cost, variance = _cost(v, prior, robots[i], plans[i], h, places[i], rollings[i, k], slope)
+            cost, variance = _cost(v, prior, robots[i], plans[i], h, places[i], rollings[i, k], slope, bend, part)
             x, p = h.mean, h.covariance
             capacity = 1.0 / x[PER_CAPACITY]
             left = capacity * (1.0 + p[PER_CAPACITY, PER_CAPACITY] * capacity * capacity) - x[USED]
@@ -142,91 +137,58 @@ def _quantile(each: Any, risk: float) -> float:
 
 @compiled
 def _cost(
-    v: Any, prior: Any, robot: Any, plan: Any, h: Any, places: Any, rollings: Any, slope: Any
+    v: Any, prior: Any, robot: Any, plan: Any, h: Any, places: Any, rollings: Any, slope: Any, bend: Any, part: Any
 ) -> tuple[float, float]:
     """Energy of a plan by a hypothesis, by how much each state raises it (`slope`), and the variance beside theirs."""
     x, p = h.mean, h.covariance
     here_m = robot.position_m
     turn_m = max(here_m + plan.onwards_m, 0.0)
-    lasts_s = plan.onwards_s + turn_m / plan.home_mps
     # Of the gusts now a part stays on average; of those to come, an average over the way counts.
-    course = lasts_s / prior.gust_s
-    stays = (1.0 - np.exp(-course)) / course if course > 1e-6 else 1.0
+    course = max((plan.onwards_s + turn_m / plan.home_mps) / h.gust_s, 1e-6)
+    stays = (1.0 - np.exp(-course)) / course
     gusts = gust_variance(prior, x, p)
-    to_come = max(2.0 / course * (1.0 - stays) - stays * stays, 0.0) * gusts if course > 1e-6 else 0.0
-    misread = misread_climb(prior, x)
-    slope[:] = 0.0
-    cost = 0.0
+    slope[:], bend[:] = 0.0, 0.0
+    cost = variance = own = 0.0
     last = place_of(v, here_m, places)
     for k in range(last + 1):
         start_m, end_m = k * v.place_m, here_m if k == last else (k + 1) * v.place_m
-        if end_m > start_m:
-            met = rollings[k] * max(x[ROLLED], 0.0) / max(h.rolled, 1e-12)
-            ground = places[k].sine_driven, places[k].east, places[k].north
-            slow_m = end_m - max(min(turn_m, end_m), start_m)  # of it, driven before it heads home
-            cost += _metres(
-                v, x, p, ground, -1.0, slow_m, plan.speed_mps, met, True, here_m, misread, stays, gusts, slope
-            )
-            way_m = end_m - start_m - slow_m
-            cost += _metres(
-                v, x, p, ground, -1.0, way_m, plan.home_mps, met, True, here_m, misread, stays, gusts, slope
-            )
-    # What the wind's variance makes of the ground's rolling: the other side of `bend`.
-    bent = h.bend[0, 0] * p[EAST, EAST] + 2.0 * h.bend[0, 1] * p[EAST, NORTH] + h.bend[0, 2] * p[NORTH, NORTH]
-    cost -= 0.5 * bent * min(turn_m / max(here_m, 1e-9), 1.0)
-    onwards_m, unseen = turn_m - here_m, 0.0
-    if onwards_m > 0.0:
-        place = places[last]
-        ground = (plan.sine if np.isfinite(plan.sine) else place.sine), place.east, place.north
+        border_m = min(max(turn_m, start_m), end_m)  # beyond it, it drives home already before it heads home
+        place = places[k]
+        own += modelled_driving(v, -place.sine_driven, v.cruise_mps) * (end_m - start_m)
+        met = rollings[k] / max(h.rolled, 1e-12)
+        for way_m, speed_mps in ((border_m - start_m, plan.home_mps), (end_m - border_m, plan.speed_mps)):
+            if way_m > 0.0:
+                sine, east, north = -place.sine_driven, -place.east, -place.north
+                stretch = Stretch(way_m, sine, east, north, speed_mps, met, way_m / here_m, stays)
+                energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+                cost += energy
+                variance += left
+    # As the ground's rolling bends with the wind, so does the way home: on average the one makes up for the other.
+    home_share = min(turn_m / max(here_m, 1e-9), 1.0)
+    if turn_m > here_m:
+        place, way_m = places[last], turn_m - here_m
+        sine = plan.sine if np.isfinite(plan.sine) else place.sine
         for ahead, speed_mps in ((1.0, plan.speed_mps), (-1.0, plan.home_mps)):
-            cost += _metres(
-                v, x, p, ground, ahead, onwards_m, speed_mps, x[ROLLING], False, here_m, misread, stays, gusts, slope
-            )
+            stretch = Stretch(way_m, ahead * sine, ahead * place.east, ahead * place.north, speed_mps, -1.0, 0.0, stays)
+            energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+            cost += energy
+            variance += left
         # New ground: it may roll otherwise, out and home.
-        change = 1.0 - np.exp(-onwards_m / prior.patch_m)
-        unseen = change * (2.0 * prior.patch_sd * rolling(v, 0.0) * onwards_m / v.full_j) ** 2
+        change = 1.0 - np.exp(-way_m / prior.patch_m)
+        variance += change * (2.0 * prior.patch_sd * rolling(v, 0.0) * way_m / v.full_j) ** 2
+    # What the winds that may be, and gusts to come, take on average beyond the mean wind.
+    gusty = 0.5 * gusts * (bend[0] + bend[2])
+    for a in range(3):
+        bend[a] -= home_share * h.bend[0, a]
+    ee, en = bend[0] * p[EAST, EAST] + bend[1] * p[EAST, NORTH], bend[0] * p[EAST, NORTH] + bend[1] * p[NORTH, NORTH]
+    ne, nn = bend[1] * p[EAST, EAST] + bend[2] * p[EAST, NORTH], bend[1] * p[EAST, NORTH] + bend[2] * p[NORTH, NORTH]
+    cost += gusty + 0.5 * (ee + nn)
+    variance += 0.5 * (ee * ee + 2.0 * en * ne + nn * nn)
     # All but driving: the model's way home at cruise, and what its electronics take at another speed.
-    own = 0.0
-    for k in range(last + 1):
-        part_m = (here_m if k == last else (k + 1) * v.place_m) - k * v.place_m
-        own += modelled_driving(v, -places[k].sine_driven, v.cruise_mps) * part_m
-    rest_j = max(plan.home_cost_j - own, 0.0) * min(turn_m / here_m, 1.0) if here_m > 0.0 else 0.0
-    rest_j += v.idle_w * (turn_m / plan.home_mps - min(turn_m, here_m) / v.cruise_mps) + plan.onwards_j
+    rest_j = max(plan.home_cost_j - own, 0.0) * home_share + plan.onwards_j
+    rest_j += v.idle_w * (turn_m / plan.home_mps - min(turn_m, here_m) / v.cruise_mps)
     slope[GAIN] += rest_j / v.full_j
     cost += x[GAIN] * rest_j / v.full_j
-    windy = slope[EAST] ** 2 + slope[NORTH] ** 2
-    slope[GUST_EAST], slope[GUST_NORTH] = stays * slope[EAST], stays * slope[NORTH]
-    return cost, windy * to_come + unseen + (prior.model_error * cost) ** 2
-
-
-@inline
-def _metres(
-    v: Any, x: Any, p: Any, ground: Any, ahead: float, way_m: float, speed_mps: float, met: float, known: bool,
-    here_m: float, misread: float, stays: float, gusts: float, slope: Any,
-) -> float:  # fmt: skip
-    """Energy of driving over ground that is alike, and by how much each state raises it (added to `slope`)."""
-    if way_m <= 0.0:
-        return 0.0
-    sine, east, north = ahead * ground[0], ahead * ground[1], ahead * ground[2]
-    full = way_m / v.full_j
-    roll, climb = rolling(v, sine) * full, climbing(v, sine) * full
-    headwind_mps = (x[EAST] + stays * x[GUST_EAST]) * east + (x[NORTH] + stays * x[GUST_NORTH]) * north
-    air = drag(v, speed_mps, headwind_mps) * full
-    force = met * roll + x[WEIGHT] * climb + x[GAIN] * air
-    if force <= 0.0:
-        return 0.0
-    bend = x[GAIN] * v.drag_ns2_per_m2 * v.per_efficiency * full
-    gust = 2.0 * bend * abs(speed_mps + headwind_mps)
-    mean_wind = p[EAST, EAST] * east * east + 2.0 * p[EAST, NORTH] * east * north + p[NORTH, NORTH] * north * north
-    slope[GAIN] += air
-    slope[WEIGHT] += climb
-    slope[EAST] += gust * east
-    slope[NORTH] += gust * north
-    if known:
-        share = met * roll / max(x[ROLLED], 1e-12)
-        slope[ROLLED] += share
-        slope[CLIMB] -= misread * way_m / here_m
-        force -= misread * x[CLIMB] * way_m / here_m
-    else:
-        slope[ROLLING] += roll
-    return float(force + np.sign(speed_mps + headwind_mps) * bend * (mean_wind + gusts))
+    to_come = max(2.0 / course * (1.0 - stays) - stays * stays, 0.0) * gusts
+    variance += (slope[EAST] ** 2 + slope[NORTH] ** 2) * to_come
+    return cost, variance + (prior.model_error * cost) ** 2

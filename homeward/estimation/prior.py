@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.estimation.drive import Vehicle
-
 
 class Prior(NamedTuple):
     """Means and standard deviations (`sd`) of what a mission hides, and of the instruments' errors.
@@ -25,7 +23,9 @@ class Prior(NamedTuple):
     wind_sd_mps: float = 1.5  # of each component of the mean wind
     forecast_sd_mps: float = 1.0  # of each component of a forecast, about the wind at the start
     gust_share: float = 0.3  # standard deviation of each component of the gusts over the mean wind
-    gust_s: float = 1040.0  # their correlation time: geometric mean of 5 and 60 minutes
+    gust_s: float = 1040.0  # their correlation time, log-uniform between the next two
+    shortest_gust_s: float = 300.0
+    longest_gust_s: float = 3600.0
     missed: float = 0.02  # probability that the forecast says nothing about the wind
     missed_mps: float = 4.5  # strength of the mean wind then, U(3, 6), from anywhere
     missed_sd_mps: float = 1.2
@@ -60,20 +60,23 @@ USED        energy used so far
 PER_CAPACITY            1 over the battery's capacity
 """
 _RING = 8
-_FORECASTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-_SPLIT = 1.0
-"""Where the winds about the forecast are, in standard deviations; what is left of the variance is each one's own."""
+_AROUND, _SHARE, _APART = 6, 0.6, 1.6
+"""Of the forecast's hypotheses: how many lie around the one in the middle, their probability, and how far away they are
+in standard deviations, so that winds that the same readings explain are not all in one."""
+_FORECASTS = _APART * np.array(
+    [(0.0, 0.0)] + [(np.cos(a), np.sin(a)) for a in 2.0 * np.pi * np.arange(_AROUND) / _AROUND]
+)
 HYPOTHESES = len(_FORECASTS) + _RING
 
 
 def first_hypotheses(
-    prior: Prior, vehicle: Vehicle, forecast_mps: NDArray[np.float64]
+    prior: Prior, full_j: float, forecast_mps: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Means, covariances and probabilities of the hypotheses about missions that begin.
 
     Args:
         prior: What is known.
-        vehicle: The robot's own model.
+        full_j: Usable energy of a full battery by the file.
         forecast_mps: East and north component of the wind that was forecast, shape (n, 2).
 
     Returns:
@@ -88,7 +91,7 @@ def first_hypotheses(
         [[1.0, 0.0, 0.0], [prior.rolling * prior.mass, prior.mass, prior.rolling], [prior.mass, 0.0, 1.0]]
     )
     covariance[..., :3, :3] = slopes @ np.diag(np.square([prior.gain_sd, prior.rolling_sd, prior.mass_sd])) @ slopes.T
-    covariance[..., OFFSET, OFFSET] = (prior.offset_sd_w / vehicle.full_j) ** 2
+    covariance[..., OFFSET, OFFSET] = (prior.offset_sd_w / full_j) ** 2
     capacity_sd = np.hypot(prior.capacity_sd, prior.capacity * prior.gain_sd)
     covariance[..., PER_CAPACITY, PER_CAPACITY] = (capacity_sd / prior.capacity**2) ** 2
 
@@ -96,11 +99,10 @@ def first_hypotheses(
     wind, gust = prior.wind_sd_mps**2, 2.0 * (prior.gust_share * prior.wind_sd_mps) ** 2
     per_total = 1.0 / (wind + gust + prior.forecast_sd_mps**2) if wind else 0.0
     wind_left = wind - wind * wind * per_total
-    split_mps = _SPLIT * np.sqrt(wind_left)
-    own = wind_left - 2.0 / f * split_mps**2
+    own = wind_left * (1.0 - 0.5 * _SHARE * _APART**2)
     for axis in range(2):
         given = forecast_mps[:, None, axis]
-        moved = split_mps * _FORECASTS[:, axis]
+        moved = np.sqrt(wind_left) * _FORECASTS[:, axis]
         # Where the mean wind is another, so is the gust that the forecast leaves room for.
         regression = -gust * per_total * wind / wind_left if wind else 0.0
         mean[:, :f, EAST + axis] = wind * per_total * given + moved
@@ -116,5 +118,9 @@ def first_hypotheses(
         covariance[:, f:, EAST + axis, EAST + axis] = prior.missed_sd_mps**2
         covariance[:, f:, GUST_EAST + axis, GUST_EAST + axis] = (prior.gust_share * prior.missed_mps) ** 2
     probability = np.empty((n, HYPOTHESES))
-    probability[:, :f], probability[:, f:] = (1.0 - prior.missed) / f, prior.missed / _RING
+    probability[:, 0], probability[:, 1:f] = (
+        (1.0 - prior.missed) * (1.0 - _SHARE),
+        (1.0 - prior.missed) * _SHARE / _AROUND,
+    )
+    probability[:, f:] = prior.missed / _RING
     return mean, covariance, probability

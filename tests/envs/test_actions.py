@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homeward.envs.actions import LEVELS, encode_actions
+from homeward.envs.actions import LEVELS, decode_actions, encode_actions
+from homeward.envs.options import Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import load_robot
@@ -50,11 +51,61 @@ def test_any_command_comes_back_from_the_continuous_environment(robot: str) -> N
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 def test_every_mode_comes_back(action_type: str) -> None:
+    """A return heads home at once, and is not final yet."""
     env = HomewardVectorEnv(3, action_type=action_type)
     records = carried_out(env, 0.5, 0.0, np.array([STOP, GO, RETURN]))
-    assert records["returning"].tolist() == [False, False, True]
-    assert records["direction"].tolist() == [1.0, 1.0, -1.0]
+    assert records["asked"].tolist() == [0, 0, 1] and not records["returning"].any()
     assert (records["speed_mps"] > 0.0).tolist() == [False, True, True]
+    away_m = float(records["furthest_m"][0])
+    moved_m = records["position_m"] - away_m
+    assert moved_m.tolist() == pytest.approx([0.0, -moved_m[2], -0.5 * 30.0], rel=0.2)
+
+
+@pytest.mark.parametrize("robot", ["rusti_computer", "jackal"])
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+def test_what_is_decoded_is_what_is_carried_out(action_type: str, robot: str) -> None:
+    """Any action of the space, by the two forms of the code: arrays for agents, compiled for the step."""
+    env = HomewardVectorEnv(64, action_type=action_type, robot=robot)
+    env.reset(seed=0)
+    env.action_space.seed(3)
+    for _ in range(3):
+        actions = env.action_space.sample()
+        before_m, asked = env.batch.records["position_m"].copy(), env.batch.records["asked"].copy()
+        env.step(actions)
+        commands, records = decode_actions(env.batch.known, actions), env.batch.records
+        np.testing.assert_allclose(records["sensing_hz"], commands.sensing_hz, rtol=1e-6, atol=1e-5)
+        np.testing.assert_array_equal(records["asked"], np.where(commands.returns, asked + 1, 0))
+        outwards, decision_s = commands.mode == GO, env.batch.known.shared["decision_s"]
+        moved_m = records["position_m"] - before_m
+        np.testing.assert_allclose(moved_m[outwards], (decision_s * commands.driven_mps)[outwards], rtol=1e-6)
+        assert (records["position_m"][~outwards] <= before_m[~outwards]).all()
+        assert (commands.driven_mps[commands.mode == STOP] == 0.0).all()
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+def test_commands_survive_the_way_through_an_action(action_type: str) -> None:
+    known = known_of(Options("Survey", action_type=action_type))
+    share, mode = np.linspace(0.0, 1.0, LEVELS), np.array([STOP, GO, RETURN, GO, STOP])
+    speed, sensing = 0.1 + 0.9 * share, 100.0 * share[::-1]
+    commands = decode_actions(known, encode_actions(known, speed, sensing, mode))
+    np.testing.assert_allclose(commands.speed_mps, speed, rtol=1e-6)
+    np.testing.assert_allclose(commands.sensing_hz, sensing, atol=1e-5)
+    np.testing.assert_array_equal(commands.mode, mode)
+    np.testing.assert_array_equal(commands.returns, mode == RETURN)
+    np.testing.assert_array_equal(commands.driven_mps == 0.0, mode == STOP)
+
+
+def test_the_thirds_of_a_continuous_mode_are_the_same_in_both_forms() -> None:
+    """At their borders too, in single precision."""
+    borders = np.array([-1.0, -1.0 / 3.0, 1.0 / 3.0, 1.0], np.float32)
+    modes = np.unique(np.concatenate([np.nextafter(borders, np.float32(side)) for side in (-1.0, 1.0)] + [borders]))
+    env = HomewardVectorEnv(len(modes), action_type="continuous", decision_s=30.0)
+    env.reset(seed=0)
+    actions = np.column_stack((np.zeros((len(modes), 2)), modes)).astype(np.float32)
+    env.step(actions)
+    commands, records = decode_actions(env.batch.known, actions), env.batch.records
+    np.testing.assert_array_equal(records["asked"] > 0, commands.returns)
+    np.testing.assert_array_equal(records["position_m"] > 0.0, commands.mode == GO)
 
 
 @given(speed=st.floats(-1.0, 9.0), sensing=st.floats(-10.0, 900.0), discrete=st.booleans())

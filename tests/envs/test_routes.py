@@ -12,7 +12,7 @@ import pytest
 from homeward import load_robot
 from homeward.envs.options import OptionError
 from homeward.envs.route_files import load_route, route_names
-from homeward.envs.routes import Route, RouteError
+from homeward.envs.routes import INTEREST_DEVIATION, INTEREST_LENGTH, MEAN_INTEREST, Route, RouteError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, MAX_PLACES, RETURN
 from homeward.envs.vector import HomewardVectorEnv
@@ -62,15 +62,33 @@ def test_roughness_comes_in_patches(days: Any) -> None:
     assert 1 <= changes.mean() <= 5
 
 
-def test_interest_is_low_but_for_hot_spots(days: Any) -> None:
+def test_interest_is_a_log_normal_process(days: Any) -> None:
+    """No longer hot spots on even ground: what is sensed tells of what comes next."""
     _, places, _ = days
-    interest = places["interest"]
-    assert interest.min() == pytest.approx(0.3)
-    assert interest.max() < 0.3 + 6 * 3.5
-    assert 0.2 < (interest < 0.3001).mean() < 0.7
-    assert interest.max(axis=1).mean() > 2.0
-    # Six parabolas of mean height 2 and half width 0.06, of which the ends of the route cut off a little.
-    assert 1.2 < interest.mean() < 0.3 + 6 * 2.0 * 4 / 3 * 0.06
+    interest = places["interest"].astype(float)
+    weight = np.log(interest / MEAN_INTEREST) + 0.5 * INTEREST_DEVIATION**2
+    for place in (0, 15, -1):
+        assert interest[:, place].mean() == pytest.approx(1.23, abs=error(1.23 * math.sqrt(math.e - 1.0)))
+        assert weight[:, place].mean() == pytest.approx(0.0, abs=error(1.0))
+        assert weight[:, place].std() == pytest.approx(1.0, abs=error(1.0 / math.sqrt(2.0)))
+    # Third and fourth moment of a normal number.
+    assert (weight**3).mean() == pytest.approx(0.0, abs=0.1) and (weight**4).mean() == pytest.approx(3.0, abs=0.2)
+    count = places.shape[1]
+    for apart in (1, 3, 8, 20):
+        correlation = (weight[:, apart:] * weight[:, :-apart]).mean()
+        assert correlation == pytest.approx(math.exp(-apart / (INTEREST_LENGTH * count)), abs=0.03)
+    best = np.sort(interest, axis=None)[-interest.size // 5 :]
+    assert best.sum() > 0.5 * interest.sum()
+
+
+def test_the_interest_of_a_patrol_is_the_same_process() -> None:
+    """With other places: its correlation length is a tenth of its route too."""
+    envs = HomewardVectorEnv(MANY, mission="Patrol")
+    envs.reset(seed=0)
+    interest = envs.batch.routes["places"]["interest"][:, : envs.batch.known.shared["places"][0]].astype(float)
+    weight = np.log(interest / MEAN_INTEREST) + 0.5
+    assert weight.std() == pytest.approx(1.0, abs=0.03)
+    assert (weight[:, 1:] * weight[:, :-1]).mean() == pytest.approx(math.exp(-10.0 / interest.shape[1]), abs=0.04)
 
 
 def test_routes_wind_and_their_heading_is_the_integral_of_the_curvature(days: Any) -> None:

@@ -224,7 +224,8 @@ def drive(env: HomewardEnv, past_m: float) -> tuple[Scene, Scene]:
         if limit_m is not None and seen(env).position_m + step_m > limit_m + past_m:
             break
         env.step([4, 0, GO])
-    env.step([4, 0, RETURN])
+    while not env.batch.records["returning"][0]:
+        env.step([4, 0, RETURN])
     turned = seen(env)
     while not seen(env).over:
         env.step([4, 0, RETURN])

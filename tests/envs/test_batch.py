@@ -1,4 +1,4 @@
-"""A seed is an episode: the same in both forms and in NumPy's own streams, whatever the difficulty."""
+"""A seed is an episode: the same in both forms and in NumPy's own streams, whatever the difficulty and instruments."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from homeward.envs import difficulty as difficulties
+from homeward.envs import instruments, weather
 from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.instruments import INSTRUMENTS
 from homeward.envs.routes import GENERATED, HIDDEN_WIND, generate
-from homeward.envs.state import GO, MISSION_DTYPE, PLACE_DTYPE, ROUTE_DTYPE, SHARED_DTYPE
+from homeward.envs.state import GO, HIDDEN_DTYPE, MISSION_DTYPE, PLACE_DTYPE, ROUTE_DTYPE, SHARED_DTYPE
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics.robot import ROBOT_DTYPE
 from tests.envs.rollouts import MISSIONS, drive, make, random_actions
@@ -54,20 +56,44 @@ def test_without_any_seed_episodes_differ() -> None:
 def test_different_seeds_are_different_episodes() -> None:
     envs = HomewardVectorEnv(50, difficulty="harsh")
     envs.reset(seed=0)
-    for name in ("capacity_j", "temperature_c", "wind_mps", "gauge_bias"):
+    for name in ("capacity_j", "temperature_c", "wind_mps", "meter_gain", "meter_offset_w", "gust_keeps", "key"):
         assert len(np.unique(envs.batch.records[name])) == 50
     for name in ("rolling_resistance", "payload_mass_kg", "surface_gain"):
         assert len(np.unique(envs.batch.robots[name])) == 50
 
 
 def test_a_seed_is_the_same_day_at_every_difficulty() -> None:
-    days = []
+    days: list[Any] = []
     for difficulty in DIFFICULTIES:
         env = make("OutAndBack", difficulty=difficulty)
         env.reset(seed=23)
         days.append(env.batch.routes["places"][0][list(GROUND)].copy())
     np.testing.assert_array_equal(days[0], days[1])
     np.testing.assert_array_equal(days[0], days[2])
+
+
+@pytest.mark.parametrize("difficulty", DIFFICULTIES)
+def test_a_seed_is_the_same_mission_with_any_instruments(difficulty: str) -> None:
+    """What is read differs, and nothing that happens; what an instrument lacks is drawn all the same."""
+    envs = [
+        HomewardVectorEnv(4, difficulty=difficulty, instruments=name, autoreset_mode="Disabled") for name in INSTRUMENTS
+    ]
+    read = {"soc", "metered", "metered_j", "read_w", "read_mps", "soc_followed", "meter_gain", "meter_offset_w"}
+    read |= {"sum_used_metered", "sum_metered_squared", "here", "potential", "shaping_reward"}  # grades are read too
+    actions = random_actions(np.random.default_rng(0), "discrete", 4 * 30, home=0.0).reshape(30, 4, 3)
+    for env in envs:
+        env.reset(seed=5)
+        for action in actions:
+            env.step(action)
+    exact, *others = (env.batch for env in envs)
+    for other in others:
+        differ = {name for name in MISSION_DTYPE.names or () if (other.records[name] != exact.records[name]).any()}
+        assert {"soc", "metered", "read_w", "read_mps"} <= differ <= read | {"modelled_j"}
+        np.testing.assert_array_equal(other.robots, exact.robots)
+        for name in GROUND:
+            np.testing.assert_array_equal(other.routes["places"][name], exact.routes["places"][name])
+        states = [[one.bit_generator.state for one in batch.generators] for batch in (exact, other)]
+        assert states[0] == states[1]
 
 
 @pytest.mark.parametrize("route", [GENERATED, HIDDEN_WIND])
@@ -78,11 +104,12 @@ def test_the_stream_is_numpys(difficulty: str, route: str) -> None:
     env.reset(seed=99)
     m, p, places, rng = by_python(env, seed=99)
     batch = env.batch
-    for name in ("capacity_j", "energy_j", "gauge_bias", "temperature_c"):
+    for name in ("capacity_j", "energy_j", "temperature_c", "key", "meter_gain", "meter_offset_w", "gust_keeps"):
         assert batch.records[name][0] == pytest.approx(float(m[name]), rel=1e-12)
     if difficulty != "known":  # the paper's robot feels no wind
         assert batch.records["wind_mps"][0] == pytest.approx(float(m["wind_mps"]), rel=1e-12)
-        assert batch.records["wind_from_rad"][0] == pytest.approx(float(m["wind_from_rad"]), rel=1e-6)
+        for name in ("wind_from_rad", "gust_east_mps", "gust_north_mps", "forecast_east_mps", "forecast_north_mps"):
+            assert batch.records[name][0] == pytest.approx(float(m[name]), rel=1e-6), name
     for name in ("rolling_resistance", "payload_mass_kg", "wind_exposure", "surface_gain", "effects"):
         assert batch.robots[name][0] == pytest.approx(float(p[name]), rel=1e-12)
     for name in GROUND:
@@ -92,14 +119,17 @@ def test_the_stream_is_numpys(difficulty: str, route: str) -> None:
 
 
 def by_python(env: Any, seed: int) -> tuple[Any, Any, Any, np.random.Generator]:
-    known, rng = env.batch.known, np.random.default_rng(seed)
+    batch, rng = env.batch, np.random.default_rng(seed)
     m, route = np.recarray(1, MISSION_DTYPE)[0], np.recarray(1, ROUTE_DTYPE)[0]
-    nominal, p = (known.robot.record().view(np.recarray)[0] for _ in range(2))
-    assert nominal.dtype == ROBOT_DTYPE and route.places.dtype == PLACE_DTYPE
-    shared = known.shared.copy().view(np.recarray)[0]
-    assert shared.dtype == SHARED_DTYPE
-    difficulties.draw(rng, p, nominal, m, shared)
-    generate(rng, route, m, int(shared.places), float(shared.length_m), bool(shared.hidden_wind))
+    truth, p = (batch.known.robot.record().view(np.recarray)[0] for _ in range(2))
+    assert truth.dtype == ROBOT_DTYPE and route.places.dtype == PLACE_DTYPE
+    shared, hidden = (record.copy().view(np.recarray)[0] for record in (batch.known.shared, batch.hidden.record))
+    assert shared.dtype == SHARED_DTYPE and hidden.dtype == HIDDEN_DTYPE
+    m.key = np.uint64(2.0**53 * rng.random())
+    instruments.begin(m, shared, rng.random(), rng.random())
+    difficulties.draw(rng, p, truth, m, hidden)
+    generate(rng, route, m, int(shared.places), float(shared.length_m), bool(hidden.hidden_wind))
+    weather.begin(m, rng, shared, hidden)
     return m, p, route.places, rng
 
 

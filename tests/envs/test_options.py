@@ -22,7 +22,7 @@ from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import preset_names
-from tests.envs.rollouts import drive, make
+from tests.envs.rollouts import SHORT_S, drive, make
 
 OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"difficulty": "easy"}, "difficulty = 'easy' is not allowed; choose from known, uncertain, harsh"),
@@ -52,7 +52,10 @@ OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"decision_s": 1201.0}, "decision_s = 1201 is not allowed; give 0.29 to 1200 s"),
     ({"decision_s": 1e9, "robot": "husky"}, "give 0.54 to 2200 s, as the battery of 'husky' lasts 10868 s"),
     ({"dificulty": "known"}, "unknown keyword 'dificulty' (did you mean 'difficulty'?)"),
-    ({"colour": "red"}, "unknown keyword 'colour'; allowed: robot, route, difficulty, action_type, shaping, discount"),
+    (
+        {"colour": "red"},
+        "unknown keyword 'colour'; allowed: robot, route, difficulty, instruments, action_type",
+    ),
     ({"robot": "rusty"}, "presets: f1tenth, husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean"),
     ({"robot": "no/such.toml"}, "presets: f1tenth, husky, jackal"),
     ({"robot": None}, "robot = None is not a preset name"),
@@ -97,7 +100,9 @@ def test_a_decision_a_second_is_allowed_for_every_preset(robot: str) -> None:
 
 
 def test_a_wrong_keyword_lists_the_right_ones() -> None:
-    options = "robot, route, difficulty, action_type, shaping, discount, decision_s, true_robot, scaled_for, "
+    options = (
+        "robot, route, difficulty, instruments, action_type, shaping, discount, decision_s, true_robot, scaled_for, "
+    )
     with pytest.raises(OptionError, match=options + "render_mode$"):
         gym.make(IDS["Patrol"], rute="box")
     with pytest.raises(OptionError, match=options + "num_envs, autoreset_mode, render_mode$"):
@@ -245,7 +250,7 @@ def test_a_step_after_the_end_is_refused() -> None:
 
 
 def test_without_autoreset_missions_that_are_over_need_a_reset() -> None:
-    envs = HomewardVectorEnv(3, autoreset_mode=AutoresetMode.DISABLED)
+    envs = HomewardVectorEnv(3, autoreset_mode=AutoresetMode.DISABLED, decision_s=SHORT_S)
     envs.reset(seed=0)
     envs.step(np.array([[4, 0, RETURN], [4, 0, GO], [4, 0, RETURN]]))
     before = envs.batch.records.copy()

@@ -12,9 +12,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
 from homeward.envs import batch, kernel
-from homeward.envs.batch import REWARD_TERMS
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.options import ACTION_TYPES
+from homeward.envs.reward import TERMS
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.threads import Threads
 from homeward.envs.vector import HomewardVectorEnv
@@ -168,7 +168,7 @@ def same_info(expected: dict[str, Any], found: dict[str, Any]) -> None:
                 spent_j = [ledger[cause] for ledger in expected[key][mask]]
                 np.testing.assert_array_equal(spent_j, found[key][cause][mask])
         elif key == "reward_terms":
-            for term in REWARD_TERMS:
+            for term in TERMS:
                 np.testing.assert_array_equal(expected[key][term][mask], found[key][term][mask])
         else:
             assert expected[key].dtype == found[key].dtype
@@ -237,7 +237,7 @@ def test_a_mask_begins_some_missions_and_leaves_the_rest() -> None:
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 def test_final_info_is_kept_when_missions_go_on(mode: AutoresetMode) -> None:
     """Live views show the missions that run; what ended in the same step is a copy."""
-    envs = HomewardVectorEnv(2, mission="OutAndBack", autoreset_mode=mode)
+    envs = HomewardVectorEnv(2, mission="OutAndBack", autoreset_mode=mode, decision_s=SHORT_S)
     envs.reset(seed=0)
     go, home = np.array([[4, 0, 1]] * 2), np.array([[4, 0, 2], [4, 0, 1]])
     envs.step(go)
