@@ -7,8 +7,10 @@ profiles.png, and one episode over time (episode.png) and over the route (route.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
+import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,11 +25,14 @@ from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.episode_plots import episode_png, route_png
+from homeward.agents.evaluation.margins import LEVELS as EQUAL
+from homeward.agents.evaluation.margins import Curve, curve_of, margins_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
 from homeward.agents.learning.policy_file import DESCRIPTION, NetworkPolicy
 from homeward.agents.learning.provenance import differences
+from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
@@ -72,6 +77,9 @@ class Args:
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
     optimum: bool = False
     """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds an episode."""
+    margins: bool = False
+    """Also sweep the reserve of every agent that has one (shielded ones: the risk), and compare at equal stranding:
+    margins.json and margins.png."""
     jobs: int = 1
     """Processes at once on this machine: each takes one agent of one training seed on up to 512 episodes."""
     cluster: str | None = None
@@ -113,10 +121,47 @@ def main(args: Args) -> Evaluation:
         "route.png": route_png(evaluation),
         "evaluation.json": evaluation.to_json(summary),
     }
+    if args.margins:
+        curves = _margins(args, asked, env, seeds)
+        title = f"{args.env}, {args.difficulty}: {args.episodes} episodes, seed {args.seed}, by reserve"
+        files["margins.png"] = margins_png(curves, options.mission, title)
+        files["margins.json"] = json.dumps(
+            {name: dataclasses.asdict(curve) for name, curve in curves.items()}, indent=1
+        )
     for name, content in files.items():
         write_whole(args.out / name, content)
-    _print(summary, args.out)
+    _print(summary, args.out, list(files))
+    if args.margins:
+        _print_margins(curves)
     return evaluation
+
+
+def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, seeds: Sequence[int]) -> dict[str, Curve]:
+    """Every agent with one reserve after another, on the same episodes."""
+    known, curves = env.batch.known, {}
+    for label, one in asked.items():
+        reserves = tuple(10.0**-k for k in range(1, 9)) if one.shielded else SWEPT.get(one.name, (None,))
+        agents = {}
+        for reserve in reserves:
+            own = None if one.shielded else reserve
+            policies = [make_policy(one.name, env, file, args.seed, own) for file in one.files]
+            agents[str(reserve)] = (
+                [Shield(bare, known, risk=reserve) for bare in policies] if one.shielded else policies
+            )
+        runs = run_agents(agents, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
+        curves[label] = curve_of({reserve: runs[str(reserve)] for reserve in reserves})
+    return curves
+
+
+def _print_margins(curves: Mapping[str, Curve]) -> None:
+    table = Table(title="best mean score at no more than so many stranded", box=box.SIMPLE_HEAD)
+    table.add_column("agent")
+    for level in EQUAL:
+        table.add_column(f"{level:.1%}", justify="right")
+    for name, curve in curves.items():
+        scores = (curve.at(level) for level in EQUAL)
+        table.add_row(name, *("-" if score is None else _number(score) for score in scores))
+    Console().print(table)
 
 
 def _options(args: Args) -> Options:
@@ -204,7 +249,7 @@ def _warn_of_transfer(agents: Mapping[str, Sequence[Policy]], env_id: str, env: 
             )
 
 
-def _print(summary: Mapping[str, Any], out: Path) -> None:
+def _print(summary: Mapping[str, Any], out: Path, files: Sequence[str]) -> None:
     first = next(iter(summary["agents"]))
     chosen = summary["options"]
     table = Table(
@@ -236,8 +281,7 @@ def _print(summary: Mapping[str, Any], out: Path) -> None:
         )
     console = Console()
     console.print(table)
-    files = "evaluation.json, episodes.csv, scores.png, profiles.png, episode.png, route.png"
-    console.print(f"Written to {out}: {files}", markup=False, highlight=False)
+    console.print(f"Written to {out}: {', '.join(files)}", markup=False, highlight=False)
 
 
 def _number(value: float, sign: str = "") -> str:

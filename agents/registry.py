@@ -29,11 +29,19 @@ class AgentError(ValueError):
 
 @dataclass(frozen=True)
 class Request:
-    """What a loader makes an agent from: the environment, a file to load, a seed for those that draw."""
+    """What a loader makes an agent from.
+
+    Attributes:
+        known: Constants of the environment.
+        file: To load, or None.
+        seed: Of those that draw.
+        reserve: What is kept back, in the agent's own measure, instead of what was tuned.
+    """
 
     known: Known
-    file: Path | None
-    seed: int
+    file: Path | None = None
+    seed: int = 0
+    reserve: float | None = None
 
 
 def _random(request: Request) -> Policy:
@@ -41,19 +49,23 @@ def _random(request: Request) -> Policy:
 
 
 def _soc50(request: Request) -> Policy:
-    return StateOfChargeRule(request.known, PACES[request.known.mission])
+    pace = PACES[request.known.mission]
+    return StateOfChargeRule(request.known, pace, *(() if request.reserve is None else (request.reserve,)))
 
 
 def _tuned(name: str, rule: Callable[..., Policy]) -> Callable[[Request], Policy]:
     def load(request: Request) -> Policy:
-        mission = request.known.mission
-        return rule(request.known, PACES[mission], RESERVES[name][mission])
+        return rule(request.known, PACES[request.known.mission], _reserve(name, request))
 
     return load
 
 
 def _planner(request: Request) -> Policy:
-    return Planner(request.known, RESERVES["planner"][request.known.mission])
+    return Planner(request.known, _reserve("planner", request))
+
+
+def _reserve(name: str, request: Request) -> float:
+    return RESERVES[name][request.known.mission] if request.reserve is None else request.reserve
 
 
 def _ppo(request: Request) -> Policy:
@@ -79,6 +91,17 @@ AGENTS: dict[str, Callable[[Request], Policy]] = {
 }
 """Loader of each agent."""
 
+_SHARES, _DEVIATIONS = tuple(np.linspace(0.0, 0.44, 12).round(2)), tuple(np.linspace(0.0, 5.5, 12))
+SWEPT: dict[str, tuple[float, ...]] = {
+    "soc50": tuple(np.linspace(0.35, 0.9, 12).round(2)),
+    "dmax": _SHARES,
+    "dmax_mapped": _SHARES,
+    "dmax_adaptive": _DEVIATIONS,
+    "dmax_belief": _DEVIATIONS,
+    "planner": _DEVIATIONS,
+}
+"""Reserves that are tried of the agents that have one, as many of each; the same are tried in tuning."""
+
 FROM_FILES = frozenset({"ppo"})
 """Agents that take a file."""
 
@@ -86,7 +109,9 @@ SHIPPED = Path(__file__).parent / "policies"
 """Trained policies by mission, for where no file is given; each with the card that says how it was trained."""
 
 
-def make_policy(name: str, env: Any, file: str | Path | None = None, seed: int = 0) -> Policy:
+def make_policy(
+    name: str, env: Any, file: str | Path | None = None, seed: int = 0, reserve: float | None = None
+) -> Policy:
     """Make an agent for an environment.
 
     Args:
@@ -94,6 +119,7 @@ def make_policy(name: str, env: Any, file: str | Path | None = None, seed: int =
         env: A `homeward` environment, scalar or vector, wrapped or not; only what its robot can know is used.
         file: Where a trained policy lies, if not the one that ships for the mission is wanted.
         seed: Seed of agents that draw.
+        reserve: What an agent of `SWEPT` keeps back, in its own measure, instead of what was tuned.
 
     Raises:
         AgentError: The name is unknown, or the file is missing, not wanted, or cannot be used.
@@ -109,4 +135,4 @@ def make_policy(name: str, env: Any, file: str | Path | None = None, seed: int =
     if file is not None and name not in FROM_FILES:
         raise AgentError(f"{name} takes no file, but {str(file)!r} was given")
     batch = getattr(env, "unwrapped", env).batch
-    return AGENTS[name](Request(batch.known, None if file is None else Path(file), seed))
+    return AGENTS[name](Request(batch.known, None if file is None else Path(file), seed, reserve))

@@ -18,6 +18,11 @@ _UNITS = {"OutAndBack": "furthest distance, m", "Survey": "information", "Patrol
 _GREY = "#888888"
 
 
+def unit_of(mission: str) -> str:
+    """What the score of a mission counts."""
+    return _UNITS[mission]
+
+
 def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     """Scores with their means and intervals, and stranding rates, of all agents."""
     names = list(evaluation.runs)
@@ -39,7 +44,7 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     left.set_xlim(left=min(0.0, left.get_xlim()[0]))
     right.set_xlim(0.0, 1.4 * max(5.0, *(100.0 * one["stranded_ci95"][1] for one in summary["agents"].values())))
     right.set_xticks([tick for tick in right.get_xticks() if tick <= 100.0])
-    left.set_xlabel(f"score ({_UNITS[evaluation.options.mission]}), 0 unless home")
+    left.set_xlabel(f"score ({unit_of(evaluation.options.mission)}), 0 unless home")
     right.set_xlabel("stranded, %")
     tidy(left, right)
     figure.suptitle(f"{title_of(evaluation)}: {len(evaluation.seeds)} episodes, seed {evaluation.seed}", fontsize=11)
@@ -62,7 +67,7 @@ def profiles_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
         if len(evaluation.seeds) > 1:
             low, high = np.percentile(drawn.profiles(name, thresholds), [2.5, 97.5], axis=0)
             axes[0].fill_between(thresholds, low, high, color=colour_of(index), alpha=0.18, linewidth=0)
-    axes[0].set_xlabel(f"score ({_UNITS[evaluation.options.mission]})")
+    axes[0].set_xlabel(f"score ({unit_of(evaluation.options.mission)})")
     axes[0].set_ylabel("share of episodes that score more")
     axes[0].set_ylim(0.0, 1.02)
     axes[0].set_xlim(0.0, float(thresholds[-1]))

@@ -38,15 +38,17 @@ class Shield(Policy):
         policy: The policy to be shielded.
         known: Constants of the environment.
         confidence: That the robot gets home, one of `RISKS`.
+        risk: Of each decision, within (0, 0.5], instead of what suits a confidence.
 
     Raises:
         ValueError: There is no risk for that confidence.
     """
 
-    def __init__(self, policy: Policy, known: Known, confidence: float = 0.999) -> None:
+    def __init__(self, policy: Policy, known: Known, confidence: float = 0.999, *, risk: float | None = None) -> None:
         if confidence not in RISKS:
             raise ValueError(f"confidence = {confidence} is not allowed; choose from {', '.join(map(str, RISKS))}")
-        self._policy, self._known, self._risk = policy, known, RISKS[confidence]
+        self._policy, self._known = policy, known
+        self._risk = RISKS[confidence] if risk is None else risk
         self._belief = Belief(known, _MISSED)
         self._safe_action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, RETURN)[0]
         self._home_mps = float(decode_actions(known, self._safe_action[None]).speed_mps[0])

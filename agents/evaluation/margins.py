@@ -1,0 +1,79 @@
+"""Score against stranding: each agent with one reserve after another, and all of them compared at equal stranding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from homeward.agents.evaluation.episodes import Run
+from homeward.agents.evaluation.plots import colour_of, png, tidy, unit_of
+
+LEVELS = (0.001, 0.003, 0.01, 0.03)
+"""Rates of stranding at which agents are compared."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What an agent came to with each of its reserves, or a single point where it has none.
+
+    Attributes:
+        reserve: What was kept back, in the agent's own measure; None where it has none.
+        score: Mean score, 0 unless home.
+        stranded: Share of the missions that stranded.
+    """
+
+    reserve: tuple[float | None, ...]
+    score: tuple[float, ...]
+    stranded: tuple[float, ...]
+
+    def at(self, level: float) -> float | None:
+        """Best mean score at no more than a rate of stranding, between two reserves by linear interpolation.
+
+        Returns:
+            None where every reserve strands more.
+
+        >>> Curve((1.0, 0.0), (10.0, 12.0), (0.0, 0.02)).at(0.01)
+        11.0
+        """
+        order = np.argsort(self.stranded, kind="stable")
+        stranded, best = np.array(self.stranded)[order], np.maximum.accumulate(np.array(self.score)[order])
+        return None if level < stranded[0] else float(np.interp(level, stranded, best))
+
+
+def curve_of(runs: Mapping[float | None, Sequence[Run]]) -> Curve:
+    """The curve of an agent from its runs by reserve, one a training seed."""
+    scores, stranded = [], []
+    for some in runs.values():
+        scores.append(float(np.mean([np.where(run.episodes.home, run.episodes.score, 0.0).mean() for run in some])))
+        stranded.append(float(np.mean([run.episodes.stranded.mean() for run in some])))
+    return Curve(tuple(runs), tuple(scores), tuple(stranded))
+
+
+def margins_png(curves: Mapping[str, Curve], mission: str, title: str) -> bytes:
+    """Score against stranding of all agents, from least to most reserve."""
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    axes = figure.subplots()
+    for index, (name, curve) in enumerate(curves.items()):
+        axes.plot(
+            100.0 * np.array(curve.stranded),
+            curve.score,
+            "o-",
+            markersize=3.5,
+            linewidth=1.2,
+            color=colour_of(index),
+            label=name,
+        )
+    axes.set_xscale("symlog", linthresh=0.1)
+    axes.set_xlim(left=0.0)
+    ticks = [0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_xlabel("stranded, % of missions")
+    axes.set_ylabel(f"mean score ({unit_of(mission)})")
+    axes.set_ylim(bottom=0.0)
+    axes.legend(fontsize=8, frameon=False)
+    tidy(axes)
+    figure.suptitle(title, fontsize=11)
+    return png(figure)
