@@ -26,7 +26,7 @@ class Prior(NamedTuple):
     gust_s: float = 1040.0  # their correlation time, log-uniform between the next two
     shortest_gust_s: float = 300.0
     longest_gust_s: float = 3600.0
-    missed: float = 0.02  # probability that the forecast says nothing about the wind
+    missed: float = 0.05  # probability that the forecast says nothing about the wind
     missed_mps: float = 4.5  # strength of the mean wind then, U(3, 6), from anywhere
     missed_sd_mps: float = 1.2
     patch_m: float = np.inf  # mean distance between changes of the ground
@@ -118,9 +118,7 @@ def first_hypotheses(
         covariance[:, f:, EAST + axis, EAST + axis] = prior.missed_sd_mps**2
         covariance[:, f:, GUST_EAST + axis, GUST_EAST + axis] = (prior.gust_share * prior.missed_mps) ** 2
     probability = np.empty((n, HYPOTHESES))
-    probability[:, 0], probability[:, 1:f] = (
-        (1.0 - prior.missed) * (1.0 - _SHARE),
-        (1.0 - prior.missed) * _SHARE / _AROUND,
-    )
+    probability[:, 0] = (1.0 - prior.missed) * (1.0 - _SHARE)
+    probability[:, 1:f] = (1.0 - prior.missed) * _SHARE / _AROUND
     probability[:, f:] = prior.missed / _RING
     return mean, covariance, probability

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,11 +77,9 @@ class World:
         rng = self.rng = np.random.default_rng(seed)
         self.robot, self.instruments, self.count = robot, instruments, count
         self.cruise_mps = float(optimal_speed(robot))
-        power_w = robot.usable_energy_j / self._flat_s()
         self.decision_s = self._flat_s() / 200.0
         self.route_m = 0.6 * self._flat_s() * self.cruise_mps
         self.place_m = self.route_m / PLACES
-        del power_w
         self.capacity_j = robot.usable_energy_j * rng.uniform(0.8, 1.0, count)
         self.mass = 1.0 + rng.uniform(0.0, 0.2, count)
         self.rolling = rng.uniform(0.8, 1.3, count)
@@ -163,7 +160,7 @@ class World:
             at_cruise = r.drag_ns2_per_m2 * self.cruise_mps**2
             own = np.maximum(rolls + climbs + at_cruise, 0.0) + r.drag_ns2_per_m2 * speed**2 - at_cruise
             modelled += np.maximum(own, 0.0) / r.traction_efficiency * part
-            home = np.maximum(rolls - towards * towards * self.sine[row, k] * weight_n + at_cruise, 0.0)
+            home = np.maximum(rolls - self.sine[row, k] * weight_n + at_cruise, 0.0)
             cost += (home / r.traction_efficiency + idle_per_m) * part
             position += towards * part
             left -= part
@@ -203,8 +200,3 @@ class World:
             total += np.where(self.position_m > 1e-6, self.drive(-1.0, self.cruise_mps, 0.0)[0], 0.0)
         self.__dict__.update(kept)
         return total
-
-
-def exact(instruments: Instruments, **changes: float) -> Instruments:
-    """The same instruments with some errors changed."""
-    return dataclasses.replace(instruments, **changes)

@@ -1,0 +1,117 @@
+"""Arithmetic of a hypothesis' mean and covariance: moving states on, and taking in a reading."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES, USED
+from homeward.physics.jit import compiled, inline
+
+_OUTLIER = 1e-3  # probability that a reading of power says nothing
+
+
+@inline
+def add_to_used(p: Any, shared: Any, slope: Any) -> None:
+    """Covariance when the energy, linear in the states by `slope`, is added to what was used."""
+    own = 0.0
+    for a in range(STATES):
+        own += slope[a] * shared[a]
+    again = 0.0
+    for b in range(STATES):
+        total = 0.0
+        for a in range(STATES):
+            total += slope[a] * p[a, b]
+        again += slope[b] * total
+        if b != USED:
+            p[USED, b] += total
+            p[b, USED] = p[USED, b]
+        else:
+            p[USED, USED] += 2.0 * total
+    p[USED, USED] += again
+    shared[USED] += own
+
+
+@inline
+def carry(p: Any, row: int, kept: float, source: int, factor: float) -> None:
+    """Covariance when a state becomes a share of itself and a factor times another one."""
+    own = kept * kept * p[row, row] + 2.0 * kept * factor * p[row, source] + factor * factor * p[source, source]
+    for a in range(STATES):
+        p[row, a] = kept * p[row, a] + factor * p[source, a]
+        p[a, row] = p[row, a]
+    p[row, row] = own
+
+
+@inline
+def bend_along(x: Any, p: Any, row: int, bend: Any, factor: float, by_mean_mps: Any, by_gust_mps: Any) -> None:
+    """Follow the curve on which rolling and drag together are what was read, where an update went along its tangent."""
+    (east, north), (gust_east, gust_north) = by_mean_mps, by_gust_mps
+    by_gust_east = factor * (bend[1, 0] * (east + gust_east) + bend[1, 1] * (north + gust_north))
+    by_gust_north = factor * (bend[1, 1] * (east + gust_east) + bend[1, 2] * (north + gust_north))
+    by_east = factor * (bend[0, 0] * east + bend[0, 1] * north + bend[1, 0] * gust_east + bend[1, 1] * gust_north)
+    by_north = factor * (bend[0, 1] * east + bend[0, 2] * north + bend[1, 1] * gust_east + bend[1, 2] * gust_north)
+    x[row] -= 0.5 * (by_east * east + by_north * north + by_gust_east * gust_east + by_gust_north * gust_north)
+    carry(p, row, 1.0, EAST, -by_east)
+    carry(p, row, 1.0, NORTH, -by_north)
+    carry(p, row, 1.0, GUST_EAST, -by_gust_east)
+    carry(p, row, 1.0, GUST_NORTH, -by_gust_north)
+
+
+@inline
+def spread(p: Any, direction: Any, variance: float) -> None:
+    """Covariance when states change along a direction by a random amount."""
+    for a in range(STATES):
+        for b in range(STATES):
+            p[a, b] += variance * direction[a] * direction[b]
+
+
+@compiled
+def take_in(
+    x: Any,
+    p: Any,
+    surprise: float,
+    variance: float,
+    shared: Any,
+    jump: Any,
+    change: float,
+    change_sd: float,
+    read: float,
+) -> tuple[float, float]:
+    """Kalman's update, averaged over three explanations: as before, the ground has changed, the reading says nothing.
+
+    Args:
+        x: Mean, shape (STATES,).
+        p: Covariance.
+        surprise: What was read beyond what was predicted.
+        variance: Of the surprise, if the ground is as before.
+        shared: Covariance of the reading with the states, if so.
+        jump: How states depend on a change of the rolling resistance; the energy does as `USED` does.
+        change: Probability of such a change.
+        change_sd: Standard deviation of it.
+        read: What was read.
+
+    Returns:
+        Logarithm of the likelihood; square of the surprise over its variance.
+    """
+    q = change_sd * change_sd
+    rise = jump[USED]
+    variance, changed = max(variance, 1e-18), max(variance, 1e-18) + q * rise * rise
+    square = surprise * surprise
+    same = (1.0 - change) * np.exp(-0.5 * square / variance) / np.sqrt(2.0 * np.pi * variance)
+    other = change * np.exp(-0.5 * square / changed) / np.sqrt(2.0 * np.pi * changed)
+    nothing = _OUTLIER / max(abs(read), abs(read - surprise), 1e-9)
+    total = same + other + nothing
+    same, other = same / total, other / total
+    weight_0, weight_1 = same * (square - variance), other * (square - changed)
+    q_mean = q * (other + (change * nothing / total))
+    for a in range(STATES):
+        k_0, k_1 = shared[a] / variance, (shared[a] + q * rise * jump[a]) / changed
+        k_a = same * k_0 + other * k_1
+        for b in range(a + 1):
+            l_0, l_1 = shared[b] / variance, (shared[b] + q * rise * jump[b]) / changed
+            l_a = same * l_0 + other * l_1
+            p[a, b] += q_mean * jump[a] * jump[b] + weight_0 * k_0 * l_0 + weight_1 * k_1 * l_1 - square * k_a * l_a
+            p[b, a] = p[a, b]
+        x[a] += k_a * surprise
+    return float(np.log(total)), same * square / variance + other * square / changed
