@@ -138,6 +138,19 @@ class Belief:
         """Whether the next decision should be driven no faster than `probe_mps`, shape (n,)."""
         return np.asarray((self._decisions % _PROBE_EVERY == 1) & (not self._known.difficulty.route_is_known))
 
+    def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
+        """Whether the next decision should be driven towards home and then out again, shape (n,).
+
+        So the wind comes from the other side: what then changes is the wind, and what does not is the robot. A return
+        is not final after one decision.
+        """
+        import os
+        every,at=int(os.environ.get("REV","40")),int(os.environ.get("REVAT","10"))
+        if every==0: return np.zeros(len(self._decisions),np.bool_)
+        due = self._decisions % every == at
+        far = self._position_m > 1.5 * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
+        return np.asarray(due & far & (feature(observations, "outbound") > 0.0) & (not self._known.difficulty.route_is_known))
+
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""
         plans = self.estimator.plans(feature(observations, "home_cost") * self._known.shared["usable_j"][0], home_mps)

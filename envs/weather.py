@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from homeward.envs.draws import GUST_EAST, GUST_NORTH, normal
+from homeward.envs.routes import WIND_SCALE_MPS
 from homeward.envs.routes import LIMITS
 from homeward.physics.jit import inline
 
@@ -46,8 +47,9 @@ def begin(m: Any, rng: Any, shared: Any, hidden: Any) -> None:
     if hidden.forecast_errs:
         m.forecast_east_mps += FORECAST_ERROR_MPS * error_east
         m.forecast_north_mps += FORECAST_ERROR_MPS * error_north
-        if hidden.hidden_wind:
-            m.forecast_east_mps = m.forecast_north_mps = 0.0
+        if hidden.hidden_wind:  # the forecast is that of another wind
+            spread_mps = np.sqrt(WIND_SCALE_MPS**2 + FORECAST_ERROR_MPS**2)
+            m.forecast_east_mps, m.forecast_north_mps = spread_mps * error_east, spread_mps * error_north
 
 
 @inline

@@ -108,10 +108,13 @@ class Planner(Policy):
             commands = np.empty((len(beliefs), 3))
             kernel.plan(beliefs, self._belief.estimator.vehicle, self._model, self._known.shared, commands)
             speed_mps[out], sensing_hz[out], stops[out] = commands[:, 0], commands[:, 1], commands[:, 2] > 0.0
+        s, back = self._known.shared[0], np.zeros(len(observations), np.bool_)
         if self._belief:
             slow = self._belief.probes & ~homebound
             speed_mps = np.where(slow, np.minimum(speed_mps, self._belief.probe_mps), speed_mps)
-        mode = np.where(homebound, RETURN, np.where(stops, STOP, GO))
+            back = self._belief.looks_back(observations) & ~homebound
+            speed_mps, sensing_hz = np.where(back, s["cruise_mps"], speed_mps), np.where(back, 0.0, sensing_hz)
+        mode = np.where(homebound | back, RETURN, np.where(stops, STOP, GO))
         return encode_actions(self._known, speed_mps, sensing_hz, mode)
 
     def _thriftiest(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -53,6 +53,7 @@ class TurnBackRule(Policy):
 
     def __init__(self, known: Known, pace: Pace) -> None:
         self._known, self._pace = known, pace
+        self._turned = np.zeros(0, np.bool_)
         s = known.shared[0]
         self._patrol = bool(s["mission"] == PATROL)
         self._sines = np.linspace(-_STEEPEST_SINE, _STEEPEST_SINE, 281)
@@ -83,7 +84,11 @@ class TurnBackRule(Policy):
             turns &= self._may_turn(distance_m)
         elif not self._patrol:
             turns |= distance_m >= (1.0 - 1e-6) * s["length_m"]
-        return np.asarray(turns | (feature(observations, "returning") > 0.0))
+        if len(begun) != len(self._turned):
+            self._turned = np.zeros(len(begun), np.bool_)
+        self._turned[begun] = False
+        self._turned = self._turned | turns | (feature(observations, "returning") >= 1.0)
+        return self._turned.copy()
 
     def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
         """Actions at the rule's pace for missions that go on or, where `homebound` of shape (n,), head home."""

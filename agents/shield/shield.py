@@ -18,7 +18,8 @@ RISKS = {0.999: 1e-5}
 """Risk of each decision that is taken, for each confidence that can be asked for; see docs/evaluation.md."""
 _SHARE = 0.01
 """Share of a plan's cost kept back beside it: chosen with it, on the same missions."""
-_MISSED = 0.2
+import os
+_MISSED = float(os.environ.get("MISSED","0.2"))
 """Probability that a forecast of the wind says nothing, as on the routes `hidden_wind`: a shield reckons with them."""
 _SPARE_DECISIONS = 3.0
 """Decisions by which a robot is home before the time limit."""
@@ -69,6 +70,7 @@ class Shield(Policy):
         # What the shield would do needs no leave.
         unsafe &= ~(wanted.returns & (wanted.driven_mps == self._home_mps) & (wanted.sensing_hz == 0.0))
         self._overruled |= unsafe & ~returning
+        actions[self._belief.looks_back(observations) & ~returning & ~wanted.returns] = self._safe_action
         actions[unsafe | self._overruled | self._late(observations, wanted)] = self._safe_action
         return actions
 
@@ -90,8 +92,14 @@ class Shield(Policy):
         plans["speed_mps"] = np.where(way_m > 0.0, wanted.driven_mps, self._home_mps)
         plans["onwards_s"] = np.where(arrives, position_m / np.maximum(wanted.driven_mps, 1e-9), s["decision_s"])
         plans["onwards_j"] = ancillary_power(self._known.robot, wanted.sensing_hz) * plans["onwards_s"]
-        total = self._belief.margin(plans, self._risk).total
-        return np.asarray(total["margin_low_j"] - _SHARE * total["cost_j"])
+        import os
+        margin = self._belief.margin(plans, self._risk)
+        total = margin.total
+        mode=os.environ.get("SHIELD","q")
+        if mode=="q": return np.asarray(total["margin_low_j"] - _SHARE * total["cost_j"])
+        wmin=float(os.environ.get("WMIN","1e-4")); z=float(os.environ.get("Z","3.09"))
+        low=np.where(margin.weight>wmin, margin.mean_j-z*margin.sd_j, np.inf).min(axis=1)
+        return np.asarray(low - _SHARE * total["cost_j"])
 
     def _late(self, observations: Observations, wanted: Commands) -> NDArray[np.bool_]:
         """Where the time limit would come before the robot is home."""
