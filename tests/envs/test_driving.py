@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from homeward.envs.features import FEATURES
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
@@ -266,7 +267,7 @@ def test_a_policy_that_acts_at_random_does_not_end_at_once(mission_id: str, acti
     envs.reset(seed=0)
     envs.action_space.seed(1)
     batch, rewards = envs.batch, np.zeros(count)
-    observations = np.zeros((count, *envs.single_observation_space.shape), np.float32)
+    observations = np.zeros((count, len(FEATURES)), np.float32)
     flags = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     lasted = np.zeros(count)
     for _ in range(400):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from homeward.envs.features import INDEX
+from homeward.envs.features import FEATURES, INDEX
 from homeward.envs.instruments import INSTRUMENTS, InstrumentError, Instruments, load_instruments
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.envs.routes import Route
@@ -40,7 +40,7 @@ class Readings:
         envs.reset(seed=0)
         batch, rng = envs.batch, np.random.default_rng(0)
         self.shared, self.records = batch.known.shared[0], batch.records
-        observations = np.zeros((count, *envs.single_observation_space.shape), np.float32)
+        observations = np.zeros((count, len(FEATURES)), np.float32)
         rewards, terminated, truncated = np.zeros(count), np.zeros(count, np.bool_), np.zeros(count, np.bool_)
         self.start = batch.records.copy()
         states = []
@@ -336,7 +336,8 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
 def test_sizes_have_bounds(field: str) -> None:
     most = 3600.0 if field == "soc_lag_s" else 0.5
     assert getattr(Instruments(**{field: most}), field) == most
-    for value in (-1e-9, 1.001 * most, math.nan, math.inf, None, "1", True, 1j, [0.1]):
+    wrong: list[Any] = [-1e-9, 1.001 * most, math.nan, math.inf, None, "1", True, 1j, [0.1]]
+    for value in wrong:
         with pytest.raises(InstrumentError, match=f"^{field} = .*give a number in"):
             Instruments(**{field: value})
 
