@@ -79,7 +79,8 @@ def test_a_seed_is_the_same_mission_with_any_instruments(difficulty: str) -> Non
         HomewardVectorEnv(4, difficulty=difficulty, instruments=name, autoreset_mode="Disabled") for name in INSTRUMENTS
     ]
     read = {"soc", "metered", "metered_j", "read_w", "read_mps", "soc_followed", "meter_gain", "meter_offset_w"}
-    read |= {"sum_used_metered", "sum_metered_squared", "here", "potential", "shaping_reward"}  # grades are read too
+    read |= {"metered_followed", "sum_used_metered", "sum_metered_squared"}
+    read |= {"here", "potential", "shaping_reward"}  # grades are read too
     actions = random_actions(np.random.default_rng(0), "discrete", 4 * 30, home=0.0).reshape(30, 4, 3)
     for env in envs:
         env.reset(seed=5)

@@ -229,7 +229,7 @@ def test_a_forecast_does_not_change_on_the_way() -> None:
 
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 def test_the_wind_is_known_or_forecast(tmp_path: Path, difficulty: str) -> None:
-    """Where nothing is hidden it is what blows; else the forecast of the start, which errs, and is turned on the way."""
+    """Where nothing is hidden it is what blows; else the forecast of the start, which errs and stays."""
     path = route_file(tmp_path, "distance_m,wind_mps,wind_from_rad\n0,4,0\n3000,4,0\n")
     env = make(
         "OutAndBack", difficulty=difficulty, route=path, robot=windy(load_robot("rusti_computer")), decision_s=100.0

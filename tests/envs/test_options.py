@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+import pickle
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,13 @@ import pytest
 from gymnasium.error import NameNotFound, ResetNeeded
 from gymnasium.vector import AutoresetMode
 
-from homeward import RobotError, load_robot
+from homeward import Robot, RobotError, load_robot
 from homeward.envs import IDS
-from homeward.envs.options import OptionError
+from homeward.envs.batch import Batch
+from homeward.envs.options import Hidden, OptionError, Options, known_of
+from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv
-from homeward.envs.state import GO, RETURN
+from homeward.envs.state import GO, RETURN, SHARED_DTYPE
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import preset_names
 from tests.envs.rollouts import SHORT_S, drive, make
@@ -294,3 +297,89 @@ def test_masks_that_are_none(mask: Any) -> None:
 def test_a_mask_before_the_first_reset_is_refused() -> None:
     with pytest.raises(OptionError, match=r"call reset\(\) without one first"):
         HomewardVectorEnv(2).reset(options={"reset_mask": np.array([True, False])})
+
+
+SECRET_ROBOT = dataclasses.replace(
+    load_robot("rusti"), name="secret", mass_kg=0.7654321, rolling_resistance=0.8765432, rated_energy_j=65432.1
+)
+SECRET_ROUTE = Route(
+    300.0, np.full(8, 0.0543219), np.full(8, 0.6543217), np.linspace(1.0, 2.0, 8), np.full(8, 1.2345678), 17.654321,
+    4.3210987, 2.3456789,
+)  # fmt: skip
+
+
+def leaves(value: Any, seen: dict[int, Any]) -> Iterator[Any]:
+    """Everything that can be reached through fields, items and elements."""
+    if id(value) in seen:
+        return
+    seen[id(value)] = value  # kept, so that no other comes to have its id
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        yield value
+        for name in dir(value):
+            if not name.startswith("_") and not callable(getattr(value, name)):
+                yield from leaves(getattr(value, name), seen)
+    elif isinstance(value, Mapping):
+        for item in value.values():
+            yield from leaves(item, seen)
+    elif isinstance(value, np.ndarray | np.void) and value.dtype.names:
+        for name in value.dtype.names:
+            yield from leaves(np.atleast_1d(value[name]), seen)
+    elif isinstance(value, np.ndarray | np.void):
+        yield from np.atleast_1d(value).ravel().tolist()
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from leaves(item, seen)
+    else:
+        yield value
+
+
+@pytest.mark.parametrize("source", ["options", "batch"])
+@pytest.mark.parametrize("difficulty", ["uncertain", "harsh"])
+@pytest.mark.parametrize("mission", IDS)
+def test_what_is_known_holds_nothing_hidden(mission: str, difficulty: str, source: str) -> None:
+    """Walked through to the last number: no true robot, no route, no weather and no meter's error."""
+    options: dict[str, Any] = {"difficulty": difficulty, "true_robot": SECRET_ROBOT, "route": SECRET_ROUTE}
+    env = HomewardEnv(mission=mission, **options)
+    env.reset(seed=0)
+    env.step([4, 4, GO])
+    known = env.batch.known if source == "batch" else known_of(Options(mission, **options))
+    found = list(leaves(known, {}))
+    assert len(found) > 100
+    for value in found:
+        assert not isinstance(value, Route | Hidden | Batch)
+        assert not isinstance(value, Robot) or value == known.robot != SECRET_ROBOT
+    numbers = np.array([float(value) for value in found if isinstance(value, int | float)])
+    m, p = env.batch.records[0], env.batch.robots[0]
+    hidden = [float(m[name]) for name in ("capacity_j", "energy_j", "wind_mps", "wind_from_rad", "mean_east_mps",
+              "gust_east_mps", "gust_keeps", "temperature_c", "warming_k", "meter_gain", "key")]  # fmt: skip
+    hidden += [float(m["meter_offset_w"])] if difficulty == "harsh" else []
+    hidden += [float(p[name]) for name in ("mass_kg", "rolling_resistance", "payload_mass_kg")]
+    hidden += [SECRET_ROBOT.usable_energy_j, SECRET_ROBOT.mass_kg, SECRET_ROBOT.rolling_resistance]
+    hidden += [0.0543219, float(np.sin(0.0543219)), 0.6543217, 1.2345678, 17.654321, 4.3210987, 2.3456789]
+    for secret in hidden:
+        assert not np.isclose(numbers, secret, rtol=1e-6, atol=0.0).any(), secret
+
+
+def test_what_is_known_is_the_same_whatever_is_hidden() -> None:
+    """Another true robot and another wind; of a given route, its length, mean interest and places are known."""
+    calm = dataclasses.replace(SECRET_ROUTE, wind_mps=0.0, temperature_c=3.0, grade_rad=-SECRET_ROUTE.grade_rad)
+    for changes in ({"true_robot": SECRET_ROBOT}, {"route": calm}):
+        options: dict[str, Any] = {"route": SECRET_ROUTE}
+        one, other = (known_of(Options("Survey", **each)) for each in (options, options | changes))
+        assert (one.mission, one.robot, one.difficulty, one.instruments) == (
+            other.mission, other.robot, other.difficulty, other.instruments
+        )  # fmt: skip
+        np.testing.assert_array_equal(one.shared, other.shared)
+
+
+def test_what_is_known_is_made_without_anything_hidden() -> None:
+    """Of its own memory; a batch lays it out beside what is hidden, for its kernels."""
+    known = known_of(Options("Survey", true_robot=SECRET_ROBOT))
+    assert known.shared.base is None and known.shared.dtype == SHARED_DTYPE
+    batch_known = HomewardEnv(true_robot=SECRET_ROBOT).batch.known
+    travelled = pickle.loads(pickle.dumps(batch_known))
+    np.testing.assert_array_equal(travelled.shared, known.shared)
+    assert travelled.shared.base is None or travelled.shared.base.dtype == SHARED_DTYPE
+    assert (travelled.robot, travelled.difficulty, travelled.instruments) == (
+        known.robot, known.difficulty, known.instruments
+    )  # fmt: skip

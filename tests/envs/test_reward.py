@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 
 from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import ACTION_TYPES
+from homeward.envs.reward import TERMS
 from homeward.envs.state import GO, RETURN, STOP
 from tests.envs.rollouts import MISSIONS, drive, feature, make, mission, random_actions
 
 
 @pytest.mark.parametrize("discount", [1.0, 0.997, 0.6])
+@pytest.mark.parametrize("instruments", INSTRUMENTS)
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission_id", MISSIONS)
-def test_shaped_rewards_telescope(mission_id: str, difficulty: str, discount: float) -> None:
-    """Discounted, they sum to the discounted final score less the potential of the start, whatever is done."""
-    env = make(mission_id, difficulty=difficulty, discount=discount)
+def test_shaped_rewards_telescope(mission_id: str, difficulty: str, instruments: str, discount: float) -> None:
+    """Discounted, they sum to the discounted final score less the potential of the start, whatever is done and read."""
+    env = make(mission_id, difficulty=difficulty, instruments=instruments, discount=discount)
     scale = float(env.batch.known.shared["score_scale"][0])
     rng, ends = np.random.default_rng(5), set()
     for seed, home in itertools.product(range(6), (0.0, 0.15)):
@@ -113,3 +116,70 @@ def test_going_home_at_once_is_worth_nothing(mission_id: str) -> None:
     step = next(drive(env, [[4, 4, RETURN]]))
     assert step.terminated and step.info["home"] and step.info["score"] == step.reward == 0.0
     assert feature(step.observation, "returning") == 1.0
+
+
+@pytest.mark.parametrize("mission_id", MISSIONS)
+def test_the_potential_is_worked_out_with_exact_numbers(mission_id: str) -> None:
+    """Where the grade is read exactly, no instrument changes a reward, however wrong the readings are."""
+    worst = Instruments(0.1, 0.1, 600.0, 0.3, 0.1, 0.3, 0.3, 0.0)
+    exact, wrong = (make(mission_id, instruments=sizes, decision_s=60.0) for sizes in ("exact", worst))
+    for seed in range(3):
+        for env in (exact, wrong):
+            env.reset(seed=seed)
+        rng, misread = np.random.default_rng(seed), 0
+        for action in [*random_actions(rng, "discrete", 30, home=0.0), *[[4, 4, RETURN]] * 60]:
+            one, other = exact.step(action), wrong.step(action)
+            assert one[1:4] == other[1:4] and one[4]["reward_terms"] == other[4]["reward_terms"]
+            assert one[4]["score"] == other[4]["score"]
+            misread += abs(feature(one[0], "margin") - feature(other[0], "margin")) > 0.01
+            if one[2] or one[3]:
+                break
+        assert misread > 3
+
+
+@pytest.mark.parametrize("instruments", INSTRUMENTS)
+@pytest.mark.parametrize("mission_id", MISSIONS)
+def test_the_potential_is_that_of_the_true_energy(mission_id: str, instruments: str) -> None:
+    """By hand: the score so far and what the energy beyond the way home buys, over that of a good mission."""
+    env = make(mission_id, instruments=instruments, decision_s=60.0)
+    env.reset(seed=1)
+    s = env.batch.known.shared[0]
+    for step in drive(env, random_actions(np.random.default_rng(0), "discrete", 60, home=0.0)):
+        m = mission(env)
+        if step.terminated:
+            assert m["potential"] == 0.0
+            break
+        here_m = float(m["position_m"] - m["place"] * s["place_m"])
+        way_home_j = float(m["here"]["home_cost_j"] + here_m * m["here"]["home_j_per_m"])
+        margin_j = float(m["energy_j"] / m["capacity_j"] * s["usable_j"]) - way_home_j
+        out_m = 0.5 * max(margin_j, 0.0) / float(s["energy_per_m"])
+        room_m = min(out_m, float(s["length_m"] - m["position_m"]))
+        more = {
+            "OutAndBack": max(float(m["position_m"] - m["furthest_m"]) + room_m, 0.0),
+            "Survey": room_m * float(s["information_per_m"]),
+            "Patrol": out_m / float(s["length_m"]),
+        }[mission_id]
+        fits = float(np.clip(1.0 + 10.0 * margin_j / s["usable_j"], 0.0, 1.0))
+        expected = fits * (step.info["score"] + more) / float(s["score_scale"])
+        assert m["potential"] == pytest.approx(expected, rel=1e-6)  # places are kept in single precision
+        shaping = float(s["discount"]) * expected
+        assert step.info["reward_terms"]["shaping"] <= shaping * (1.0 + 1e-6)
+
+
+def test_the_terms_are_those_of_the_info() -> None:
+    env = make("Survey")
+    assert tuple(env.reset(seed=0)[1]["reward_terms"]) == TERMS
+
+
+def test_a_return_that_is_not_final_still_hopes() -> None:
+    """What is attainable is given up once the return is final, not while it is asked for."""
+    env = make("OutAndBack", difficulty="known", decision_s=None, discount=1.0)
+    env.reset(seed=0)
+    list(drive(env, [[4, 0, GO]] * 20))
+    potentials = []
+    for _ in range(3):
+        env.step([4, 0, RETURN])
+        potentials.append(float(mission(env)["potential"]))
+    score = float(mission(env)["score"] / env.batch.known.shared["score_scale"][0])
+    assert potentials[0] == pytest.approx(potentials[1], rel=0.1) and potentials[1] > 1.5 * score
+    assert potentials[2] == pytest.approx(score)

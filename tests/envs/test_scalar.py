@@ -22,6 +22,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics as RecordVectorEpi
 from homeward.envs import IDS
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.features import FEATURES
+from homeward.envs.instruments import INSTRUMENTS
 from homeward.envs.options import ACTION_TYPES, SHAPINGS
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
@@ -29,11 +30,12 @@ from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import CAUSES
 from tests.envs.rollouts import MISSIONS, SHORT_S, make, random_actions
 
-COMBINATIONS = list(itertools.product(MISSIONS, DIFFICULTIES, ACTION_TYPES, SHAPINGS))
+COMBINATIONS = list(itertools.product(MISSIONS, DIFFICULTIES, INSTRUMENTS, ACTION_TYPES))
 
 
-def made(mission: str, difficulty: str, action_type: str, shaping: str, **options: Any) -> gym.Env[Any, Any]:
-    return gym.make(IDS[mission], difficulty=difficulty, action_type=action_type, shaping=shaping, **options)
+def made(mission: str, difficulty: str, instruments: str, action_type: str, **options: Any) -> gym.Env[Any, Any]:
+    options = {"difficulty": difficulty, "instruments": instruments, "action_type": action_type} | options
+    return gym.make(IDS[mission], **options)
 
 
 @pytest.mark.parametrize("combination", COMBINATIONS, ids="-".join)
@@ -45,6 +47,14 @@ def test_gymnasium_finds_nothing_to_say(combination: tuple[str, str, str, str]) 
 def test_stable_baselines3_finds_nothing_to_say(combination: tuple[str, str, str, str]) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     checker.check_env(made(*combination).unwrapped)
+
+
+@pytest.mark.parametrize("shaping", SHAPINGS)
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_neither_has_anything_to_say_of_the_shaping(mission: str, shaping: str) -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    for check in (check_env, checker.check_env):
+        check(gym.make(IDS[mission], shaping=shaping).unwrapped)
 
 
 def test_ids_hold_their_mission() -> None:
@@ -219,7 +229,7 @@ def test_a_copy_that_has_not_begun_can_begin() -> None:
 
 
 def test_episode_statistics_of_a_mission() -> None:
-    env = RecordEpisodeStatistics(made("OutAndBack", "known", "discrete", "none", decision_s=SHORT_S))
+    env = RecordEpisodeStatistics(made("OutAndBack", "known", "exact", "discrete", shaping="none", decision_s=SHORT_S))
     env.reset(seed=0)
     rewards = []
     for action in ([4, 0, GO], [4, 0, GO], [4, 0, RETURN], [4, 0, GO], [4, 0, GO], [4, 0, GO]):

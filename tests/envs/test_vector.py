@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from homeward.envs import batch, kernel
 from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.reward import TERMS
 from homeward.envs.scalar import HomewardEnv
@@ -125,6 +126,30 @@ def test_vector_equals_scalar(
             scalars.over[:] = False
     assert len({step for step, _ in ends}) > 4, "the resets are to be staggered"
     assert {i for _, i in ends} == set(range(COUNT))
+
+
+@pytest.mark.parametrize("instruments", [*INSTRUMENTS, Instruments(0.02, 0.01, 100.0, 0.1, 0.05, 0.05, 0.05, 0.01)])
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_vector_equals_scalar_with_any_instruments(mission: str, instruments: str | Instruments, threads: str) -> None:
+    """And with decisions so short that a return takes several of them."""
+    mode = AutoresetMode.SAME_STEP
+    for difficulty, action_type in zip(DIFFICULTIES, (*ACTION_TYPES, "discrete"), strict=True):
+        options: dict[str, Any] = {
+            "difficulty": difficulty, "action_type": action_type, "decision_s": 50.0, "instruments": instruments
+        }  # fmt: skip
+        scalars = Scalars(mode, mission, SEEDS, **options)
+        envs = HomewardVectorEnv(COUNT, mission=mission, autoreset_mode=mode, **options)
+        np.testing.assert_array_equal(envs.reset(seed=SEEDS)[0], np.stack([first for first, _ in scalars.first]))
+        rng, ends = np.random.default_rng(7), 0
+        for _ in range(40):
+            actions = random_actions(rng, action_type, COUNT, home=0.35)
+            observations, rewards, terminated, truncated, info = envs.step(actions)
+            for i, (observation, *rest, one, _) in enumerate(scalars.step(actions)):
+                np.testing.assert_array_equal(observations[i], observation)
+                assert [rewards[i], terminated[i], truncated[i]] == rest
+                assert plain(info, i) == plain(one)
+            ends += int((terminated | truncated).sum())
+        assert ends > 2
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib.util
+import itertools
 import os
 import pickle
 import subprocess
@@ -25,6 +26,7 @@ from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.viewer.scene import GROUPS, Scene
+from homeward.envs.viewer.text import describe
 from homeward.physics import CAUSES, d_max
 from homeward.physics.robot import preset_names
 from tests.envs.rollouts import MISSIONS, SHORT_S, make
@@ -47,6 +49,38 @@ def flat(length_m: float, places: int = 32) -> Route:
 def seen(env: HomewardEnv) -> Scene:
     assert env._viewer is not None
     return env._viewer.scene()
+
+
+class Text:
+    """Where a text was drawn."""
+
+    def __init__(self, left: float, top: float, width: float, height: float, words: str) -> None:
+        self.left, self.top, self.right, self.bottom = left, top, left + width, top + height
+        self.words = words
+
+    def meets(self, other: Text) -> bool:
+        return (
+            min(self.right, other.right) - max(self.left, other.left) > 1.0
+            and min(self.bottom, other.bottom) - max(self.top, other.top) > 3.0
+        )
+
+
+@pytest.fixture
+def texts(monkeypatch: pytest.MonkeyPatch) -> list[Text]:
+    """All texts that are drawn from now on."""
+    from homeward.envs.viewer.canvas import Canvas
+
+    drawn: list[Text] = []
+    draw = Canvas.text
+
+    def note(canvas: Canvas, at: Any, text: str, size: int = 12, *rest: Any, **keywords: Any) -> float:
+        width = draw(canvas, at, text, size, *rest, **keywords)
+        left = at[0] - {"left": 0.0, "centre": 0.5, "right": 1.0}[keywords.get("align", "left")] * width
+        drawn.append(Text(left, at[1] - 0.5 * size, width, size, text))
+        return width
+
+    monkeypatch.setattr(Canvas, "text", note)
+    return drawn
 
 
 def random_walk(env: HomewardEnv, seed: int, most: int = 60) -> Iterator[Scene]:
@@ -195,6 +229,47 @@ def test_the_battery_adds_up(mission: str, difficulty: str) -> None:
         assert scene.worn_j + sum(scene.used_j.values()) + scene.left_j == pytest.approx(scene.full_j)
 
 
+@pytest.mark.parametrize("instruments", ["exact", "meter", "gauge"])
+def test_readings_are_shown_beside_the_truth(instruments: str, texts: list[Text]) -> None:
+    env = HomewardEnv(mission="Survey", difficulty="harsh", instruments=instruments, render_mode="rgb_array")
+    apart = set()
+    for scene in random_walk(env, seed=3, most=40):
+        m = env.batch.records[0]
+        assert (scene.left_j, scene.read_w) == (float(m["energy_j"]), float(m["read_w"]))
+        assert scene.gauge_j == pytest.approx(float(m["soc"]) * scene.full_j)
+        assert scene.spare_j == pytest.approx(float(m["metered"]) * scene.full_j - scene.home_j)
+        if scene.decision == 0 or scene.over:
+            continue
+        charge = scene.left_j / (scene.full_j - scene.worn_j)
+        apart.add((abs(scene.gauge_j / scene.full_j - charge) > 1e-9, abs(scene.read_w - scene.power_w) > 1e-9))
+        texts.clear()
+        env.render()
+        words = [text.words for text in texts]
+        assert f"{scene.power_w:.3g}" in words and f"the meter reads {scene.read_w:.3g} W" in words
+        rows = dict(itertools.pairwise(words))
+        assert rows["gauge reads"] == f"{100.0 * scene.gauge_j / scene.full_j:.1f} %"
+        assert rows["left"] == f"{100.0 * scene.left_j / scene.full_j:.1f} %"
+        lines = describe(scene)
+        assert f"{scene.left_j / scene.full_j:.0%} left, gauge {scene.gauge_j / scene.full_j:.0%}, way home" in lines
+    assert (True, True) in apart if instruments != "exact" else apart == {(False, False)}
+
+
+def test_a_robot_that_is_asked_to_return_is_seen_to_head_home() -> None:
+    env = make("OutAndBack", render_mode="ansi", decision_s=None)
+    env.reset(seed=0)
+    for _ in range(4):
+        env.step([4, 0, GO])
+    assert (seen(env).state, seen(env).direction) == ("out", 1.0)
+    env.step([1, 0, RETURN])
+    assert not env.batch.records["returning"][0]
+    assert (seen(env).state, seen(env).direction) == ("returning", -1.0)
+    assert seen(env).no_return_m is not None
+    env.step([1, 0, STOP])
+    assert seen(env).state == "stopped"
+    env.step([1, 0, GO])
+    assert (seen(env).state, seen(env).direction) == ("out", 1.0)
+
+
 def test_what_is_drawn_as_gathered_is_what_was_gathered() -> None:
     env = make("Survey", render_mode="ansi", decision_s=SHORT_S / 10.0)
     for scene in random_walk(env, seed=2, most=80):
@@ -285,38 +360,6 @@ def test_lines_of_text_say_where_the_robot_is() -> None:
     assert battery.startswith("battery |=") and "% left" in battery
     env.step([4, 0, RETURN])
     assert str(env.render()).startswith("home: 0.0 m from home")
-
-
-class Text:
-    """Where a text was drawn."""
-
-    def __init__(self, left: float, top: float, width: float, height: float, words: str) -> None:
-        self.left, self.top, self.right, self.bottom = left, top, left + width, top + height
-        self.words = words
-
-    def meets(self, other: Text) -> bool:
-        return (
-            min(self.right, other.right) - max(self.left, other.left) > 1.0
-            and min(self.bottom, other.bottom) - max(self.top, other.top) > 3.0
-        )
-
-
-@pytest.fixture
-def texts(monkeypatch: pytest.MonkeyPatch) -> list[Text]:
-    """All texts that are drawn from now on."""
-    from homeward.envs.viewer.canvas import Canvas
-
-    drawn: list[Text] = []
-    draw = Canvas.text
-
-    def note(canvas: Canvas, at: Any, text: str, size: int = 12, *rest: Any, **keywords: Any) -> float:
-        width = draw(canvas, at, text, size, *rest, **keywords)
-        left = at[0] - {"left": 0.0, "centre": 0.5, "right": 1.0}[keywords.get("align", "left")] * width
-        drawn.append(Text(left, at[1] - 0.5 * size, width, size, text))
-        return width
-
-    monkeypatch.setattr(Canvas, "text", note)
-    return drawn
 
 
 @pytest.mark.parametrize("mission", MISSIONS)
