@@ -13,10 +13,12 @@ from homeward.estimation import READING_DTYPE, Estimate, Estimator, Margin, Prio
 from homeward.physics import ancillary_power
 
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
-_PROBE_EVERY = 8
-"""Decisions of which one is a probe, driven slower: at one speed wind explains as much as rolling does."""
-_PROBE = 0.5
-"""Share of the range of speeds at which a probe is driven."""
+_LOOKS_BACK_EVERY, _LOOKS_BACK_AT = 40, 10
+"""Decisions of which one is driven towards home, and which: chosen by trial on OutAndBack. It is worth a tenth of the
+shield's score and most of the missions that it would strand in hidden winds; half speed for every eighth decision, which
+was tried before and beside it, adds nothing."""
+_FAR = 1.5
+"""Decisions at cruise from home from which it is worth it."""
 _ON_BORDER = 1e-4
 """Share of a place within which a robot is taken to be on its border, where rounding says which place is shown."""
 
@@ -86,7 +88,6 @@ class Belief:
         )
         # In shorter pit stops, turns pass unseen: how far the robot went is not known, and nothing is learned from it.
         self._sees_turns = bool(s["pit_stop_s"] == 0.0 or s["pit_stop_s"] >= s["decision_s"])
-        self.probe_mps = float(s["min_speed_mps"] + _PROBE * (s["max_speed_mps"] - s["min_speed_mps"]))
         self._forget(0)
 
     def _forget(self, count: int) -> None:
@@ -133,23 +134,16 @@ class Belief:
         self.estimator.update(readings, ~begun)
         self._modelled, self._position_m = modelled, position_m
 
-    @property
-    def probes(self) -> NDArray[np.bool_]:
-        """Whether the next decision should be driven no faster than `probe_mps`, shape (n,)."""
-        return np.asarray((self._decisions % _PROBE_EVERY == 1) & (not self._known.difficulty.route_is_known))
-
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
         """Whether the next decision should be driven towards home and then out again, shape (n,).
 
         So the wind comes from the other side: what then changes is the wind, and what does not is the robot. A return
         is not final after one decision.
         """
-        import os
-        every,at=int(os.environ.get("REV","40")),int(os.environ.get("REVAT","10"))
-        if every==0: return np.zeros(len(self._decisions),np.bool_)
-        due = self._decisions % every == at
-        far = self._position_m > 1.5 * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
-        return np.asarray(due & far & (feature(observations, "outbound") > 0.0) & (not self._known.difficulty.route_is_known))
+        due = self._decisions % _LOOKS_BACK_EVERY == _LOOKS_BACK_AT
+        far = self._position_m > _FAR * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
+        out = feature(observations, "outbound") > 0.0
+        return np.asarray(due & far & out & (not self._known.difficulty.route_is_known))
 
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -128,12 +127,10 @@ class Batch:
         self.threads = Threads(self.count) if Threads.pay(self.count) else None  # of the machine where this is now
 
     def _settle(self) -> None:
-        """Lay the setting out as one record for the kernels, and let both halves show it."""
+        """Lay what is known and what is hidden out as one record for the kernels."""
         known, hidden, constants = self.known, self.hidden, self._constants[0]
         constants["shared"], constants["nominal"] = known.shared[0], known.robot.record()[0]
         constants["hidden"] = hidden.record[0]
-        self.known = dataclasses.replace(known, shared=self._constants["shared"])
-        self.hidden = dataclasses.replace(hidden, record=self._constants["hidden"])
 
     @property
     def generators(self) -> Sequence[np.random.Generator]:

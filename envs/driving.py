@@ -67,6 +67,9 @@ def decide(
             _cross(m, route, nominal, shared)
     if heads_home and not m.returning and m.direction < 0.0:
         m.direction = outwards
+        # One that runs empty at home, while it waits for its return to be final, is home.
+        m.home = m.depleted and m.position_m <= 0.0 and m.furthest_m > 0.0
+        m.depleted = m.depleted and not m.home
 
 
 @inline

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from homeward.envs.draws import GUST_EAST, GUST_NORTH, normal
-from homeward.envs.routes import WIND_SCALE_MPS
-from homeward.envs.routes import LIMITS
+from homeward.envs.routes import LIMITS, WIND_SCALE_MPS
 from homeward.physics.jit import inline
 
 GUSTINESS = 0.3

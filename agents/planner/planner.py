@@ -110,8 +110,6 @@ class Planner(Policy):
             speed_mps[out], sensing_hz[out], stops[out] = commands[:, 0], commands[:, 1], commands[:, 2] > 0.0
         s, back = self._known.shared[0], np.zeros(len(observations), np.bool_)
         if self._belief:
-            slow = self._belief.probes & ~homebound
-            speed_mps = np.where(slow, np.minimum(speed_mps, self._belief.probe_mps), speed_mps)
             back = self._belief.looks_back(observations) & ~homebound
             speed_mps, sensing_hz = np.where(back, s["cruise_mps"], speed_mps), np.where(back, 0.0, sensing_hz)
         mode = np.where(homebound | back, RETURN, np.where(stops, STOP, GO))

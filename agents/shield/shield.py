@@ -11,15 +11,14 @@ from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.belief import Belief
 from homeward.envs.actions import Commands, decode_actions, encode_actions
 from homeward.envs.options import Known
-from homeward.envs.state import GO, RETURN
+from homeward.envs.state import RETURN
 from homeward.physics import ancillary_power
 
-RISKS = {0.999: 1e-5}
+RISKS = {0.999: 1e-8}
 """Risk of each decision that is taken, for each confidence that can be asked for; see docs/evaluation.md."""
 _SHARE = 0.01
 """Share of a plan's cost kept back beside it: chosen with it, on the same missions."""
-import os
-_MISSED = float(os.environ.get("MISSED","0.2"))
+_MISSED = 0.2
 """Probability that a forecast of the wind says nothing, as on the routes `hidden_wind`: a shield reckons with them."""
 _SPARE_DECISIONS = 3.0
 """Decisions by which a robot is home before the time limit."""
@@ -32,8 +31,8 @@ class Shield(Policy):
     It heads home at cruise, without stops and with nothing sensed. On the way home of the policy's own it still asks
     before every decision whether what the policy wants leaves enough. What is left is a distribution, by what the robot
     believes of itself and the wind (`homeward.estimation`); its quantile at a small risk counts. So that there is
-    something to learn from, every eighth decision of the way out is driven no faster than half speed, unless nothing is
-    hidden. The time limit is minded as well.
+    something to learn from, it drives a decision back now and then (`Belief.looks_back`), unless nothing is hidden. The
+    time limit is minded as well.
 
     Args:
         policy: The policy to be shielded.
@@ -63,7 +62,6 @@ class Shield(Policy):
             self._overruled = np.zeros(len(begun), np.bool_)
         self._overruled[begun] = False
         returning = feature(observations, "returning") >= 1.0
-        self._slow_down_to_probe(actions, returning)
         wanted = decode_actions(self._known, actions)
         wanted = Commands(wanted.speed_mps, wanted.sensing_hz, np.where(returning, RETURN, wanted.mode))
         unsafe = self._margin_j(observations, wanted) < 0.0
@@ -73,11 +71,6 @@ class Shield(Policy):
         actions[self._belief.looks_back(observations) & ~returning & ~wanted.returns] = self._safe_action
         actions[unsafe | self._overruled | self._late(observations, wanted)] = self._safe_action
         return actions
-
-    def _slow_down_to_probe(self, actions: NDArray[Any], returning: NDArray[np.bool_]) -> None:
-        wanted, probe_mps = decode_actions(self._known, actions), self._belief.probe_mps
-        probes = self._belief.probes & ~returning & ~wanted.returns & (wanted.driven_mps > probe_mps)
-        actions[probes, 0] = encode_actions(self._known, probe_mps, 0.0, GO)[0, 0]
 
     def _margin_j(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
         """Energy that is left for sure after a decision and the way home after it, J, shape (n,)."""
@@ -92,14 +85,8 @@ class Shield(Policy):
         plans["speed_mps"] = np.where(way_m > 0.0, wanted.driven_mps, self._home_mps)
         plans["onwards_s"] = np.where(arrives, position_m / np.maximum(wanted.driven_mps, 1e-9), s["decision_s"])
         plans["onwards_j"] = ancillary_power(self._known.robot, wanted.sensing_hz) * plans["onwards_s"]
-        import os
-        margin = self._belief.margin(plans, self._risk)
-        total = margin.total
-        mode=os.environ.get("SHIELD","q")
-        if mode=="q": return np.asarray(total["margin_low_j"] - _SHARE * total["cost_j"])
-        wmin=float(os.environ.get("WMIN","1e-4")); z=float(os.environ.get("Z","3.09"))
-        low=np.where(margin.weight>wmin, margin.mean_j-z*margin.sd_j, np.inf).min(axis=1)
-        return np.asarray(low - _SHARE * total["cost_j"])
+        total = self._belief.margin(plans, self._risk).total
+        return np.asarray(total["margin_low_j"] - _SHARE * total["cost_j"])
 
     def _late(self, observations: Observations, wanted: Commands) -> NDArray[np.bool_]:
         """Where the time limit would come before the robot is home."""
