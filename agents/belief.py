@@ -15,8 +15,8 @@ from homeward.physics import ancillary_power
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 _LOOKS_BACK_EVERY, _LOOKS_BACK_AT = 40, 10
 """Decisions of which one is driven towards home, and which: chosen by trial on OutAndBack. It is worth a tenth of the
-shield's score and most of the missions that it would strand in hidden winds; half speed for every eighth decision, which
-was tried before and beside it, adds nothing."""
+shield's score and most of the missions that it would strand in hidden winds; to drive every eighth decision at half
+speed, as was tried before and beside it, adds nothing."""
 _FAR = 1.5
 """Decisions at cruise from home from which it is worth it."""
 _ON_BORDER = 1e-4
