@@ -1,8 +1,9 @@
-"""Numbers of the baselines for each mission, as `python benchmarks/tune_baselines.py` printed them.
+"""Numbers of the baselines for each mission, as `python benchmarks/tune.py` printed them.
 
-They have the highest mean score over 1024 missions with training seeds, `uncertain`, with the default robot; the
-planner's, one for OutAndBack and Survey, has the highest sum over both at `uncertain` and `harsh`, relative to the best
-of each; on Patrol, where it goes by another rule, its own is found in the same way.
+A rule has the highest mean score over missions with seeds of their own, `uncertain`, with the default robot; the
+planner, one for OutAndBack and Survey, the highest sum over both at `uncertain` and `harsh`, relative to the best of
+each, with no more than 0.3 % stranded at `uncertain`; on Patrol, where it goes by another rule, its own is found in the
+same way.
 """
 
 from __future__ import annotations
@@ -23,4 +24,4 @@ RESERVES = {
     "dmax_belief": {"OutAndBack": 3.0, "Survey": 3.0, "Patrol": 3.0},
     "planner": {"OutAndBack": 3.5, "Survey": 3.5, "Patrol": 1.75},
 }
-"""Shares of the usable energy kept back; for `dmax_adaptive` and `planner`, standard deviations."""
+"""Shares of the usable energy kept back; for `dmax_adaptive`, `dmax_belief` and `planner`, standard deviations."""

@@ -6,11 +6,11 @@ import pytest
 from homeward.agents import Policy, make_policy
 from homeward.agents.evaluation import Run, episode_seeds, run_episodes
 from homeward.agents.shield import Shield
+from homeward.agents.shield.reckless import Onward, Wanderer
 from homeward.envs.actions import decode_actions, encode_actions
 from homeward.envs.options import MISSIONS, Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
-from tests.agents.shield.reckless import Onward, Wanderer
 
 
 def shielded(policy: Policy, options: Options, count: int) -> Run:

@@ -1,4 +1,4 @@
-"""Policies that never turn back, for the shield to bring home."""
+"""Policies that never turn back: what a shield is tuned and tested with."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.agents import Policy
-from homeward.agents.base import Observations
+from homeward.agents.base import Observations, Policy
 from homeward.envs.actions import LEVELS, encode_actions
 from homeward.envs.options import Known
 from homeward.envs.state import GO, STOP
