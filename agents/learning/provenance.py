@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import homeward
+from homeward.envs.difficulty import DIFFICULTY
 from homeward.envs.options import Known, Options, constants_of
 
 _LEARNER = (
@@ -72,6 +73,8 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
         if name in code:
             different = [one for one in different if one != name]
             different += [name] if code[name] != numbers else []
+    if _weather(training.get("weather"), training.get("difficulty")) == _weather(options.weather, options.difficulty):
+        different = [name for name in different if name != "weather"]
     if "difficulty" in different:  # which the others follow from where they are left to the default
         left = {name for name in ("instruments", "weather") if training.get(name) is None and here[name] is None}
         different = [name for name in different if name not in left]
@@ -90,7 +93,13 @@ def _trained_with(training: Mapping[str, Any], name: str, here: Mapping[str, Any
 
 
 def _said(value: Any) -> str:
-    return "of its difficulty" if value is None else str(value)
+    return "the difficulty's" if value is None else str(value)
+
+
+def _weather(weather: Any, difficulty: Any) -> bool:
+    """Whether the weather changes."""
+    usual = DIFFICULTY.get(str(difficulty))
+    return weather != "still" and (usual is None or usual.weather_changes)
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

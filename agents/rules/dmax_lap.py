@@ -23,7 +23,8 @@ class LapRule(BelievingRule):
 
     Whatever ground, wind and battery are like, all laps meet them alike; the first one, which begins without a pit
     stop, counts until there is another. At the far post it turns for home for good when after this lap no other fits:
-    what is left of the pit stop when the return is final is saved. The standard deviation is that of the laps and of a biased gauge.
+    what is left of the pit stop when the return is final is saved. The standard deviation is that of the laps and of
+    the gauge.
 
     Args:
         known: Constants of the environment.
