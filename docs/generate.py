@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import html
-import inspect
 import os
 import re
 import subprocess
@@ -23,8 +22,10 @@ from mkdocs.structure.files import File
 
 from homeward.agents.registry import AGENTS
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
-from homeward.envs import IDS, difficulty
+from homeward.envs import IDS
+from homeward.envs.difficulty import DIFFICULTY, DRAWN
 from homeward.envs.features import FEATURES
+from homeward.envs.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import Options, known_of
 from homeward.physics import CAUSES, EFFECTS, Robot, d_max, load_robot, optimal_speed, preset_names
 from homeward.physics.effects import Parameter
@@ -41,12 +42,21 @@ ENTERS = {
 }
 """Where each kind of effect enters the model; a fault of an instrument enters the reading only."""
 
+DRAWN_WORDS = (
+    "capacity of the battery, times",
+    "rolling resistance, times",
+    "payload, over the robot's mass,",
+    "how much harder the roughest ground rolls, as a share,",
+)
+"""What is drawn, in the order of `homeward.envs.difficulty.DRAWN`."""
+
 AGENT_WORDS = {
     "random": "draws from the action space: the least that any agent must beat",
     "soc50": "turns back at half charge",
     "dmax": "the paper's rule: turns back when Eq. 8, at the average grade, just reaches home",
     "dmax_mapped": "costs the way home over the ground that it drove on the way out",
     "dmax_adaptive": "scales that cost by what it measures, and keeps a reserve of k standard deviations",
+    "dmax_belief": "estimates robot and wind, costs the way home by that, and keeps k standard deviations in reserve",
     "planner": "finds out what the robot is today and turns back by that; senses and stops by what it is worth",
     "ppo": "a network trained by PPO",
 }
@@ -88,21 +98,27 @@ def missions() -> str:
 
 
 def difficulties() -> str:
-    """What is drawn per episode, as the comments beside the draws say it."""
-    drawn: dict[str, list[str]] = {"known": []}
-    for line in inspect.getsource(difficulty.draw).splitlines():
-        if level := re.match(r"    if shared\.difficulty >= (\w+):", line):
-            drawn[level[1].lower()] = []
-        elif comment := re.match(r" +# (.+)", line):
-            drawn[list(drawn)[-1]].append(comment[1])
-    assert tuple(drawn) == difficulty.DIFFICULTIES
-    said = (
-        " ".join(lines).replace("*U", "times U").replace("+U", "plus U") or "Nothing is hidden."
-        for lines in drawn.values()
-    )
-    return table(
-        ("difficulty", "hidden, drawn anew for each mission, beside what stands above"), zip(drawn, said, strict=True)
-    )
+    """What is hidden at each difficulty, from the table of it."""
+    rows = []
+    for name, one in DIFFICULTY.items():
+        drawn = [
+            f"{words} {number.low:g} to {number.high:g}"
+            for words, number in zip(DRAWN_WORDS, (getattr(one, drawn) for drawn in DRAWN), strict=True)
+            if number.high > number.low
+        ]
+        rows.append((
+            *(f"`{name}`", f"`{one.instruments}`", "changes" if one.weather_changes else "as at the start"),
+            "known" if one.route_is_known else "seen two places ahead, forecast beyond",
+            "; ".join(drawn) or "nothing",
+        ))  # fmt: skip
+    return table(("difficulty", "instruments", "weather", "route and wind", "drawn anew for each mission, hidden"), rows)
+
+
+def instruments() -> str:
+    """Sizes of the errors of each set of instruments."""
+    names = [field.name for field in dataclasses.fields(Instruments)]
+    rows = ((f"`{size}`", *(f"{getattr(one, size):g}" for one in INSTRUMENTS.values())) for size in names)
+    return table(("size", *(f"`{name}`" for name in INSTRUMENTS)), rows)
 
 
 def robots() -> str:
@@ -209,7 +225,8 @@ def worked_case() -> str:
 
 
 GENERATED: dict[str, Callable[..., str]] = {
-    "features": features, "causes": causes, "missions": missions, "difficulties": difficulties, "robots": robots,
+    "features": features, "causes": causes, "missions": missions, "difficulties": difficulties,
+    "instruments": instruments, "robots": robots,
     "robot_file": robot_file, "agents": agents, "effects": effects, "counts": counts, "readme": readme,
     "worked_case": worked_case,
 }  # fmt: skip

@@ -21,7 +21,7 @@ from types import SimpleNamespace
 import gymnasium as gym
 import homeward
 import numpy as np
-from homeward.envs import missions
+from homeward.envs import reward
 from homeward.envs.options import Options, known_of
 from homeward.physics.kernel import Conditions, demand, full_charge
 
@@ -39,9 +39,9 @@ for yaw_rate_radps, lamp_w in ((0.0, 0.0), (-0.5, 2.0)):
 assert gym.spec("homeward/Frontier-v0").kwargs == {"mission": "Frontier"}
 known = known_of(Options("Frontier")).shared.view(np.recarray)[0]
 start = SimpleNamespace(furthest_m=0.0, position_m=0.0, returning=False)
-assert abs(missions.hope(start, known, known.usable_j) / known.score_scale - 1.0) < 1e-9
+assert abs(reward.attainable(start, known, known.usable_j) / known.score_scale - 1.0) < 1e-9
 far = SimpleNamespace(furthest_m=30.0, position_m=10.0, returning=False)
-assert (missions.score(far, known), missions.hope(far, known, 0.0)) == (900.0, 0.0)
+assert (reward.score(far, known), reward.attainable(far, known, 0.0)) == (900.0, 0.0)
 """
 
 THE_LAMP_IS_NAMED = """

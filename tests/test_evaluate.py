@@ -18,6 +18,7 @@ from homeward import load_robot
 from homeward.agents.evaluation import tasks as evaluation_tasks
 from homeward.agents.learning.policy_file import DESCRIPTION
 from homeward.agents.learning.settings import PPOSettings
+from homeward.agents.registry import SWEPT
 
 SMALL = ["--episodes", "3", "--agents", "dmax"]
 PICTURES = ("scores_png", "profiles_png", "episode_png", "route_png")
@@ -88,7 +89,8 @@ def test_an_agent_that_fails_takes_one_line(
 
 def test_options_reach_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     chosen: dict[str, str | float] = {
-        "difficulty": "harsh", "robot": "husky", "route": "hidden_wind", "action_type": "continuous",
+        "difficulty": "harsh", "instruments": "meter", "weather": "still", "robot": "husky", "route": "hidden_wind",
+        "action_type": "continuous",
         "decision_s": 120.0,
     }  # fmt: skip
     arguments = [text for name, value in chosen.items() for text in (f"--{name.replace('_', '-')}", str(value))]
@@ -96,6 +98,72 @@ def test_options_reach_the_environment(tmp_path: Path, monkeypatch: pytest.Monke
     content = json.loads((tmp_path / "evaluation.json").read_text())
     assert content["env"] == "homeward/OutAndBack-v0"
     assert content["options"].items() >= chosen.items()
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b"soc_step = 2.0", "soc_step = 2.0 is not allowed; give a number in"),
+        (b"power_gian = 0.1", "unknown size 'power_gian'; allowed: soc_step"),
+        (b"soc_step = ", "Invalid value"),
+        (b"\xff\xfe", "codec can't decode"),
+    ],
+)
+def test_a_bad_file_of_instruments_takes_one_line(
+    content: bytes,
+    expected: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_bytes(content)
+    assert run_with(monkeypatch, *SMALL, "--out", str(tmp_path / "out"), "--instruments", str(file)) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"evaluate.py: {file}: ") and error.count("\n") == 1
+    assert expected in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_instruments_come_from_a_file(tmp_path: Path) -> None:
+    left = []
+    for name, sizes in (("none", ""), ("coarse", "soc_step = 0.2\nsoc_noise = 0.1\n")):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(sizes)
+        args = Args(("soc50",), "homeward/OutAndBack-v0", episodes=12, instruments=str(file), out=tmp_path / name)
+        left.append(main(args).runs["soc50"][0].episodes.energy_left_j)
+    exact = Args(("soc50",), "homeward/OutAndBack-v0", episodes=12, instruments="exact", out=tmp_path / "exact")
+    assert (left[0] == main(exact).runs["soc50"][0].episodes.energy_left_j).all()
+    assert left[1].std() > left[0].std()
+
+
+def test_a_sweep_writes_curves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    agents = ("random", "soc50", "dmax_belief", "soc50+shield")
+    result = main(Args(agents, "homeward/OutAndBack-v0", episodes=6, margins=True, decision_s=120.0, out=tmp_path))
+    assert (tmp_path / "margins.png").read_bytes().startswith(b"\x89PNG")
+    curves = json.loads((tmp_path / "margins.json").read_text())
+    assert list(curves) == list(agents)
+    for name, curve in curves.items():
+        assert set(curve) == {"reserve", "score", "stranded"}
+        assert len(curve["reserve"]) == len(curve["score"]) == len(curve["stranded"])
+        assert all(0.0 <= share <= 1.0 for share in curve["stranded"]), name
+    means = {
+        name: one["score_mean"]
+        for name, one in json.loads((tmp_path / "evaluation.json").read_text())["agents"].items()
+    }
+    assert curves["random"] == {"reserve": [None], "score": [means["random"]], "stranded": [0.0]}
+    assert curves["soc50"]["reserve"] == list(SWEPT["soc50"])
+    assert curves["soc50"]["score"][curves["soc50"]["reserve"].index(0.5)] == pytest.approx(means["soc50"])
+    assert curves["dmax_belief"]["score"][SWEPT["dmax_belief"].index(3.0)] == pytest.approx(means["dmax_belief"])
+    assert curves["soc50+shield"]["reserve"] == [10.0**-k for k in range(1, 9)]
+    shown = capsys.readouterr().out
+    assert "at no more than so many stranded" in shown and "margins.json" in shown
+    assert result.runs["soc50"][0].episodes.home.any()
+
+
+def test_without_a_sweep_there_are_no_curves(tmp_path: Path) -> None:
+    main(Args(("soc50",), episodes=2, decision_s=120.0, out=tmp_path))
+    assert not list(tmp_path.glob("margins*"))
 
 
 def test_decisions_come_as_often_as_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -258,6 +326,9 @@ sys.exit(evaluate.run())
         (["--decision-s", "nan"], "decision_s = nan is not allowed"),
         (["--episodes", "0"], "at least 1 episode"),
         (["--seed", "-1"], "a seed of 0 or more"),
+        (["--instruments", "perfect"], "instruments = 'perfect'; choose exact, meter, gauge or name a TOML file"),
+        (["--instruments", "no/such.toml"], "no/such.toml"),
+        (["--weather", "windy"], "weather = 'windy' is not allowed; choose from still, changing"),
         (["--jobs", "0"], "jobs = 0 is not allowed; give at least 1"),
     ],
 )

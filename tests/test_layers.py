@@ -107,6 +107,46 @@ def test_only_learning_imports_its_libraries() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+MAY_LOOK = {"oracle", "learning/insight.py", "learning/provenance.py", "evaluation/episodes.py"}
+"""What looks behind the observations: the oracle, the critic in training, hashes, and the trace of an evaluation."""
+
+
+def looks_behind(tree: ast.AST) -> Iterator[str]:
+    """What of an environment's hidden side a module names."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and node.id in ("Hidden", "constants_of", "HIDDEN_DTYPE"):
+            yield node.id
+        elif isinstance(node, ast.alias) and node.name in ("Hidden", "constants_of", "HIDDEN_DTYPE"):
+            yield node.name
+        elif isinstance(node, ast.Attribute):
+            named = ast.unparse(node)
+            of_batch = node.attr in ("robots", "routes", "constants", "records") and "batch" in ast.unparse(node.value)
+            if of_batch or (node.attr == "hidden" and "batch" in named):
+                yield named
+
+
+def test_agents_do_not_look_behind_what_is_observed() -> None:
+    wrong = []
+    for file in python_files("agents"):
+        part = file.relative_to(ROOT / "agents")
+        if not {part.as_posix(), part.parts[0]} & MAY_LOOK:
+            found = set(looks_behind(ast.parse(file.read_text("utf-8"))))
+            # The potential of a state, which shaping takes back when a mission is lost for being late.
+            found -= {"self.env.batch.records"} if part.as_posix() == "learning/sb3_adapter.py" else set()
+            wrong += [f"agents/{part} names {name}" for name in sorted(found)]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_check_sees_how_one_may_look() -> None:
+    source = (
+        "def f(env):\n a = env.batch.hidden.robot\n b = env.batch.robots[0]\n c = Hidden\n d = batch.routes['places']\n"
+    )
+    source += "from homeward.envs.options import Hidden, constants_of\nself.hidden = 3\n"
+    assert sorted(looks_behind(ast.parse(source))) == [
+        "Hidden", "Hidden", "batch.routes", "constants_of", "env.batch.hidden", "env.batch.robots",
+    ]  # fmt: skip
+
+
 def test_only_tests_of_the_benchmarks_import_them() -> None:
     files = [file for file in python_files("tests") if not file.is_relative_to(ROOT / "tests" / "benchmarks")]
     assert len(files) > 50

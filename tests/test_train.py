@@ -393,7 +393,13 @@ def test_a_robot_file_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytes
 
 @pytest.mark.parametrize(
     ("file", "part"),
-    [("physics/model.py", "physics"), ("envs/missions.py", "envs"), ("agents/learning/ppo.py", "learner")],
+    [
+        ("physics/model.py", "physics"),
+        ("envs/reward.py", "envs"),
+        ("agents/learning/ppo.py", "learner"),
+        ("agents/belief.py", "learner"),
+        ("estimation/filter.py", "learner"),
+    ],
 )
 def test_an_edit_of_the_code_changes_its_hash(
     tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch, file: str, part: str

@@ -45,8 +45,10 @@ def quantities(known: Known) -> list[Quantity]:
     s = known.shared[0]
     units = {  # of the observation: physical unit, size of one, zero
         "1": ("1", 1.0, 0.0),
+        "-1 to 1": ("1", 1.0, 0.0),
         "2": ("1", 2.0, 0.0),
         "usable energy": ("J", s["usable_j"], 0.0),
+        "cruise power": ("W", s["cruise_w"], 0.0),
         "reach": ("m", s["reach_m"], 0.0),
         "top speed": ("m/s", s["max_speed_mps"], 0.0),
         "top rate": ("Hz", s["max_sensing_hz"], 0.0),

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import homeward
+from homeward.envs.difficulty import DIFFICULTY
 from homeward.envs.options import Known, Options, constants_of
 
 _LEARNER = (
-    "identification.py", "identification_kernel.py", "planner/kernel.py", "planner/planner.py",
-    "rules/dmax_adaptive.py", "rules/dmax_identified.py", "rules/dmax_lap.py", "rules/pace.py", "rules/rule.py",
-    "rules/tuned.py",
+    "belief.py", "planner/kernel.py", "planner/planner.py", "rules/dmax_adaptive.py", "rules/dmax_belief.py",
+    "rules/dmax_lap.py", "rules/pace.py", "rules/rule.py", "rules/tuned.py",
 )  # fmt: skip
 _AFTER_TRAINING = ("__init__.py", "onnx_export.py", "onnx_graph.py", "policy_file.py", "provenance.py")
 """Files of `learning` that no outcome of training follows from; a new one counts until it is listed here."""
@@ -27,7 +27,7 @@ def made_with(options: Options) -> dict[str, str]:
     """Version and hashes of all that the outcome of training follows from, beside its settings.
 
     Args:
-        options: Of the environment; robot and route are hashed as they are, not by name or path.
+        options: Of the environment; robot, instruments and route are hashed as they are, not by name or path.
     """
     known, hidden = constants_of(options)
     route = hidden.record[["fixed", "temperature_c", "wind_mps", "wind_from_rad"]]
@@ -35,6 +35,7 @@ def made_with(options: Options) -> dict[str, str]:
         "homeward": homeward.__version__,
         **_code(),
         "robot": robot_hash(known),
+        "instruments": _instruments_hash(known),
         "route": _digest(route.copy().tobytes()),
     }
 
@@ -47,6 +48,10 @@ def robot_hash(known: Known) -> str:
         if field.name not in ("name", "description")
     }
     return _digest(json.dumps(values, sort_keys=True, default=dict).encode())
+
+
+def _instruments_hash(known: Known) -> str:
+    return _digest(json.dumps(dataclasses.asdict(known.instruments), sort_keys=True).encode())
 
 
 def differences(description: Mapping[str, Any], env: str, options: Options, known: Known) -> list[str]:
@@ -62,11 +67,18 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
     """
     training, code = (_mapping(description.get(name)) for name in ("training", "made_with"))
     here: dict[str, Any] = {"env": env, **vars(options)}
-    different = [name for name in _COMPARED if name in training and training[name] != str(here[name])]
-    if "robot" in code:  # by its numbers: a file may have changed, or lie elsewhere
-        different = [name for name in different if name != "robot"]
-        different += ["robot"] if code["robot"] != robot_hash(known) else []
-    found = [f"{name} {here[name]} (trained with {_trained_with(training, name, here)})" for name in different]
+    different = [name for name in _COMPARED if name in training and str(training[name]) != str(here[name])]
+    # By their numbers: a file may have changed, or lie elsewhere.
+    for name, numbers in (("robot", robot_hash(known)), ("instruments", _instruments_hash(known))):
+        if name in code:
+            different = [one for one in different if one != name]
+            different += [name] if code[name] != numbers else []
+    if _weather(training.get("weather"), training.get("difficulty")) == _weather(options.weather, options.difficulty):
+        different = [name for name in different if name != "weather"]
+    if "difficulty" in different:  # which the others follow from where they are left to the default
+        left = {name for name in ("instruments", "weather") if training.get(name) is None and here[name] is None}
+        different = [name for name in different if name not in left]
+    found = [f"{name} {_said(here[name])} (trained with {_trained_with(training, name, here)})" for name in different]
     decision_s, trained_s = float(known.shared["decision_s"][0]), description.get("decision_s", 0.0)
     # Where both are left to the default, it follows from the robot.
     chosen = training.get("decision_s") is not None or options.decision_s is not None or "robot" not in different
@@ -77,7 +89,17 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
 
 def _trained_with(training: Mapping[str, Any], name: str, here: Mapping[str, Any]) -> str:
     trained = training.get(name)
-    return "other numbers" if trained == str(here[name]) else str(trained)
+    return "other numbers" if str(trained) == str(here[name]) else _said(trained)
+
+
+def _said(value: Any) -> str:
+    return "the difficulty's" if value is None else str(value)
+
+
+def _weather(weather: Any, difficulty: Any) -> bool:
+    """Whether the weather changes."""
+    usual = DIFFICULTY.get(str(difficulty))
+    return weather != "still" and (usual is None or usual.weather_changes)
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:
@@ -93,7 +115,7 @@ def _code() -> dict[str, str]:
     parts = {
         "physics": (package / "physics").rglob("*.py"),
         "envs": (package / "envs").glob("*.py"),  # how it is shown changes no policy
-        "learner": [*(agents / name for name in _LEARNER), *training],
+        "learner": [*(agents / name for name in _LEARNER), *(package / "estimation").glob("*.py"), *training],
     }
     return {
         part: _digest(*(file.relative_to(package).as_posix().encode() + file.read_bytes() for file in sorted(sources)))

@@ -22,8 +22,9 @@ class LapRule(BelievingRule):
     """Measures laps from one arrival at the home post to the next, and goes on while another one fits.
 
     Whatever ground, wind and battery are like, all laps meet them alike; the first one, which begins without a pit
-    stop, counts until there is another. At the far post it turns for home for good, without a pit stop, when after
-    this lap no other fits. The standard deviation is that of the laps and of a biased gauge.
+    stop, counts until there is another. At the far post it turns for home for good when after this lap no other fits:
+    what is left of the pit stop when the return is final is saved. The standard deviation is that of the laps and of
+    the gauge.
 
     Args:
         known: Constants of the environment.
@@ -36,8 +37,9 @@ class LapRule(BelievingRule):
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
         super().__init__(known, pace, deviations)
         s = known.shared[0]
-        # By the file: what hides from a robot makes it more, so that to leave one out saves this at least.
-        self._stop_share = float(s["pit_stop_s"] * ancillary_power(known.robot, 0.0) / s["usable_j"])
+        # By the file: what hides from a robot makes it more, so that to cut the stop short saves this at least.
+        saved_s = max(float(s["pit_stop_s"] - (s["return_decisions"] - 1) * s["decision_s"]), 0.0)
+        self._stop_share = saved_s * float(ancillary_power(known.robot, 0.0) / s["usable_j"])
         self._gauge_error = float(known.instruments.soc_variance**0.5)
         self._forget(0)
 

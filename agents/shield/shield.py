@@ -76,17 +76,35 @@ class Shield(Policy):
         """Energy that is left for sure after a decision and the way home after it, J, shape (n,)."""
         s = self._known.shared[0]
         position_m = feature(observations, "distance") * s["reach_m"]
-        way_m = wanted.driven_mps * s["decision_s"]
+        pit_stop_s = feature(observations, "pit_stop") * s["decision_s"]
+        stands_s = np.minimum(pit_stop_s, s["decision_s"])
+        way_m = wanted.driven_mps * (s["decision_s"] - stands_s)
         inwards = wanted.returns | (feature(observations, "outbound") < 0.0)
         ends_m = np.where(inwards, np.maximum(position_m - way_m, 0.0), np.minimum(position_m + way_m, s["length_m"]))
-        arrives = wanted.returns & (ends_m <= 0.0) & (wanted.driven_mps > 0.0)
+        comes_to_post = (way_m > 0.0) & ((ends_m <= 0.0) | (ends_m >= s["length_m"]))
+        asked_s = self._asked_s(observations, wanted)
+        # A pit stop goes on until the return is final, and a robot that is home before waits there.
+        waits_s = np.minimum(np.where(comes_to_post, s["pit_stop_s"], pit_stop_s - stands_s), asked_s)
+        waits_s += np.maximum(asked_s - waits_s - ends_m / self._home_mps, 0.0)
+        arrives = wanted.returns & (ends_m <= 0.0) & (wanted.driven_mps > 0.0) & (asked_s == 0.0)
         plans = self._belief.plans(observations, self._home_mps)
         plans["onwards_m"] = ends_m - position_m
         plans["speed_mps"] = np.where(way_m > 0.0, wanted.driven_mps, self._home_mps)
         plans["onwards_s"] = np.where(arrives, position_m / np.maximum(wanted.driven_mps, 1e-9), s["decision_s"])
         plans["onwards_j"] = ancillary_power(self._known.robot, wanted.sensing_hz) * plans["onwards_s"]
+        plans["onwards_j"] += self._belief.estimator.vehicle.idle_w * waits_s
+        plans["onwards_s"] += waits_s
         total = self._belief.margin(plans, self._risk).total
         return np.asarray(total["margin_low_j"] - _SHARE * total["cost_j"])
+
+    def _asked_s(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
+        """How long after a decision the return has to be asked for until it is final, shape (n,)."""
+        s = self._known.shared[0]
+        returning = feature(observations, "returning")
+        asked = np.rint(returning * s["return_decisions"]) + 1.0
+        left = s["return_decisions"] - np.where(wanted.returns, asked, 0.0)
+        # With the last of them it is final at once.
+        return np.where(returning >= 1.0, 0.0, np.maximum(left - 1.0, 0.0) * s["decision_s"])
 
     def _late(self, observations: Observations, wanted: Commands) -> NDArray[np.bool_]:
         """Where the time limit would come before the robot is home."""
@@ -94,4 +112,5 @@ class Shield(Policy):
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         position_m = feature(observations, "distance") * s["reach_m"]
         ends_m = np.where(wanted.returns, position_m, position_m + wanted.driven_mps * s["decision_s"])
-        return np.asarray(left_s < ends_m / self._home_mps + _SPARE_DECISIONS * s["decision_s"])
+        spare_s = max(_SPARE_DECISIONS, float(s["return_decisions"])) * s["decision_s"] + s["pit_stop_s"]
+        return np.asarray(left_s < ends_m / self._home_mps + spare_s)

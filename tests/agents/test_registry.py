@@ -1,5 +1,7 @@
 """Agents are made by name for any environment, and act in its space."""
 
+import dataclasses
+import pickle
 from typing import Any
 
 import gymnasium as gym
@@ -7,7 +9,8 @@ import numpy as np
 import pytest
 
 from homeward.agents import AGENTS, AgentError, make_policy
-from homeward.agents.registry import FROM_FILES
+from homeward.agents.registry import FROM_FILES, Request
+from homeward.envs.options import Known, Options, known_of
 from homeward.envs.state import GO
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.rules.shown import mode, observed
@@ -23,6 +26,21 @@ def test_actions_are_in_the_space(name: str, action_type: str) -> None:
     assert env.action_space.contains(make_policy(name, env).act(observations, np.ones(5, np.bool_)))
 
 
+@pytest.mark.parametrize("name", sorted(AGENTS.keys() - FROM_FILES))
+def test_agents_are_made_from_what_is_known_alone(name: str) -> None:
+    """And from a copy of it, through which nothing leads to the environment."""
+    options = Options("Survey", difficulty="harsh")
+    env = HomewardVectorEnv(3, **vars(options))
+    observations, _ = env.reset(seed=0)
+    begun = np.ones(3, np.bool_)
+    known = pickle.loads(pickle.dumps(known_of(options)))
+    assert {field.name for field in dataclasses.fields(Known)} == {
+        "mission", "robot", "shared", "difficulty", "instruments"
+    }  # fmt: skip
+    actions = AGENTS[name](Request(known)).act(observations, begun)
+    np.testing.assert_array_equal(actions, make_policy(name, env).act(observations, begun))
+
+
 @pytest.mark.parametrize("scalar", [True, False])
 def test_agents_are_made_for_wrapped_environments(scalar: bool) -> None:
     env: Any = (
@@ -30,7 +48,7 @@ def test_agents_are_made_for_wrapped_environments(scalar: bool) -> None:
         if scalar
         else gym.make_vec("homeward/Patrol-v0", vectorization_mode="vector_entry_point")
     )
-    assert mode(make_policy("dmax", env), observed(margin=1.0)) == GO
+    assert mode(make_policy("dmax", env), observed(margin=1.0, east=1.0)) == GO
 
 
 def test_wrong_requests_say_what_is_allowed() -> None:

@@ -13,6 +13,7 @@ from homeward.agents import make_policy
 from homeward.agents.evaluation import TRACED, Episodes, Run, episode_seeds, run_episodes, tasks
 from homeward.agents.evaluation.tasks import run_agents, self_contained
 from homeward.agents.shield import Shield
+from homeward.envs.instruments import Instruments
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -59,12 +60,14 @@ def test_options_take_along_what_is_in_files(route: str, tmp_path: Path, monkeyp
     hill = Path("hill.csv")
     hill.write_text("distance_m,elevation_m,interest,wind_mps\n0,0,1,3\n700,31,2,3\n1500,7,1,3\n")
     mine, true, scale = files
-    options = Options("Survey", robot=mine, route=route, true_robot=true, scaled_for=scale)
-    there = HomewardVectorEnv(**vars(options)).batch.known
+    instruments = Path("mine_instruments.toml")
+    instruments.write_text("soc_step = 0.02")
+    options = Options("Survey", robot=mine, route=route, true_robot=true, scaled_for=scale, instruments=instruments)
+    there = HomewardVectorEnv(**vars(options)).batch
     carried = self_contained(options)
-    for file in (hill, *files):
+    for file in (hill, instruments, *files):
         file.unlink()
-    elsewhere = HomewardVectorEnv(**vars(carried)).batch.known
-    assert (elsewhere.robot, elsewhere.true_robot) == (there.robot, there.true_robot)
-    for one, other in ((there.shared, elsewhere.shared), (there.fixed, elsewhere.fixed), (there.day, elsewhere.day)):
-        assert one.tobytes() == other.tobytes()
+    elsewhere = HomewardVectorEnv(**vars(carried)).batch
+    assert (elsewhere.known.robot, elsewhere.hidden.robot) == (there.known.robot, there.hidden.robot)
+    assert elsewhere.known.instruments == there.known.instruments == Instruments(soc_step=0.02)
+    assert elsewhere.constants.tobytes() == there.constants.tobytes()

@@ -34,7 +34,7 @@ def seen(batch: Any, i: int) -> list[float]:
         5.0 * (m["capacity_j"] / usable_j - 0.9),
         5.0 * (p["rolling_resistance"] / robot.rolling_resistance - 1.0),
         5.0 * p["payload_mass_kg"] / robot.mass_kg,
-        5.0 * m["gauge_bias"],
+        5.0 * (m["meter_gain"] - 1.0),
     ]
     here = int(m["place"])
     for part in (slice(0, here), *(slice(here, here + ahead) for ahead in AHEAD_PLACES)):

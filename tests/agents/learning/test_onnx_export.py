@@ -17,10 +17,7 @@ from homeward.agents.learning.onnx_export import Args, ExportError, check_equal,
 from homeward.agents.learning.onnx_graph import INPUT, OUTPUTS, quantities, to_onnx  # noqa: E402
 from homeward.agents.learning.policy_file import NetworkPolicy, load_policy, save_policy  # noqa: E402
 from homeward.agents.learning.provenance import robot_hash  # noqa: E402
-from homeward.envs.actions import (
-    action_space,
-    encode_actions,
-)
+from homeward.envs.actions import action_space, encode_actions  # noqa: E402
 from homeward.envs.features import INDEX, NAMES  # noqa: E402
 from homeward.envs.options import Options, known_of  # noqa: E402
 from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
@@ -29,7 +26,7 @@ from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
 def save_drawn_policy(folder: Path, action_type: str = "discrete", **description: Any) -> NetworkPolicy:
     """A network drawn at random, as if `train.py` had written it."""
     rng = np.random.default_rng(0)
-    space = action_space(Options("Survey", action_type=action_type))
+    space = action_space(action_type == "discrete")
     outputs = 13 if action_type == "discrete" else 3
     layers = [
         (0.5 * rng.standard_normal((after, before)).astype(np.float32), np.zeros(after, np.float32))
@@ -77,12 +74,15 @@ def test_columns_are_the_physical_quantities(tmp_path: Path) -> None:
     env = HomewardVectorEnv(32, **vars(options) | {"difficulty": "known"})
     observations, _ = env.reset(seed=0)
     for _ in range(60):
+        before_j = env.batch.records["energy_j"].copy()
         observations, *_ = env.step(env.action_space.sample() // [1, 1, 2])  # none returns
     physical = observations * size + zero
     truth = env.batch.records
     recorded = {
         "energy": truth["energy_j"],
         "distance": truth["position_m"],
+        "metered": truth["energy_j"],
+        "power": (before_j - truth["energy_j"]) / known.shared["decision_s"][0],
         "modelled": truth["modelled_j"],
         "speed": truth["speed_mps"],
         "sensing": truth["sensing_hz"],

@@ -163,6 +163,16 @@ def test_a_foreign_description_is_refused(folder: Path, changes: dict[str, Any],
         load_policy(folder)
 
 
+def test_a_policy_that_observed_otherwise_says_so_in_one_line(tmp_path: Path) -> None:
+    """As those that were trained before instruments and forecasts were observed: 26 features, others in part."""
+    save_policy(tmp_path, draw_layers(26, 8, 13), DISCRETE, {"env": "homeward/Survey-v0"})
+    before = ["energy", "distance", "grade_near", "grade_far", *NAMES[:22]]
+    rewrite(tmp_path, observation_space={"type": "Box", "features": before})
+    env = gym.make_vec("homeward/Survey-v0", num_envs=3, vectorization_mode="vector_entry_point")
+    with pytest.raises(AgentError, match=f"{DESCRIPTION}: the policy observes other features than .*: train again$"):
+        make_policy("ppo", env, tmp_path)
+
+
 @pytest.mark.parametrize("content", ["[]", "{}", '"policy"', "null"])
 def test_foreign_json_is_refused(folder: Path, content: str) -> None:
     (folder / DESCRIPTION).write_text(content)

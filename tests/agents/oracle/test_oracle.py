@@ -36,12 +36,22 @@ def solved(request: pytest.FixtureRequest) -> tuple[Options, Optimum]:
     return options, solve(options, SEEDS)
 
 
-def test_the_two_figures_are_close(solved: tuple[Options, Optimum]) -> None:
+def test_the_figures_enclose_each_other_in_changing_weather(solved: tuple[Options, Optimum]) -> None:
+    """The kindest wind of the mission is taken to blow all the time, so they are apart; by laps, a patrol's."""
     _, optimum = solved
     ratio = optimum.lower / optimum.upper
     assert (ratio <= 1.0).all()
-    assert ratio.mean() > 0.99
-    assert ratio.min() > 0.98
+    assert ratio.mean() > 0.92
+    assert ratio.min() > 0.75
+
+
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_the_two_figures_are_close_where_the_weather_is_still(mission: str) -> None:
+    optimum = solve(Options(mission, weather="still"), SEEDS[:4])
+    ratio = optimum.lower / optimum.upper
+    assert (ratio <= 1.0).all()
+    assert ratio.mean() > 0.985
+    assert ratio.min() > 0.97
 
 
 def test_the_lower_figure_is_the_score_of_the_actions(solved: tuple[Options, Optimum]) -> None:

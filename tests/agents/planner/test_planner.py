@@ -1,4 +1,4 @@
-"""The planner turns back by what it identifies, senses where it pays, counts laps, and finds more than the rule."""
+"""The planner turns back by what it estimates, senses where it pays, counts laps, and finds more than the rule."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ from homeward.agents.evaluation import run_episodes
 from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
-from homeward.envs.features import INDEX, NAMES
+from homeward.envs.features import INDEX
 from homeward.envs.options import MISSIONS, Options, known_of
-from homeward.envs.state import GO, RETURN, STOP
+from homeward.envs.routes import Route
+from homeward.envs.state import AHEAD, GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
+from tests.agents.rules.shown import begun, under_way
+
+KNOWN = known_of(Options("Survey"))
 
 
 def observed(**features: float) -> Observations:
     """One observation of a survey on its way out over even ground of average interest."""
-    row = np.zeros((1, len(NAMES)), np.float32)
-    seen = {"energy": 0.8, "outbound": 1.0, "distance": 0.2, "home_cost": 0.12, "interest": 0.6, "interest_near": 0.6}
-    for name, value in (seen | features).items():
-        row[0, INDEX[name]] = value
-    return row
+    seen = {"energy": 0.8, "outbound": 1.0, "distance": 0.2, "home_cost": 0.12, "interest": 0.6} | features
+    seen |= {f"interest_{first}": seen["interest"] for first, _ in AHEAD} | features
+    return under_way(KNOWN, **seen)
 
 
 def command(**features: float) -> NDArray[Any]:
     """Action of a fresh planner."""
-    planner = Planner(known_of(Options("Survey")), 2.0)
-    return np.asarray(planner.act(observed(**features), np.ones(1, np.bool_))[0])
+    planner = begun(Planner(KNOWN, 2.0))
+    return np.asarray(planner.act(observed(**features), np.zeros(1, np.bool_))[0])
 
 
 def test_it_senses_where_it_pays() -> None:
-    rates = [command(interest=interest, interest_near=interest)[1] for interest in (0.0, 0.15, 0.6, 2.0)]
+    rates = [command(interest=interest)[1] for interest in (0.0, 0.15, 0.6, 2.0)]
     assert rates[0] == 0
     assert rates == sorted(rates)
     assert rates[-1] >= 3
 
 
-def test_it_senses_less_the_fuller_the_memory_and_stops_before_it_is_full() -> None:
-    filling = [command(backlog=backlog, distance=0.6, home_cost=0.4, energy=0.95) for backlog in (0.0, 0.5, 0.9)]
+def test_it_senses_less_the_fuller_the_memory_and_loses_nothing() -> None:
+    filling = [command(backlog=backlog, distance=0.6, home_cost=0.4, energy=0.95) for backlog in (0.0, 0.5, 0.98)]
     assert [mode for *_, mode in filling] == [GO, GO, GO]
     rates = [rate for _, rate, _ in filling]
-    assert rates[0] > rates[1] > rates[2] > 0
-    full = command(backlog=0.95, distance=0.6, home_cost=0.4, energy=0.95)
-    assert (full[1], full[2]) == (0, STOP)
+    assert rates[0] > rates[1] > rates[2] == 0
 
 
 def test_it_stops_for_the_radio_near_home_if_the_memory_will_be_short() -> None:
@@ -73,18 +73,17 @@ def test_on_patrol_it_ends_with_less_than_a_lap_to_spare(robot: str) -> None:
     a_lap_j = full_j / episodes.score.min()
     assert (episodes.energy_left_j < 1.1 * a_lap_j).all()
     rule = run_episodes(AdaptiveDmaxRule(known_of(options), NO_SENSING, 0.0), options, range(64)).episodes
-    assert (episodes.score >= rule.score).all()
-    assert episodes.score.sum() > rule.score.sum()
+    assert episodes.score.sum() >= rule.score.sum()
 
 
-def test_on_patrol_the_last_lap_has_no_pit_stop_at_the_far_post() -> None:
+def test_on_patrol_it_turns_for_home_at_the_far_post_of_its_last_lap() -> None:
     options = Options("Patrol")
     planner, env = Planner(known_of(options), 2.0), HomewardVectorEnv(1, autoreset_mode="Disabled", **vars(options))
     observations, _ = env.reset(seed=0)
-    action, begun = planner.act(observations, np.ones(1, np.bool_)), np.zeros(1, np.bool_)
+    action = planner.act(observations, np.ones(1, np.bool_))
     while action[0, 2] != RETURN:
         observations, *_ = env.step(action)
-        action = planner.act(observations, begun)
+        action = planner.act(observations, np.zeros(1, np.bool_))
     distance_m = observations[0, INDEX["distance"]] * known_of(options).shared["reach_m"][0]
     assert distance_m == pytest.approx(known_of(options).shared["length_m"][0])
     assert observations[0, INDEX["pit_stop"]] > 0.0
@@ -118,13 +117,46 @@ def test_a_mission_is_planned_alike_alone_and_among_others(mission: str) -> None
     np.testing.assert_array_equal(together, alone)
 
 
-def test_it_finds_more_than_the_rule_that_it_turns_with() -> None:
+@pytest.mark.parametrize(("difficulty", "least"), [("known", 0.12), ("harsh", 0.01)])
+def test_it_finds_more_than_the_adaptive_rule_and_strands_less(difficulty: str, least: float) -> None:
     """On the same missions; with training seeds, as on those of evaluations it is measured and not tested."""
-    options = Options("Survey")
-    env = HomewardVectorEnv(**vars(options))
+    options = Options("Survey", difficulty=difficulty)
+    env, seeds = HomewardVectorEnv(**vars(options)), range(9_000_000, 9_000_160)
     planner, rule = (
-        run_episodes(make_policy(name, env), options, range(96)).episodes for name in ("planner", "dmax_adaptive")
+        run_episodes(make_policy(name, env), options, seeds).episodes for name in ("planner", "dmax_adaptive")
     )
     gain = stats.ttest_rel(planner.score, rule.score).confidence_interval(0.95)
-    assert gain.low > 0.05 * rule.score.mean()
-    assert planner.stranded.sum() <= rule.stranded.sum()
+    assert gain.low > least * rule.score.mean()
+    assert planner.stranded.sum() <= (0 if difficulty == "known" else max(rule.stranded.sum() - 1, 1))
+    assert not planner.timed_out.any()
+
+
+def rates_before(ahead: float) -> NDArray[Any]:
+    """Sensing of the first decisions of a survey that is known, with such an interest from the eighth place on."""
+    places = 64
+    interest = np.full(places, 0.3)
+    interest[8:40] = ahead
+    length_m = float(KNOWN.shared["length_m"][0])
+    route = Route(length_m / places, np.zeros(places), np.zeros(places), interest, np.zeros(places))
+    options = Options("Survey", difficulty="known", route=route)
+    env = HomewardVectorEnv(1, autoreset_mode="Disabled", **vars(options))
+    planner, rates, begins = Planner(env.batch.known, 2.0), [], True
+    observations, _ = env.reset(seed=0)
+    while env.batch.records["place"][0] < 6:
+        action = planner.act(observations, np.array([begins]))
+        rates.append(int(action[0, 1]))
+        observations, *_ = env.step(action)
+        begins = False
+    return np.array(rates)
+
+
+def test_it_senses_less_now_where_there_is_more_to_find_far_ahead() -> None:
+    poor, alike, rich = (rates_before(ahead) for ahead in (0.02, 0.3, 6.0))
+    assert rich.mean() < alike.mean() <= poor.mean()
+
+
+def test_what_is_forecast_far_ahead_changes_what_is_sensed_now() -> None:
+    far = [f"interest_{first}" for first, _ in AHEAD[2:]]
+    rates = [command(interest=0.2, **dict.fromkeys(far, ahead))[1] for ahead in (0.0, 0.2, 3.0)]
+    assert rates == sorted(rates, reverse=True)
+    assert rates[0] > rates[-1]

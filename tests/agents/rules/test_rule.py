@@ -12,7 +12,7 @@ from homeward.envs.features import INDEX
 from homeward.envs.options import MISSIONS, Options
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
-from tests.agents.rules.shown import FIRST, RULES, episodes, mode, observed
+from tests.agents.rules.shown import FIRST, RULES, begun, episodes, mode, observed, under_way
 
 
 @pytest.mark.parametrize("name", RULES)
@@ -28,27 +28,30 @@ def test_rules_turn_back_at_the_far_end_and_when_time_runs_out(name: str, missio
 
 @pytest.mark.parametrize("name", RULES)
 def test_patrols_turn_back_at_the_home_post_only(name: str) -> None:
-    policy = make_policy(name, HomewardVectorEnv(mission="Patrol"))
-    assert mode(policy, observed(energy=0.02, margin=0.02, distance=0.0)) == RETURN
-    assert mode(policy, observed(energy=0.02, margin=0.02, distance=0.01)) == GO
-    assert mode(policy, observed(energy=0.9, margin=0.9, distance=0.0)) == GO
+    env = HomewardVectorEnv(mission="Patrol")
+    known, modes = env.batch.known, []
+    for energy, distance in ((0.02, 0.0), (0.02, 0.01), (0.9, 0.0)):
+        shown = under_way(known, energy=energy, margin=energy, distance=distance)
+        modes.append(begun(make_policy(name, env)).act(shown, np.zeros(1, np.bool_))[0, 2])
+    assert modes == [RETURN, GO, GO]
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 @pytest.mark.parametrize("name", [*RULES, "planner"])
 def test_it_heads_home_where_its_rule_turns(name: str, action_type: str) -> None:
     env = HomewardVectorEnv(mission="Survey", action_type=action_type)
-    shown = np.concatenate(
-        [observed(energy=energy, distance=0.3, home_cost=0.2, margin=energy - 0.2) for energy in (1.0, 0.8, 0.1, 1.0)]
-    )
+    shown = np.concatenate([
+        under_way(env.batch.known, energy=energy, distance=0.2, home_cost=0.15, margin=energy - 0.15)
+        for energy in (0.9, 0.8, 0.1, 0.9)
+    ])  # fmt: skip
     shown[3, INDEX["returning"]] = 1.0
-    policies = [make_policy(name, env) for _ in range(2)]
+    policies = [begun(make_policy(name, env), 4) for _ in range(2)]
     rule = policies[0].rule if isinstance(policies[0], Planner) else policies[0]
     assert isinstance(rule, TurnBackRule)
-    turns = rule.turns(shown, np.ones(4, np.bool_))
+    turns = rule.turns(shown, np.zeros(4, np.bool_))
     assert turns.tolist() == [False, False, True, True]
-    commands = decode_actions(env.batch.known, policies[1].act(shown, np.ones(4, np.bool_)))
-    np.testing.assert_array_equal(commands.homeward, turns)
+    commands = decode_actions(env.batch.known, policies[1].act(shown, np.zeros(4, np.bool_)))
+    np.testing.assert_array_equal(commands.returns, turns)
 
 
 @pytest.mark.parametrize("name", RULES)
