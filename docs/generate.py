@@ -111,7 +111,9 @@ def difficulties() -> str:
             "known" if one.route_is_known else "seen two places ahead, forecast beyond",
             "; ".join(drawn) or "nothing",
         ))  # fmt: skip
-    return table(("difficulty", "instruments", "weather", "route and wind", "drawn anew for each mission, hidden"), rows)
+    return table(
+        ("difficulty", "instruments", "weather", "route and wind", "drawn anew for each mission, hidden"), rows
+    )
 
 
 def instruments() -> str:
