@@ -30,13 +30,14 @@ def made_with(options: Options) -> dict[str, str]:
         options: Of the environment; robot, instruments and route are hashed as they are, not by name or path.
     """
     known, hidden = constants_of(options)
-    route = hidden.record[["fixed", "temperature_c", "wind_mps", "wind_from_rad"]]
+    # Field by field: between them a record may hold anything.
+    route = [hidden.record[name].tobytes() for name in ("fixed", "temperature_c", "wind_mps", "wind_from_rad")]
     return {
         "homeward": homeward.__version__,
         **_code(),
         "robot": robot_hash(known),
         "instruments": _instruments_hash(known),
-        "route": _digest(route.copy().tobytes()),
+        "route": _digest(*route),
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from homeward.agents.learning.provenance import differences, made_with
@@ -62,6 +63,22 @@ def test_a_file_of_instruments_that_changed_is_noticed(tmp_path: Path) -> None:
     assert met(trained, instruments=str(tmp_path / "copy.toml")) == []
     file.write_text("soc_step = 0.02\n")
     assert met(trained, instruments=str(file)) == [f"instruments {file} (trained with other numbers)"]
+
+
+@pytest.mark.parametrize("options", [Options("Survey"), Options("Survey", route="box"), Options("Patrol")])
+def test_the_same_has_the_same_hashes(options: Options) -> None:
+    hashes = [made_with(options)]
+    for value in (1, 255):
+        # What lies in memory that is handed out again must not matter.
+        scraps = [np.full(size, value, np.uint8) for size in (500, 6_000, 50_000) for _ in range(20)]
+        del scraps
+        hashes.append(made_with(options))
+    assert hashes[0] == hashes[1] == hashes[2]
+
+
+def test_other_routes_have_other_hashes() -> None:
+    hashes = {made_with(Options("Survey", route=route))["route"] for route in ("generated", "box", "hidden_wind")}
+    assert len(hashes) == 2  # two are drawn mission by mission, and told apart by name
 
 
 def test_a_description_of_nothing_is_passed_over() -> None:

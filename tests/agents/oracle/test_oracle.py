@@ -18,7 +18,7 @@ from homeward.agents.oracle.bound import Prices, allowed, bounds_by_turn, patrol
 from homeward.agents.oracle.case import case_of
 from homeward.agents.oracle.rates import PIECES, REFUSED, Rates, measure_rates
 from homeward.agents.registry import FROM_FILES
-from homeward.envs.options import MISSIONS, Options
+from homeward.envs.options import MISSIONS, Options, known_of
 from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
@@ -88,6 +88,47 @@ def test_no_random_actions_exceed_the_upper_figure(solved: tuple[Options, Optimu
     scores = score_of(options, SEEDS * copies, sequences).reshape(copies, -1)
     assert (scores.max(axis=0) > 0.0).all()
     assert (scores <= optimum.upper).all()
+
+
+def to_and_fro(rng: np.random.Generator, return_decisions: int) -> NDArray[np.int64]:
+    """Out, home and out again: a return is final only after being asked for in a row, and a stop breaks the row."""
+    actions: list[tuple[int, int, int]] = []
+    for _ in range(int(rng.integers(1, 5))):
+        count, silent, speed, rate = rng.integers((3, 0, 0, 0), (70, 30, 5, 5)).tolist()
+        actions += [(speed, rate if k >= silent else 0, GO) for k in range(count)]
+        home = [STOP if k % return_decisions == return_decisions - 1 else RETURN for k in range(rng.integers(60))]
+        actions += [(4, 0, mode) for mode in home] + [(0, 0, STOP)] * int(rng.integers(60) * (rng.random() < 0.5))
+    return np.array([*actions, (4, 0, RETURN)])
+
+
+def test_no_mission_that_comes_and_goes_exceeds_the_upper_figure(solved: tuple[Options, Optimum]) -> None:
+    options, optimum = solved
+    known, rng, copies = known_of(options), np.random.default_rng(3), 30
+    sequences = [to_and_fro(rng, int(known.shared["return_decisions"][0])) for _ in SEEDS * copies]
+    scores = score_of(options, SEEDS * copies, sequences).reshape(copies, -1)
+    assert (scores.max(axis=0) > 0.0).all()
+    assert (scores <= optimum.upper).all()
+
+
+@pytest.mark.parametrize("robot", ["rusti", "rusti_computer"])
+def test_nor_does_one_that_empties_its_memory_near_home(robot: str) -> None:
+    """All there is to find lies far out, and what is found there is sent from near home, where the radio is fast."""
+    s = known_of(Options("Survey", robot=robot)).shared[0]
+    interest = np.zeros(64)
+    interest[8:24] = 5.0
+    route = Route(float(s["length_m"]) / 64.0, np.zeros(64), np.zeros(64), interest, np.zeros(64))
+    options = Options("Survey", difficulty="known", robot=robot, route=route)
+    optimum, rng, sequences = solve(options, SEEDS[:1]), np.random.default_rng(4), []
+    for _ in range(150):
+        out, back, stands, again = rng.integers((25, 5, 0, 5), (45, 30, 100, 60)).tolist()
+        rates = rng.integers(1, 5, 2).tolist()
+        home = [STOP if k % int(s["return_decisions"]) == s["return_decisions"] - 1 else RETURN for k in range(back)]
+        actions = [(4, 0, GO)] * 12 + [(4, rates[0], GO)] * (out - 12) + [(4, 0, mode) for mode in home]
+        actions += [(0, 0, STOP)] * stands + [(4, rates[1], GO)] * again + [(4, 0, RETURN)]
+        sequences.append(np.array(actions))
+    scores = score_of(options, SEEDS[:1] * len(sequences), sequences)
+    assert scores.max() > 0.4 * optimum.upper[0]
+    assert (scores <= optimum.upper[0]).all()
 
 
 def test_no_hill_climbed_actions_exceed_the_upper_figure(solved: tuple[Options, Optimum]) -> None:
