@@ -131,7 +131,7 @@ class Drive:
 
 
 def drive(options: Options, seeds: list[int], count: int) -> Drive:
-    """Drive out for some decisions with probes, ask for the way home, and drive home.
+    """Drive out for some decisions, looking back as the planner does, ask for the way home, and drive home.
 
     Args:
         options: Keyword arguments of the environment.
@@ -150,8 +150,8 @@ def drive(options: Options, seeds: list[int], count: int) -> Drive:
         outlook = ratio.look(observations, begun)
         begun = np.zeros(len(seeds), np.bool_)
         if decision < count:
-            speed_mps = np.where(belief.probes, belief.probe_mps, batch.known.shared["cruise_mps"][0])
-            _step(batch, encode_actions(batch.known, speed_mps, np.zeros(len(seeds)), GO), observations)
+            mode = np.where(belief.looks_back(observations), RETURN, GO)
+            _step(batch, encode_actions(batch.known, batch.known.shared["cruise_mps"][0], 0.0, mode), observations)
     home_action = encode_actions(batch.known, batch.known.shared["cruise_mps"][0], 0.0, RETURN)
     plans = belief.plans(observations, float(decode_actions(batch.known, home_action).speed_mps[0]))
     low_j = belief.margin(plans, RISK).total["margin_low_j"]

@@ -19,7 +19,7 @@ def test_there_is_every_way_to_go_on_one_stop_and_one_way_home() -> None:
     table = choices(known)
     assert len(np.unique(table, axis=0)) == len(table) == 27
     assert (np.bincount(table[:, 2]) == [1, 25, 1]).all()
-    assert decode_actions(known, table[-1:]).homeward.all()
+    assert decode_actions(known, table[-1:]).returns.all()
 
 
 def test_paid_as_it_goes_a_mission_adds_up_to_its_score_and_stranding_costs() -> None:

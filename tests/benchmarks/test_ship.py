@@ -36,7 +36,7 @@ def write_run(folder: Path, seed: int, score: float) -> None:
         "env": "homeward/Survey-v0", "training": training, "steps": 3000, "best_after_steps": 3000, "decision_s": 30.0,
         "command": "benchmarks/learn.py", "versions": {"homeward": "0.1.0"},
     }  # fmt: skip
-    save_policy(folder, layers, action_space(options), details, guide)
+    save_policy(folder, layers, action_space(True), details, guide)
     write_curve(folder, [Point(0, 0.0, 900.0, 0.05, 0.0), Point(3000, 12.0, score, 0.01, 0.0)])
 
 

@@ -65,19 +65,19 @@ def test_it_turns_back_late(difficulty: str, typical: float, most: float) -> Non
     assert np.percentile(left, 90.0) < most
 
 
-def test_it_probes_on_the_way_out_unless_nothing_is_hidden() -> None:
-    for difficulty, expected in (("known", {4}), ("uncertain", {2, 4})):
+def test_it_looks_back_on_the_way_out_unless_nothing_is_hidden() -> None:
+    for difficulty, expected in (("known", {GO}), ("uncertain", {GO, RETURN})):
         options = Options("OutAndBack", difficulty=difficulty)
         policy = Shield(Onward(known_of(options)), known_of(options))
         env = HomewardVectorEnv(2, autoreset_mode="Disabled", **vars(options))
         observations, _ = env.reset(seed=0)
-        begun, speeds = np.ones(2, np.bool_), set()
+        begun, modes = np.ones(2, np.bool_), set()
         for _ in range(12):
             actions = policy.act(observations, begun)
             begun = np.zeros(2, np.bool_)
-            speeds |= set(actions[:, 0].tolist())
+            modes |= set(actions[:, 2].tolist())
             observations, *_ = env.step(actions)
-        assert speeds == expected
+        assert modes == expected
 
 
 @pytest.mark.parametrize("difficulty", ["uncertain", "harsh"])
