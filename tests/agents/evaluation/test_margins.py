@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from homeward.agents import AGENTS, make_policy
-from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import Run, episode_seeds, run_episodes
 from homeward.agents.evaluation.margins import LEVELS, Curve, curve_of, margins_png
 from homeward.agents.registry import FROM_FILES, SWEPT
 from homeward.agents.rules.tuned import RESERVES
