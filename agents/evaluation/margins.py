@@ -38,7 +38,9 @@ class Curve:
         >>> Curve((1.0, 0.0), (10.0, 12.0), (0.0, 0.02)).at(0.01)
         11.0
         """
-        order = np.lexsort((-np.array(self.score), self.stranded))  # of those that strand alike the best first
+        order = np.lexsort(
+            (-np.array(self.score), np.array(self.stranded))
+        )  # of those that strand alike the best first
         stranded, best = np.array(self.stranded)[order], np.maximum.accumulate(np.array(self.score)[order])
         return None if level < stranded[0] else float(np.interp(level, stranded, best))
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from homeward.agents import AGENTS, make_policy
-from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation import Run, episode_seeds, run_episodes
 from homeward.agents.evaluation.margins import LEVELS, Curve, curve_of, margins_png
 from homeward.agents.registry import FROM_FILES, SWEPT
 from homeward.agents.rules.tuned import RESERVES
@@ -53,7 +53,7 @@ def test_more_stranding_never_costs_and_the_order_of_reserves_does_not_matter(
 
 
 def test_a_curve_has_the_mean_over_missions_and_training_seeds() -> None:
-    runs = {
+    runs: dict[float | None, list[Run]] = {
         1.0: [made_up([2.0, 4.0]), made_up([6.0, 8.0])],
         0.0: [made_up([9.0, 9.0], [True, False]), made_up([9.0, 9.0])],
     }
