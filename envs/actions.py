@@ -102,7 +102,7 @@ def decode_actions(known: Known, actions: NDArray[Any]) -> Commands:
 
     >>> from homeward.envs.options import Options, known_of
     >>> decode_actions(known_of(Options("Survey")), np.array([[2, 4, 2]])).speed_mps.tolist()
-    [0.6]
+    [0.55]
     """
     (slowest, fastest), (_, most) = limits(known)
     if known.shared["discrete"][0]:
