@@ -51,8 +51,8 @@ class Args:
     """What to compare, and where to write it."""
 
     agents: tuple[str, ...] = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
-    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, planner, ppo (as it ships, or ppo=FOLDER; for several
-    training seeds ppo=FOLDER,FOLDER or a folder of them), each also as NAME+shield."""
+    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo (as it ships, or ppo=FOLDER;
+    for several training seeds ppo=FOLDER,FOLDER or a folder of them), each also as NAME+shield."""
     env: str = "homeward/Survey-v0"
     """Environment id."""
     episodes: int = 500

@@ -57,6 +57,7 @@ def prior_of(known: Known, missed: float) -> Prior:
         soc_noise=i.soc_noise,
         soc_lag_s=i.soc_lag_s,
         slope_noise=i.grade_noise,
+        slope_within_place=0.0,
         model_knows_slopes=0.0,
     )
 

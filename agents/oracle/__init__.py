@@ -63,7 +63,7 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
         TaskError, ClusterError: See `homeward.parallel.run_tasks`.
         OracleError: The action space is continuous, or the robot has an effect for which there is no bound.
 
-    >>> optimum = solve(Options("OutAndBack"), [7])
+    >>> optimum = solve(Options("OutAndBack", weather="still"), [7])
     >>> bool(0.98 * optimum.upper[0] < optimum.lower[0] <= optimum.upper[0])
     True
     """

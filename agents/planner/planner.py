@@ -40,7 +40,7 @@ _TYPICAL_SHARE = 2.0 / 3.0
 
 @final
 class Planner(Policy):
-    """Plans anew at every decision, as far as the turn, with the robot and the wind that it has identified.
+    """Plans anew at every decision, as far as the turn, with the robot and the wind that it has estimated.
 
     When to turn back is decided by `BeliefDmaxRule`: as a score never falls on the way out, the best plan goes on
     until the energy, less a reserve, is down to the way home. A patrol goes by `LapRule` or, where its posts pass
@@ -48,8 +48,8 @@ class Planner(Policy):
 
     In a survey energy and memory have prices: that of a joule is the information that going on would buy with it, that
     of a sample is what it takes to send it from where a stop is just worth it. At every decision pairs of prices are
-    tried: by each the survey is followed to its turn, over the ground that is in sight and then over such ground as
-    routes have on average, and the pair that finds most decides about speed, sensing rate and stops. These are the
+    tried: by each the survey is followed to its turn, over the ground that is in sight and then over what is known or
+    forecast beyond, and the pair that finds most decides about speed, sensing rate and stops. These are the
     oracle's prices, from what the robot knows instead of the truth.
 
     Args:

@@ -15,7 +15,7 @@ from homeward.agents.base import Observations, Policy
 class RandomPolicy(Policy):
     """Draws from the whole action space evenly, every decision anew.
 
-    A third of the draws are returns, which latch: it turns back at the third decision on average, and hardly gets away.
+    A third of the draws are returns: it heads home as often as not, and for good once enough of them come in a row.
 
     Args:
         action_space: Space of one action: `MultiDiscrete` or `Box`.

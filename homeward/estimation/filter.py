@@ -82,7 +82,6 @@ _STUCK_STEPS, _STUCK_NOISE, _STUCK = 3.0, 5.0, 0.005
 """Steps, standard deviations and share of the battery by which an unchanged state of charge must be off together before
 it says nothing."""
 _LEAST_ROLLING = 0.1  # over the file's, wherever it is noted for the way home
-_PLACE_SLOPE_SD = 0.003  # of the sine within a place: slopes of routes change by 0.006 from place to place
 
 
 @compiled
@@ -358,7 +357,7 @@ def _way(
         variance += left
         rolls += roll
         met += rollings[k] * roll * per_rolled
-        slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + _PLACE_SLOPE_SD**2
+        slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + prior.slope_within_place**2
         climb_variance += (climbing(v, 1.0) * way_m / v.full_j) ** 2 * slope_variance
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
     idle = v.idle_w * dt_s / v.full_j

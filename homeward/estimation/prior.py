@@ -38,6 +38,7 @@ class Prior(NamedTuple):
     soc_noise: float = 0.0  # of the same, before rounding
     soc_lag_s: float = 0.0  # time constant by which the state of charge lags
     slope_noise: float = 0.0  # of a reading of a slope's sine
+    slope_within_place: float = 0.003  # of the sine along a place about its mean: no ground is as even as its map
     model_knows_slopes: float = (
         1.0  # whether modelled energies are by the slopes as they are (1) or as they are read (0)
     )
