@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.describe import missing_physics, witnessed
 from homeward.diagnosis.explain.explanation import Explanation, explain
 from homeward.diagnosis.explain.formula import Empirical
-from homeward.diagnosis.explain.hypotheses import what_can_be_shown
+from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.naming import Naming, shifted_in_time
 from homeward.diagnosis.explain.profile import profiled
@@ -29,11 +29,10 @@ from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.columns import Columns
 from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
-from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
-from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, GAIN_ERROR, SAMPLES_A_WINDOW, SMALLEST_GAIN
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import of_capacity, range_change
 from homeward.diagnosis.tell.handover import determined, hand_over, sayable, unsaid
@@ -94,7 +93,7 @@ def analyse(
         untestable = Diagnosis(robot.name, infos, "not_testable", wording.nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
     with threadpool_limits(1):  # the threads of many small products wait for each other busily
-        evidence, fit = _weigh(average(usable, SAMPLES_A_WINDOW), robot, seed, progress)
+        evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
     named = evidence.naming.named
     model = sayable(evidence.plain, evidence.corrected, named, evidence.runs, evidence.block)
@@ -129,7 +128,7 @@ def analyse(
         missing_physics=found,
         where=where or tuple(place for one in found for place in one.where),
         fit=fit,
-        what_this_log_can_show=what_can_be_shown(evidence.naming.absorbed),
+        what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
         range=None
         if evidence.nominal is None or handover.replayed is None
@@ -159,7 +158,7 @@ def _next(evidence: Evidence) -> str | None:
         evidence.estimates,
         [(one.term, one.rivals) for one in evidence.naming.named],
         evidence.location,
-        enough=int(evidence.block.max()) + 1 >= FEWEST_BLOCKS,
+        enough=int(evidence.block.max()) + 1 >= rules.FEWEST_BLOCKS,
     )
 
 
@@ -171,7 +170,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     fold, held_out_by = cut_folds(runs, block)
     problem = fitted.parameters
     nominal = problem.predict(runs, problem.start) if problem.current_known else None
-    enough = int(block.max()) + 1 >= FEWEST_BLOCKS
+    enough = int(block.max()) + 1 >= rules.FEWEST_BLOCKS
     progress("testing what remains")
     found = dependences(fitted, runs, blocks, fold, seed) if enough else []
     told = explain(fitted, runs, found, block, fold, seed, progress) if found else Explanation(Naming(), None, None)
@@ -230,7 +229,7 @@ def _as_drawn(runs: Runs, corrected: Corrected | None) -> Runs:
     return dataclasses.replace(runs, observed=runs.observed - misread)
 
 
-def _known(named: Fitted, determined: Fitted, runs: Runs, block: NDArray[np.intp]) -> tuple[Estimate, ...]:
+def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
     """What is known of each group, fitted beside those that are held: of these, and of what was confounded, nothing."""
     known = []
     effects = tuple(one.effect for one in determined.model.terms) if isinstance(determined, Corrected) else ()
@@ -263,7 +262,7 @@ def _predictions(
     empirical: Empirical | None,
     nominal: Array | None,
     runs: Runs,
-    fold: NDArray[np.intp],
+    fold: Index,
     seed: int,
 ) -> dict[str, Array]:
     """What each arm predicts of windows that it has not seen."""
@@ -291,7 +290,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     capacity = evidence.capacity
     if capacity is not None and capacity.off:
         off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J"))
-    if int(evidence.block.max()) + 1 < FEWEST_BLOCKS:
+    if int(evidence.block.max()) + 1 < rules.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.witnessed:
         return "missing_physics", off
@@ -304,8 +303,8 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     observed, block = evidence.runs.observed, evidence.block
     missed, left = (float(np.mean((observed - one) ** 2)) for one in (evidence.nominal, evidence.refit))
     # Less than the meter's own error of scale, or than is asked of an effect, is no parameter that is off.
-    least = max(SMALLEST_GAIN * missed, (2.0 * GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
-    if better(evidence.refit, evidence.nominal, observed, block) > FALSE_ALARM_RATE or missed - left < least:
+    least = max(rules.SMALLEST_GAIN * missed, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
+    if better(evidence.refit, evidence.nominal, observed, block) > rules.FALSE_ALARM_RATE or missed - left < least:
         other_capacity = capacity is not None and capacity.off
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
     if any(one.status == "at bound" for one in evidence.estimates):

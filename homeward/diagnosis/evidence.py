@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from homeward.diagnosis.explain.explanation import Left
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected
@@ -21,7 +18,7 @@ from homeward.diagnosis.fit.held_out import range_accuracy_pct
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.result import Diagnosis, FittedGroup, Product
 from homeward.physics import Robot
 
@@ -37,8 +34,8 @@ class Evidence:
     runs: Runs
     fitted: Refit
     plain: Refit  # with every group that the recordings leave open as the robot file has it
-    block: NDArray[np.intp]
-    fold: NDArray[np.intp]  # what is held out together
+    block: Index
+    fold: Index  # what is held out together
     held_out_by: Literal["run", "block"]
     predictions: Mapping[str, Array]  # by arm, held out
     estimates: tuple[Estimate, ...]
@@ -75,7 +72,7 @@ class Evidence:
         return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
 
     @property
-    def trip(self) -> NDArray[np.intp]:
+    def trip(self) -> Index:
         """What counts as one trip, shape (windows,)."""
         return self.runs.run if self.held_out_by == "run" else self.fold
 

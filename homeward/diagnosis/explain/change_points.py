@@ -15,15 +15,13 @@ from typing import Literal
 
 import numpy as np
 import ruptures
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import IN_SO_MANY_RUNS
+from homeward.diagnosis.read.channels import Array, Index
 
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
-Index = NDArray[np.intp]
 
 STANDS_MPS = 0.05
 """A robot slower than this stands."""
@@ -121,7 +119,7 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
         comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
-        return comes_on >= IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= _COMES_BACK
+        return comes_on >= rules.IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= _COMES_BACK
     speeds = np.abs(runs.context["speed_mps"])
     stood = []
     for run, changes in zip(np.unique(runs.run), within, strict=True):

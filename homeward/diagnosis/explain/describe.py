@@ -15,7 +15,7 @@ from homeward.diagnosis.explain.places import WHOLE_RUN, Location, Place, at_wor
 from homeward.diagnosis.explain.residual_test import CHANNELS
 from homeward.diagnosis.explain.witnesses import Witnessed
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.result import Evidence, MissingPhysics
 
 

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 
@@ -28,7 +27,7 @@ class Library:
     texts: tuple[str, ...]
     units: tuple[str, ...]  # of a coefficient
     parts: Array  # (windows, bases + factors): what candidates are products of
-    places: NDArray[np.intp]  # (candidates, 3): base and factors of each in `parts`
+    places: Index  # (candidates, 3): base and factors of each in `parts`
     cost: Array  # (candidates,): what the search costs in BIC, the log of the number of candidates that are as simple
 
     def columns(self, chosen: Sequence[int]) -> Array:

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.describe import where_at_work
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
@@ -24,16 +24,7 @@ from homeward.diagnosis.explain.residual_test import Dependence, dependences, in
 from homeward.diagnosis.explain.untold import is_much, times_noise, untold
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.rules import (
-    ADEQUATE,
-    AS_WELL,
-    HALF,
-    MOSTLY,
-    MUCH_BETTER,
-    TAKEN_UP,
-    TOLD_BY_PLACE,
-    WITHOUT_A_SCHEDULE,
-)
+from homeward.diagnosis.read.channels import Index
 
 
 @dataclass(frozen=True)
@@ -59,8 +50,8 @@ def explain(
     fit: Refit,
     runs: Runs,
     found: list[Dependence],
-    block: NDArray[np.intp],
-    fold: NDArray[np.intp],
+    block: Index,
+    fold: Index,
     seed: int,
     progress: Callable[[str], None],
 ) -> Explanation:
@@ -84,7 +75,7 @@ def explain(
         return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
     naming, location = ask.without_what_motion_tells(naming, location)
     if not naming.named and location is None:
-        if ask.by_motion() < TAKEN_UP:
+        if ask.by_motion() < rules.TAKEN_UP:
             if in_time and untold(fit, runs):
                 return Explanation(naming, locate(in_time[0], runs), None)
             return Explanation(ask.instead_of_parameters(naming), None, None)
@@ -114,13 +105,13 @@ class _Question:
     fit: Refit
     runs: Runs
     most: Dependence  # that shows most of what it leaves
-    block: NDArray[np.intp]  # (windows,)
-    by_run: NDArray[np.intp]  # (windows,)
+    block: Index  # (windows,)
+    by_run: Index  # (windows,)
     seed: int
     progress: Callable[[str], None]
 
     @property
-    def fold(self) -> NDArray[np.intp]:
+    def fold(self) -> Index:
         """Stretches of all runs that are held out together, shape (windows,)."""
         return self.block % FOLDS
 
@@ -179,27 +170,27 @@ class _Question:
         first, corrected = naming.named[0], naming.corrected
         where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
         by_its_channel = self.most.found and self.most.channel.name in first.term.hypothesis.channels
-        if untold(corrected, self.runs) and not by_its_channel and self.by(naming) < HALF:
+        if untold(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.HALF:
             return naming.nothing_named(), where
         by_motion = self.by_motion()
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming, by_motion) else naming.nothing_named()), location
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
-        if by_motion < AS_WELL * first.held_out_gain and by_place < TOLD_BY_PLACE * first.held_out_gain:
+        if by_motion < rules.AS_WELL * first.held_out_gain and by_place < rules.TOLD_BY_PLACE * first.held_out_gain:
             return naming, location
         again = self.naming(schedules=False)
-        if self.by(again) >= WITHOUT_A_SCHEDULE * first.held_out_gain:
+        if self.by(again) >= rules.WITHOUT_A_SCHEDULE * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
         """Whether the named effects, or the first alone, explain most of what motion and its history tell."""
         share = self.by(naming)
-        if naming.named[0].held_out_gain >= MOSTLY * by_motion or share >= ADEQUATE * by_motion:
+        if naming.named[0].held_out_gain >= rules.MOSTLY * by_motion or share >= rules.ADEQUATE * by_motion:
             return True
-        if naming.corrected is None or share < HALF * by_motion:
+        if naming.corrected is None or share < rules.HALF * by_motion:
             return False
-        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, MUCH_BETTER)
+        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.MUCH_BETTER)
 
 
 def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:

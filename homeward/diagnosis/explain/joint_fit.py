@@ -7,18 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.fit.fitted import excited
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects, derivatives
 from homeward.diagnosis.fit.refit import Refit, holding, standard_errors
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Value
-from homeward.diagnosis.rules import COLLINEAR, GAIN_ERROR, MATTERS
 from homeward.physics import Robot
 
 _ITERATIONS = 6
@@ -120,14 +119,14 @@ class Corrected:
         """Least and largest physical step of each column of `jacobian`."""
         return _bounds(self.groups, self.model, self.values)
 
-    def fitted_to(self, chosen: NDArray[np.bool_], observed: Array) -> Corrected:
+    def fitted_to(self, chosen: Mask, observed: Array) -> Corrected:
         """The same fitted to the chosen windows only, linearised at this fit."""
         left = (observed - self.predicted)[chosen]
         step, theta, values = _stepped(self.groups, self.model, self.values, self.jacobian[chosen], left)
         groups = dataclasses.replace(self.groups, theta=theta, predicted=self.predicted + self.jacobian @ step)
         return dataclasses.replace(self, values=values, groups=groups)
 
-    def refitted(self, chosen: NDArray[np.bool_], runs: Runs) -> Corrected:
+    def refitted(self, chosen: Mask, runs: Runs) -> Corrected:
         """The same fitted to the chosen windows only, by replays: further steps are made where one overshoots."""
         start = (self.theta, self.values, self.predicted, self.jacobian)
         theta, values, predicted, _ = _descended(self.groups, self.model, runs, chosen, start, to_first=True)
@@ -175,7 +174,7 @@ class Corrected:
         return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
 
 
-def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.intp]) -> Corrected:
+def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Corrected:
     """Fit the groups and the effects together, by Gauss-Newton through the kernel.
 
     Args:
@@ -194,7 +193,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
     groups = fit.jacobian.shape[1]
     at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
     errors = standard_errors(jacobian, runs.observed - predicted, block)[groups:]
-    errors = np.hypot(errors, GAIN_ERROR * np.abs(values))
+    errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(values))
     width = float(student.ppf(0.975, max(int(block.max()) + 1 - jacobian.shape[1], 1))) * errors
     intervals = tuple(
         (float(max(value - w, one.low)), float(min(value + w, one.high)))
@@ -231,7 +230,7 @@ def _descended(
     fit: Refit,
     model: Model,
     runs: Runs,
-    chosen: NDArray[np.bool_],
+    chosen: Mask,
     start: tuple[Array, Array, Array, Array],
     to_first: bool = False,
 ) -> tuple[Array, Array, Array, Array]:
@@ -269,14 +268,14 @@ def _descended(
     return theta, values, predicted, jacobian
 
 
-def immaterial(fit: Refit, runs: Runs) -> NDArray[np.bool_]:
+def immaterial(fit: Refit, runs: Runs) -> Mask:
     """Groups without influence of their own, shape (groups,): beside effects they stay as assumed.
 
     The mass on level ground is in the force of turning too, and would trade against it.
     """
     active = fit.parameters.active()
     size = np.maximum(np.abs(fit.theta[active]) / fit.parameters.scale[active], 1.0)
-    return ~excited(fit, runs, MATTERS / size)
+    return ~excited(fit, runs, rules.MATTERS / size)
 
 
 def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
@@ -286,7 +285,7 @@ def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
         return fit
     columns = np.column_stack(flexible)
     left = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]
-    spanned = (left**2).sum(axis=0) < COLLINEAR * (fit.jacobian**2).sum(axis=0)
+    spanned = (left**2).sum(axis=0) < rules.COLLINEAR * (fit.jacobian**2).sum(axis=0)
     return holding(fit, runs, fit.held | spanned) if spanned.any() else fit
 
 
@@ -313,9 +312,7 @@ def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     return _stepped(fit, model, values, columns, runs.observed - fit.predicted)[1:]
 
 
-def _linearised(
-    model: Model, runs: Runs, theta: Array, values: Array, moving: NDArray[np.bool_]
-) -> tuple[Array, Array]:
+def _linearised(model: Model, runs: Runs, theta: Array, values: Array, moving: Mask) -> tuple[Array, Array]:
     predicted = model.predict(runs, theta, values)
     groups = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values))
     columns = [column * bool(open_) for column, open_ in zip(groups, moving, strict=True)]

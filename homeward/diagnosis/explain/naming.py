@@ -12,8 +12,8 @@ from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting, Term
@@ -27,21 +27,7 @@ from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import (
-    ALIKE_BY_NATURE,
-    ALIKE_IN_SIZE,
-    AS_WELL,
-    EQUAL,
-    FALSE_ALARM_RATE,
-    MOST_EFFECTS,
-    MUST_PAY,
-    SMALLEST_GAIN_BESIDE,
-    SMALLEST_GAIN_OF_A_FAULT,
-    SMALLEST_GAIN_TO_NAME,
-    SMALLEST_SHARE,
-    TOLD_BY_A_CHANNEL,
-)
+from homeward.diagnosis.read.channels import Array, Index
 
 _TRIED = 6  # hypotheses that are put to the proof, the best first
 _PAIRED = 12  # single hypotheses that are tried in pairs
@@ -93,7 +79,7 @@ class Naming:
 def name_missing(
     fit: Refit,
     runs: Runs,
-    block: NDArray[np.intp],
+    block: Index,
     seed: int,
     progress: Callable[[str], None],
     schedules: bool = True,
@@ -119,7 +105,7 @@ def name_missing(
     absorbed: dict[str, float] = {}
     corrected: Corrected | None = None
     by_motion: Callable[[], float] = float
-    while len(named) < MOST_EFFECTS:
+    while len(named) < rules.MOST_EFFECTS:
         progress("naming")
         candidates = terms(setting, tuple(one.term.effect for one in named), schedules)
         candidates = not_contradicted(candidates, base.columns, setting, block, seed)
@@ -155,38 +141,36 @@ def _beside(one: Named, by_motion: Callable[[], float]) -> bool:
     form that they lack, unless its levels stand clear and motion does not tell as much."""
     if one.term.axis == "time" and not (one.term.natural and clearly_apart(one.term.schedule)):
         return False
-    return one.term.axis == "steady" or by_motion() < AS_WELL * one.held_out_gain
+    return one.term.axis == "steady" or by_motion() < rules.AS_WELL * one.held_out_gain
 
 
-def _fitted(
-    fit: Refit, named: tuple[Named, ...], runs: Runs, block: NDArray[np.intp]
-) -> tuple[tuple[Named, ...], Corrected]:
+def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> tuple[tuple[Named, ...], Corrected]:
     """The effects fitted together, flexible ones in the form that a file can say where that fits as well."""
     terms = [one.term for one in named]
     fitted = fit_model(fit, terms, runs, block)
     if any(one.plain is not None for one in terms):
         as_said = fit_model(fit, [one.plain or one for one in terms], runs, block)
         errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, as_said)]
-        fitted = as_said if errors[1] <= EQUAL * errors[0] else fitted
+        fitted = as_said if errors[1] <= rules.EQUAL * errors[0] else fitted
     fitted = profiled(fit, fitted, runs, block).model
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
 
 def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
     """Whether each schedule adds or saves a part of what was drawn that a meter is trusted with."""
-    least = SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
+    least = rules.SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
     terms = zip(fitted.model.terms, fitted.contribution, strict=True)
     return all(float(np.abs(w * runs.duration_s).sum()) >= least for one, w in terms if one.axis != "steady")
 
 
-def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -> bool:
+def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, seed: int) -> bool:
     """Whether a replay with the effects predicts what was held out better than one without, not only its derivative."""
     predicted = [
         held_out(lambda chosen, one=one: one.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
         for one in (before, after)
     ]
     replayed = gain(runs.observed, predicted[0], predicted[1], fold, seed)
-    return replayed.share >= SMALLEST_GAIN_TO_NAME
+    return replayed.share >= rules.SMALLEST_GAIN_TO_NAME
 
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:
@@ -214,7 +198,7 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     for one, other in combinations(_worth_pairing(bench, order, shares), 2):
         if bench.candidates[one].effect != bench.candidates[other].effect:
             both = bench.score(bench.share(one, other), independent, one, other)
-            if both > best + MUST_PAY:
+            if both > best + rules.MUST_PAY:
                 best, pair = both, (one, other)
     told = _likeliest(bench, _told_by_a_channel(bench, pair[0], shares), shares, alone)
     for index in dict.fromkeys([told, pair[0]]):
@@ -233,7 +217,7 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
             yield (found,)
 
 
-def _best_forms(bench: Bench, order: NDArray[np.intp]) -> list[int]:
+def _best_forms(bench: Bench, order: Index) -> list[int]:
     """The first of each effect and of what its size depends on."""
     first: dict[tuple[str, str], int] = {}
     for index in order.tolist():
@@ -259,7 +243,7 @@ def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     if not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
-    return best if shares[best] >= TOLD_BY_A_CHANNEL * shares[chosen] else chosen
+    return best if shares[best] >= rules.TOLD_BY_A_CHANNEL * shares[chosen] else chosen
 
 
 def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
@@ -273,19 +257,21 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
     equals = [
         index
         for index, term in enumerate(bench.candidates)
-        if term.axis == bench.candidates[chosen].axis and 1.0 - shares[index] <= EQUAL * (1.0 - shares[chosen])
+        if term.axis == bench.candidates[chosen].axis and 1.0 - shares[index] <= rules.EQUAL * (1.0 - shares[chosen])
     ]
     return min([chosen, *equals], key=rarity)
 
 
 def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent: float, seed: int) -> Named | None:
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
-    least = SMALLEST_GAIN_TO_NAME if bench.candidates[chosen].hypothesis.physical else SMALLEST_GAIN_OF_A_FAULT
+    least = (
+        rules.SMALLEST_GAIN_TO_NAME if bench.candidates[chosen].hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
+    )
     of_refit = share * bench.squared_error(chosen) / max(bench.refit_error, 1e-300)
-    if delta_bic < MUST_PAY or share < least or of_refit < SMALLEST_GAIN_BESIDE:
+    if delta_bic < rules.MUST_PAY or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
         return None
     explained = share * bench.squared_error(chosen)
-    if explained < SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
+    if explained < rules.SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
         return None
     if explained <= bench.doubted * _followed(bench, chosen):
         return None  # errors of the channels would do as much
@@ -294,7 +280,7 @@ def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent:
     if interval[0] <= 0.0:
         return None
     p_value = bench.p_value(chosen, independent, seed)
-    if p_value > FALSE_ALARM_RATE:
+    if p_value > rules.FALSE_ALARM_RATE:
         return None
     term = _with_plain(bench, chosen)
     return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, shares, alone))
@@ -326,13 +312,13 @@ def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Ter
     found: dict[str, Term] = {}
     for index in np.argsort(-alone, kind="stable").tolist():
         other = bench.candidates[index]
-        if other.effect == bench.candidates[chosen].effect or alone[index] < MUST_PAY or index in bench.beside:
+        if other.effect == bench.candidates[chosen].effect or alone[index] < rules.MUST_PAY or index in bench.beside:
             continue
         alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
-        share = ALIKE_BY_NATURE if alike else ALIKE_IN_SIZE
+        share = rules.ALIKE_BY_NATURE if alike else rules.ALIKE_IN_SIZE
         beside = bench.share(index) if bench.beside else shares[index]
         doubtful = beside * bench.squared_error(index) <= bench.doubted * _followed(bench, index)
-        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < MUST_PAY):
+        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.MUST_PAY):
             found.setdefault(other.effect, _with_plain(bench, index))
     return tuple(found.values())
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.fit.folds import independent_windows
@@ -19,11 +19,10 @@ from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, WithEffects
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array
-from homeward.diagnosis.rules import MUST_PAY, SMALLEST_SHARE
+from homeward.diagnosis.read.channels import Array, Mask
 
 
-def needless(fit: Refit, runs: Runs) -> NDArray[np.bool_] | None:
+def needless(fit: Refit, runs: Runs) -> Mask | None:
     """Groups that need not differ from the robot file if one effect is at work, shape (groups,); None where none does.
 
     Args:
@@ -41,7 +40,7 @@ def needless(fit: Refit, runs: Runs) -> NDArray[np.bool_] | None:
     low, high = _limits(fit, np.array([(one.low[0], one.high[0]) for one in effects]).reshape(-1, 2))
     left = runs.observed - fit.predicted
     independent = independent_windows(left, runs.run)
-    least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
+    least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
 
     def criterion(chosen: tuple[int, ...]) -> float:
         own = np.array(chosen, np.intp)
@@ -55,9 +54,9 @@ def needless(fit: Refit, runs: Runs) -> NDArray[np.bool_] | None:
     fewer = [one for one in subsets if len(one) + 1 < len(off)]
     with_one = [(criterion((*one, count + index)), one) for one in fewer for index in range(len(effects))]
     best, changed = min(with_one, default=(np.inf, ()))
-    if best + MUST_PAY > without:
+    if best + rules.MUST_PAY > without:
         return None
-    free: NDArray[np.bool_] = (numbers[list(changed)] != 0.0).any(axis=0)
+    free: Mask = (numbers[list(changed)] != 0.0).any(axis=0)
     return ~free
 
 

@@ -13,9 +13,9 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.uncertainty import joint
@@ -23,14 +23,12 @@ from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates
 from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.channels import Index
 from homeward.diagnosis.result import Product, Value
-from homeward.diagnosis.rules import ALIKE_PRODUCT, SMALLEST_SHARE
 
 _TRIED = 9  # values of a number over its range
 _AS_LIKELY = float(chi2.ppf(0.95, 1))  # twice the logarithm of a ratio of likelihoods
 _SIGNS: Mapping[int, Literal["product", "ratio"]] = {1: "product", -1: "ratio"}
-
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ class Open:
                 found.append(Product((one, other), Value(value, (value - wide, value + wide), unit), together))
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
-            wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + ALIKE_PRODUCT * value
+            wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + rules.ALIKE_PRODUCT * value
             found.append(Product(pair, Value(value, (value - wide, value + wide), runs.unit), "mean power"))
         return tuple(found)
 
@@ -102,7 +100,7 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     left = runs.observed - best.predicted
     independent = independent_windows(left, runs.run)
     most = _error(best, runs) * float(np.exp(_AS_LIKELY / independent))
-    most = max(most, _error(best, runs) + SMALLEST_SHARE**2 * float(runs.observed @ runs.observed))
+    most = max(most, _error(best, runs) + rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed))
     alike = [one for one in found if _error(one, runs) <= most]
     if len(alike) < 3:
         return Open(best)  # a neighbour at most is as likely: the numbers are determined
@@ -179,7 +177,7 @@ def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1
     vary = [
         name
         for name in models[0]
-        if all(name in one for one in models) and np.std([one[name] for one in models]) > ALIKE_PRODUCT * scale
+        if all(name in one for one in models) and np.std([one[name] for one in models]) > rules.ALIKE_PRODUCT * scale
     ]
     sums = {(a, b): [one[a] + sign * one[b] for one in models] for a, b in combinations(vary, 2)}
-    return [pair for pair, values in sums.items() if np.std(values) <= ALIKE_PRODUCT * scale]
+    return [pair for pair, values in sums.items() if np.std(values) <= rules.ALIKE_PRODUCT * scale]

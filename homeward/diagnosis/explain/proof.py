@@ -19,17 +19,13 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+from homeward.diagnosis.read.channels import Array, Index, Mask
 
 FOLDS = 5
 """Of blocks or stretches, over which hypotheses are compared."""

@@ -15,19 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import rankdata
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.held_out import held_out
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.rules import (
-    FALSE_ALARM_RATE,
-    SMALLEST_GAIN,
-    SMALLEST_GAIN_IN_TIME,
-    SMALLEST_SHARE,
-    TIME_MUST_BEAT,
-)
 from homeward.physics import ancillary_power
 
 _DRAWS = 8000
@@ -88,8 +82,8 @@ class Dependence:
     @property
     def found(self) -> bool:
         """Whether the dependence is beyond chance and large enough to matter."""
-        least = SMALLEST_GAIN_IN_TIME if self.channel is _TIME else SMALLEST_GAIN
-        return self.p_value <= FALSE_ALARM_RATE and self.held_out_gain >= least
+        least = rules.SMALLEST_GAIN_IN_TIME if self.channel is _TIME else rules.SMALLEST_GAIN
+        return self.p_value <= rules.FALSE_ALARM_RATE and self.held_out_gain >= least
 
 
 class _Look(NamedTuple):
@@ -145,7 +139,7 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int =
 
     def rank(one: Dependence) -> tuple[bool, float]:
         # Every cause that comes and goes is also a matter of time, and a level per stretch is more flexible.
-        behind = one.channel is _TIME and one.held_out_gain < TIME_MUST_BEAT * best
+        behind = one.channel is _TIME and one.held_out_gain < rules.TIME_MUST_BEAT * best
         return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
 
     return sorted(found, key=rank)
@@ -157,7 +151,7 @@ def _tested(
     """One family of looks, with the share of the held-out squared error that a step per bin explains."""
     residual = runs.observed - fit.predicted
     total = max(float(residual @ residual), 1e-300)
-    least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+    least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
     folds = bool(np.ptp(fold))
     before = (
         runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)

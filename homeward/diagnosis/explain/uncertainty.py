@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Refit, covariance
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.result import Product, Range, Value
-from homeward.diagnosis.rules import ENTWINED
 from homeward.physics import Robot, d_max
 
 _STEP = 1e-3  # of a group, for differences
@@ -31,7 +30,7 @@ class Joint:
     covariance: Array
 
 
-def joint(model: Refit | Corrected, runs: Runs, block: NDArray[np.intp]) -> Joint:
+def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,); held groups are left out."""
     groups, problem = model.groups, model.parameters
     free = np.flatnonzero(~groups.held)
@@ -49,7 +48,7 @@ def joint(model: Refit | Corrected, runs: Runs, block: NDArray[np.intp]) -> Join
     return Joint(tuple(names), tuple(units), np.array(values), found)
 
 
-def products(model: Corrected, runs: Runs, block: NDArray[np.intp]) -> tuple[Product, ...]:
+def products(model: Corrected, runs: Runs, block: Index) -> tuple[Product, ...]:
     """Products of which the recordings determine no factor alone.
 
     A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two numbers
@@ -74,7 +73,7 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
             scales = float(more @ added) / max(_STEP * float(added @ added), 1e-300)
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
-            if cosine > ENTWINED and scales > ENTWINED and one.column is not None:
+            if cosine > rules.ENTWINED and scales > rules.ENTWINED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
                 error = assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0)))
@@ -91,7 +90,7 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     found = []
     for index, term in enumerate(model.model.terms):
         mine = [first + at for at, one in enumerate(model.model.unknowns) if one.term == index]
-        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > ENTWINED]
+        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > rules.ENTWINED]
         if not pairs or term.hypothesis.of_the_day:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.read.signals import usual_step_s
-from homeward.diagnosis.rules import BEYOND_NOISE, LASTS, MATTERS
 
 
 class Tells(NamedTuple):
@@ -37,18 +37,23 @@ def unrecorded(runs: Runs) -> list[Tells]:
 def lasts(left: Array, runs: Runs) -> bool:
     """Whether what a model leaves, shape (windows,), goes on from window to window, as no noise of power does."""
     together = runs.run[1:] == runs.run[:-1]
-    return float((left[1:] * left[:-1])[together].sum()) >= LASTS * float(left @ left)
+    return float((left[1:] * left[:-1])[together].sum()) >= rules.LASTS * float(left @ left)
 
 
 def untold(fit: Fitted, runs: Runs) -> bool:
     """Whether a fit leaves what no channel tells, though all were recorded: much of it, lasting, and no noise."""
     left = runs.observed - fit.predicted
-    return is_much(left, runs) and lasts(left, runs) and not unrecorded(runs) and times_noise(fit, runs) > BEYOND_NOISE
+    return (
+        is_much(left, runs)
+        and lasts(left, runs)
+        and not unrecorded(runs)
+        and times_noise(fit, runs) > rules.BEYOND_NOISE
+    )
 
 
 def is_much(left: Array, runs: Runs) -> bool:
     """Whether what a model leaves, shape (windows,), is more than a meter and a few per cent of forms account for."""
-    return float(left @ left) >= MATTERS**2 * float(runs.observed @ runs.observed)
+    return float(left @ left) >= rules.MATTERS**2 * float(runs.observed @ runs.observed)
 
 
 def times_noise(fit: Fitted, runs: Runs) -> float:

@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import SMOOTHING_ERROR
+from homeward.diagnosis.read.channels import Array
 
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose error is known."""
@@ -37,7 +37,7 @@ def _moved(runs: Runs, name: str, sign: float) -> Runs:
     moved = []
     for run in runs.signals:
         values: Array = getattr(run, name)
-        size = sign * SMOOTHING_ERROR * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
+        size = sign * rules.SMOOTHING_ERROR * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
         moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
     return dataclasses.replace(runs, signals=moved)
 

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.rules import FEWEST_BLOCKS
 
 _SHORTEST = 10  # windows
 _STRETCH = 4  # windows: two seconds, what a change of level is held to last at least
@@ -96,7 +96,7 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
     """
     memory = 0.0 if residual is None else correlation_windows(residual, run)
     length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_MEMORY_TIMES * memory)))
-    length = max(_SHORTEST, min(length, len(run) // (FEWEST_BLOCKS + len(np.unique(run)))))
+    length = max(_SHORTEST, min(length, len(run) // (rules.FEWEST_BLOCKS + len(np.unique(run)))))
     block = np.empty(len(run), dtype=np.intp)
     following = 0
     for one in np.unique(run):

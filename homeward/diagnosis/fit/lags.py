@@ -14,8 +14,9 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.refit import standard_errors
+from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.read.signals import WINDOW_S, Array, Signals, slope_of, usual_step_s, windows
+from homeward.diagnosis.read.signals import WINDOW_S, Signals, slope_of, usual_step_s, windows
 from homeward.physics import Robot
 
 _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel

@@ -14,12 +14,12 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.doubt import reliability
 from homeward.diagnosis.fit.fitted import Fitted, excited
 from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
-from homeward.diagnosis.rules import COLLINEAR, GAIN_ERROR, NOISE_ONLY, RELIABLE
 from homeward.physics import Robot
 
 Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]
@@ -159,7 +159,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
     errors *= problem.scale[active]
     freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
-    errors = np.hypot(errors, GAIN_ERROR * np.abs(fit.theta[active]))
+    errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(fit.theta[active]))
     widths = float(student.ppf(0.975, freedom)) * errors
     wide = float(student.ppf(1.0 - 0.025 / len(active), freedom)) * errors
     result = []
@@ -169,7 +169,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
         status, mixed = _status(fit, runs, j, moving)
         fitted, width = fit.theta[index] * problem.to_group[j], widths[j] * problem.to_group[j]
         if status == "fitted" and (
-            width > max(abs(assumed), abs(fitted)) or reliability(_RESTS_ON.get(group.name, ""), runs) < RELIABLE
+            width > max(abs(assumed), abs(fitted)) or reliability(_RESTS_ON.get(group.name, ""), runs) < rules.RELIABLE
         ):
             status = "too uncertain"
         elif status == "fitted" and fit.at_bound[j]:
@@ -193,12 +193,12 @@ def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tupl
     own = column - beside @ weights
     size = np.abs(weights) * np.linalg.norm(beside, axis=0)
     mixed = tuple(groups[o].symbol for o in others[size > 0.2 * np.linalg.norm(column)])
-    if own @ own < COLLINEAR * (column @ column):
+    if own @ own < rules.COLLINEAR * (column @ column):
         return "confounded", mixed
     same_run = runs.run[1:] == runs.run[:-1]
     if groups[j].measured and same_run.any():
         lagged = float((own[1:] * own[:-1])[same_run].mean() / (own * own).mean())
-        if lagged < NOISE_ONLY and own @ own < 0.01 * (column @ column):
+        if lagged < rules.NOISE_ONLY and own @ own < 0.01 * (column @ column):
             return "confounded", mixed
     return "fitted", ()
 

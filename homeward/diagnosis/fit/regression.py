@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array
 
 _RIDGE = 1e-9  # of a column's norm: keeps collinear columns from blowing up
 

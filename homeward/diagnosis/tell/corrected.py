@@ -13,7 +13,8 @@ from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.fit.parameter_groups import IDLE, ROLLING, WithEffects, with_ancillary, with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, predict, thrust_n_per_a
-from homeward.diagnosis.read.signals import Array, Unit
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.read.signals import Unit
 from homeward.physics import Robot, d_max
 
 

@@ -20,7 +20,7 @@ from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 
 _MOST_RUNS = 12  # in the time plot
 _MOST_POINTS = 2000  # of a line
@@ -241,7 +241,7 @@ def _rounded(values: Array | pd.Series) -> NDArray[np.float32]:
     return np.round(values, 4).astype(np.float32)
 
 
-def _means(values: Array, residual: Array, number: NDArray[np.intp], block: NDArray[np.intp]) -> pd.DataFrame:
+def _means(values: Array, residual: Array, number: Index, block: Index) -> pd.DataFrame:
     """For each bin the mean of a channel, in order, and that of the residual with its error clustered by block."""
     bins = pd.DataFrame({"centre": values, "mean": residual}).groupby(number).mean()
     off = pd.Series(residual - bins["mean"].to_numpy()[np.searchsorted(bins.index, number)])

@@ -12,16 +12,15 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Handed, Verdict
-from homeward.diagnosis.rules import ALIKE_COLUMNS
 from homeward.diagnosis.tell.corrected import can_be_said, replayed, said, written
 from homeward.physics import Robot
 
@@ -38,9 +37,7 @@ class Handover:
     handed: Handed
 
 
-def determined(
-    fit: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]
-) -> tuple[Refit, Corrected | None]:
+def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index) -> tuple[Refit, Corrected | None]:
     """The fits with each group that the recordings leave open held as the robot file has it.
 
     One group after the other is held, first that whose assumed value the recordings mind least: of two that cannot be
@@ -57,7 +54,7 @@ def determined(
 
 
 def sayable(
-    plain: Refit, corrected: Corrected | None, named: Sequence[Named], runs: Runs, block: NDArray[np.intp]
+    plain: Refit, corrected: Corrected | None, named: Sequence[Named], runs: Runs, block: Index
 ) -> Corrected | None:
     """The fit of all that a robot file can say, beside faults of instruments; None where it can say none of what is
     `named`.
@@ -98,9 +95,7 @@ def _may_be_misread(named: Named) -> bool:
     return any(one.misread for one in meant) and any(one.hypothesis.physical for one in meant)
 
 
-def _determined(
-    fit_holding: Callable[[NDArray[np.bool_]], Model], held: NDArray[np.bool_], runs: Runs, block: NDArray[np.intp]
-) -> Model:
+def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, block: Index) -> Model:
     model = fit_holding(held)
     while True:
         told = estimates(model, runs, block)
@@ -119,10 +114,10 @@ def _determined(
         model, held = min(fits, key=lambda fit: float(np.sum((runs.observed - fit[0].predicted) ** 2)))
 
 
-def _alike(model: Refit | Corrected, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
     """Groups that look much like one of those chosen: they may have taken what that lacks."""
     columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
-    alike: NDArray[np.bool_] = ((columns.T @ columns)[:, chosen] ** 2 > ALIKE_COLUMNS).any(axis=1)
+    alike: Mask = ((columns.T @ columns)[:, chosen] ** 2 > rules.ALIKE_COLUMNS).any(axis=1)
     return alike
 
 
@@ -132,8 +127,8 @@ def hand_over(
     models: tuple[Refit, Refit | Corrected | None],
     arms: Mapping[str, Array],
     runs: Runs,
-    fold: NDArray[np.intp],
-    trip: NDArray[np.intp],
+    fold: Index,
+    trip: Index,
     seed: int,
     reason: str = "",
 ) -> Handover:
@@ -184,7 +179,7 @@ def hand_over(
     return Handover(changed, after, by_file, Handed("refit", why))
 
 
-def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
+def worse_than(before: Array, after: Array, runs: Runs, trip: Index, seed: int) -> str:
     """Why to prefer the prediction `before` of what was held out to `after`, shape (windows,) each, or nothing.
 
     The interval of what trips are off by is by bootstrap; `trip` says what counts as one, shape (windows,).
@@ -202,7 +197,7 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], 
     return ""
 
 
-def _held_out(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:
+def _held_out(robot: Robot, model: Refit | Corrected, runs: Runs, fold: Index) -> Array:
     """What the file of each fold's fit predicts of that fold, shape (windows,)."""
     return held_out(lambda chosen: _filed(robot, model.refitted(chosen, runs), runs)[1], fold)
 

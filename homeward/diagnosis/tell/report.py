@@ -12,13 +12,13 @@ from pathlib import Path
 import plotly.offline
 from markupsafe import Markup
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.describe import condition, total_share
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import Place
 from homeward.diagnosis.read.signals import WINDOW_S
-from homeward.diagnosis.rules import FALSE_ALARM_RATE, SMALLEST_GAIN, VERY_STRONG
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
@@ -113,13 +113,13 @@ def _proof(analysis: Analysis, evidence: Evidence) -> dict[str, object]:
         "conditions": conditions(analysis, evidence),
         "ranking": ranking(evidence.naming),
         "most_ranked": _MOST_RANKED,
-        "very_strong": VERY_STRONG,
+        "very_strong": rules.VERY_STRONG,
         "arms": ARMS,
         "paper_accuracy": PAPER_ACCURACY,
         "why_open": wording.why_open,
         "visible": visible,
         "invisible": invisible,
-        "constants": {"window_s": WINDOW_S, "false_alarm": FALSE_ALARM_RATE, "gain": SMALLEST_GAIN},
+        "constants": {"window_s": WINDOW_S, "false_alarm": rules.FALSE_ALARM_RATE, "gain": rules.SMALLEST_GAIN},
     }
 
 
@@ -170,7 +170,7 @@ def ranking(naming: Naming) -> list[RankRow]:
     named = {(one.term.effect, one.term.axis) for one in naming.named}
     for other in naming.ranking:
         kind, note = kinds.get((other.effect, other.axis), ("", ""))
-        if not rows and other.delta_bic > VERY_STRONG:
+        if not rows and other.delta_bic > rules.VERY_STRONG:
             note = "not named: its gain may be none, or placebos do as well"
         if (other.effect, other.axis) not in named:
             rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))
