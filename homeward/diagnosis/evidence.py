@@ -110,10 +110,7 @@ class Analysis:
     evidence: Evidence | None  # None where no run can be used
 
     def per_sample(self, name: str) -> Array:
-        """Battery power that the corrected file says of one run, W, shape (samples,), at the run's `time_s`.
-
-        Args:
-            name: Path of the recording.
+        """Battery power that the corrected file says of the run of a path, W, shape (samples,), at its `time_s`.
 
         Raises:
             KeyError: No usable run has this name.

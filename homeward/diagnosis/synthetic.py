@@ -22,11 +22,7 @@ def record(robot: Robot, seed: int = 20) -> pd.DataFrame:
     """Drive a robot for eight minutes over hilly ground with stops and turns, and measure with noise.
 
     The noise is drawn apart from the physics: a slow drift of the load, a ripple of the current, and the noise and
-    resolution of the sensors.
-
-    Args:
-        robot: Who drives.
-        seed: Of drive and noise.
+    resolution of the sensors. The seed is that of drive and noise.
     """
     rng = np.random.default_rng(seed)
     time_s: Array = STEP_S * np.arange(SAMPLES, dtype=np.float64)

@@ -74,13 +74,8 @@ def in_time(
     """Find when the size of a shape changes within or between runs: schedules of few changes to many.
 
     How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
-
-    Args:
-        shape: What the size multiplies, shape (windows,).
-        residual: What the refit leaves, shape (windows,).
-        runs: The runs.
-        signed: Whether sizes below the usual one are possible; otherwise the lowest counts as none.
-        shares: Of the squared residual that a change must explain, the largest first.
+    The size multiplies `shape`, (windows,), of a `residual` of the same shape. Unless `signed`, the lowest size counts
+    as none. `shares` of the squared residual must be explained by a change, the largest first.
     """
     parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
     return _schedules("time", shape, residual, parts, min(len(residual) // _SHORTEST, _MOST_BLOCKS), signed,
@@ -223,14 +218,9 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
 
 
 def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
-    """Group of each ascending value, in 2 to `most` groups that leave the least squared distance to their means.
+    """Group of each of n ascending values, in 2 to `most` groups with the least squared distance to their means.
 
-    Exact, by dynamic programming over the ends of groups.
-
-    Args:
-        value: Shape (n,).
-        times: How often each is there, shape (n,).
-        most: Groups at most, up to n.
+    Exact, by dynamic programming over the ends of groups; each value is there so many `times`, shape (n,).
     """
     centred = value - np.average(value, weights=times)
     number, first, second = (np.append(0.0, np.cumsum(times * centred**power)) for power in range(3))

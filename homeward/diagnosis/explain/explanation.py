@@ -55,16 +55,9 @@ def explain(
     seed: int,
     progress: Callable[[str], None],
 ) -> Explanation:
-    """Explain what a refit leaves.
+    """Explain what a refit leaves, by `found`, on what its residuals depend, found ones first.
 
-    Args:
-        fit: The refit.
-        runs: The runs.
-        found: On what its residuals depend, found ones first.
-        block: Stretches that count as independent, shape (windows,).
-        fold: What is held out together, shape (windows,).
-        seed: Seed of placebos and intervals.
-        progress: Called with what is being done.
+    Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
     """
     progress("locating")
     ask = _Question(fit, runs, found[0], block, fold, seed, progress)

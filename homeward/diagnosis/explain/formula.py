@@ -77,12 +77,7 @@ def propose(
 ) -> Empirical | None:
     """Find the formula that the residual of a refit follows; None where none passes the proof.
 
-    Args:
-        fit: The refit.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
-        fold: What is held out together, shape (windows,).
-        seed: Seed of placebos and intervals.
+    Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
     """
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
@@ -154,11 +149,8 @@ class Search:
 def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float, Array]:
     """Squared error on each fold of fits to the others, without a candidate and with each, shape (candidates,).
 
-    What a candidate adds is what the other columns do not say of it (Frisch & Waugh, Econometrica 1, 1933).
-
-    Args:
-        folds: Products of what is known, the target last, (known, known), squares of candidates, (candidates,), and
-            their products with what is known, (candidates, known).
+    What a candidate adds is what the other columns do not say of it (Frisch & Waugh, Econometrica 1, 1933). A fold has
+    products of what is known, the target last, (known, known), squares of candidates, and products with what is known.
     """
     gram, square, beside = (np.array(one) for one in zip(*folds, strict=True))
     without, with_it = 0.0, np.zeros(square.shape[1])

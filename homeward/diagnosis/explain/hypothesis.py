@@ -332,15 +332,10 @@ class Hypothesis:
     def schedules(
         self, axis: Axis, load: Array, residual: Array, runs: Runs, told: Mask, shares: Sequence[float]
     ) -> list[Schedule]:
-        """Schedules that a search in some of the windows finds, of few changes to many.
+        """Schedules that a search in the windows that it is `told`, shape (windows,), finds, of few changes to many.
 
-        Args:
-            axis: What its size depends on.
-            load: What a unit of its size adds where it is at work, shape (windows,).
-            residual: What is to be explained.
-            runs: The runs.
-            told: Windows that the search may look at; the others have the level of those before them.
-            shares: Of the squared residual that a change must explain, the largest first.
+        Others have the level of those before them. A unit of its size adds `load`, shape (windows,), where it is at
+        work, and a change must explain such `shares` of the squared residual, the largest first.
         """
         find = change_points.in_time if axis == "time" else change_points.by_place
         found = find(load * told, residual * told, runs, signed=self.signed, shares=shares)

@@ -53,14 +53,7 @@ class Model:
         return np.clip(values, bounds[:, 0], bounds[:, 1])
 
     def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
-        """What the model predicts, shape (windows,), without one of its terms if told so.
-
-        Args:
-            runs: The runs.
-            theta: Parameters of the refit.
-            values: One value per unknown.
-            leave_out: Index of a term.
-        """
+        """What the model predicts, (windows,), by parameters and a value per unknown, without a term if told so."""
         added = np.zeros(len(runs.observed))
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
@@ -175,13 +168,9 @@ class Corrected:
 
 
 def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Corrected:
-    """Fit the groups and the effects together, by Gauss-Newton through the kernel.
+    """Fit the groups and the named effects together, by Gauss-Newton through the kernel.
 
-    Args:
-        fit: The refit without effects; groups that it holds stay as they are.
-        terms: The named effects.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
+    Groups that the refit holds stay as they are; intervals are clustered by `block`, shape (windows,).
     """
     fit, everything = _without_spanned(fit, terms, runs), np.ones(len(runs.observed), np.bool_)
     model = Model(fit.parameters, tuple(terms), _unknowns(terms))
@@ -236,13 +225,8 @@ def _descended(
 ) -> tuple[Array, Array, Array, Array]:
     """Gauss-Newton over the chosen windows, each step halved until its replay is better than that before.
 
-    Args:
-        fit: Which groups move, and within which bounds.
-        model: The model.
-        runs: The runs.
-        chosen: Windows to fit to, shape (windows,).
-        start: Parameters, values, what they predict and its Jacobian.
-        to_first: Whether a first whole step that is better is the last: near a fit the linear model holds.
+    From parameters, values, what they predict and its Jacobian to the same; `fit` says which groups move, within which
+    bounds. If `to_first`, a first whole step that is better is the last: near a fit the linear model holds.
     """
     theta, values, predicted, jacobian = start
     error = float(np.sum((runs.observed - predicted)[chosen] ** 2))

@@ -36,14 +36,7 @@ def _held_out_error(model: Fitted, runs: Runs, fold: Index) -> float:
 
 
 def motion_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
-    """Share of a model's held-out squared error that boosted trees on the motion, and its history, explain.
-
-    Args:
-        fit: The refit, or a model with effects.
-        runs: The runs.
-        fold: What is held out together, shape (windows,).
-        seed: Seed of the trees.
-    """
+    """Share of a model's squared error, held out by fold, that trees on the motion and its history explain."""
     after = _by_trees(fit, runs, fold, seed, MOTION, _history(fit, runs))
     return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
 
@@ -64,16 +57,8 @@ def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
 
 
 def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, seed: int, share: float) -> bool:
-    """Whether trees on the motion of the moment, beside a fit, leave less than a share of what a named model leaves.
-
-    Args:
-        named: The model with effects.
-        fit: The refit.
-        runs: The runs.
-        fold: What is held out together, shape (windows,): runs, where there are enough.
-        seed: Seed of the trees.
-        share: Of the squared error.
-    """
+    """Whether trees on the motion of the moment, beside a fit, leave less than a share of the squared error of a model
+    with effects, by fold (windows,): runs, where there are enough."""
     after = _by_trees(fit, runs, fold, seed, MOTION)
     return after < share * _held_out_error(named, runs, fold)
 

@@ -84,16 +84,8 @@ def name_missing(
     progress: Callable[[str], None],
     schedules: bool = True,
 ) -> Naming:
-    """Name the effects that the recordings ask for beyond the refit.
-
-    Args:
-        fit: The refit.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
-        seed: Seed of placebos and intervals.
-        progress: Called with what is being done.
-        schedules: Whether effects whose size changes for no recorded reason may be named.
-    """
+    """Name the effects that the recordings ask for beyond the refit; windows of one block, (windows,), depend on each
+    other. Effects whose size changes for no recorded reason are named only if `schedules` are asked for."""
     fold = np.asarray(block % FOLDS)
     base = Base(fit.jacobian, *fit.freedom())
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)

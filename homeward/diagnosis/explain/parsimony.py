@@ -25,9 +25,7 @@ from homeward.diagnosis.read.channels import Array, Mask
 def needless(fit: Refit, runs: Runs) -> Mask | None:
     """Groups that need not differ from the robot file if one effect is at work, shape (groups,); None where none does.
 
-    Args:
-        fit: The refit, which leaves nothing that an effect would explain.
-        runs: The runs.
+    The refit leaves nothing that an effect would explain.
     """
     problem, active = fit.parameters, fit.parameters.active()
     start = (problem.start - fit.theta)[active] / problem.scale[active]

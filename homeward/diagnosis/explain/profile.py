@@ -83,14 +83,7 @@ class Open:
 
 
 def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
-    """Try other numbers of the effects of a model.
-
-    Args:
-        fit: The refit, with the groups held that the model holds.
-        model: The fitted model.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
-    """
+    """Try other numbers of the effects of a model, beside a refit that holds the groups which the model holds."""
     terms = model.model.terms
     found = [model, *(fit_model(fit, other, runs, block) for other in _other_terms(fit, terms, runs))]
     best = min(found, key=lambda one: _error(one, runs))

@@ -130,14 +130,9 @@ def spread(left: Array, runs: Runs, memory_windows: float) -> Spread:
 def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, seed: int) -> Range | None:
     """Range of a robot that goes on driving as it was recorded, m; None of motor current or where nothing drove.
 
-    Usable energy over energy per metre: of what was recorded, and of what two robot files predict of the same trips.
-    The interval is by bootstrap over runs or, of fewer than three, over minutes of driving.
-
-    Args:
-        robots: The robot as its file has it and as it is handed over.
-        predictions: What each predicts, shape (windows,) each.
-        runs: The runs.
-        seed: Seed of the bootstrap.
+    Usable energy over energy per metre: of what was recorded, and of what two robot files, as given and as handed over,
+    predict of the same trips, shape (windows,) each. The interval is by bootstrap over runs or, of fewer than three,
+    over minutes of driving.
     """
     path_m, drawn_j = np.abs(runs.context["speed_mps"]) * runs.duration_s, runs.observed * runs.duration_s
     if runs.unit == "A" or path_m.sum() <= 0.0 or drawn_j.sum() <= 0.0:

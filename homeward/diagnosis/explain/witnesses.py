@@ -70,14 +70,7 @@ class Capacity:
 
 
 def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[Witnessed, ...]]:
-    """What voltage, gauge and distance tell.
-
-    Args:
-        fit: The refit.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
-        seed: Seed of intervals and random signs.
-    """
+    """What voltage, gauge and distance tell; windows of one `block`, shape (windows,), depend on each other."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, seed)
     inside_w = np.zeros(len(runs.observed)) if sag is None else sag.contribution
@@ -118,13 +111,7 @@ class _Channel:
         return found, standard_errors(columns, self.target - columns @ found, self.block)
 
     def proof(self, base: Array, added: Array, tried: Sequence[Array] = ()) -> Evidence | None:
-        """Proof that columns explain the channel beside the base, if there is one.
-
-        Args:
-            base: What explains it without any effect.
-            added: The columns.
-            tried: All columns that these are the best of.
-        """
+        """Proof, if there is one, that the best of all columns tried explain the channel beside the base."""
         design = np.column_stack([base, added])
         before, after = (
             held_out(lambda chosen, of=of: of @ _fit(of[chosen], self.target[chosen]), self.block % FOLDS)  # type: ignore[misc]
@@ -224,14 +211,8 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     """Hypotheses that the gauge does not rule out: a battery gives what is drawn, whatever a meter reads.
 
     Where the state of charge falls by the energy that was read, the meter is right; where it falls by that less what a
-    meter is thought to add, it is the meter, and no load that was put on.
-
-    Args:
-        candidates: The hypotheses.
-        base: Columns of what is fitted beside them, shape (windows, columns).
-        setting: What is known so far.
-        block: Stretches that count as independent, shape (windows,).
-        seed: Of the channel.
+    meter is thought to add, it is the meter, and no load that was put on. `base`, shape (windows, columns), is fitted
+    beside the hypotheses.
     """
     runs, soc = setting.runs, setting.runs.context.get("soc")
     misread = [term for term in candidates if term.misread]

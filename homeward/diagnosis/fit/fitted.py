@@ -49,14 +49,7 @@ def excited(fit: Fitted, runs: Runs, share: float | Array = 1e-6) -> Mask:
 
 
 def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> Array:
-    """Prediction, shape (windows,), by a fit of a model to the chosen windows, with columns of any size beside it.
-
-    Args:
-        fit: The model.
-        chosen: Windows to fit to, shape (windows,).
-        observed: What was recorded, shape (windows,).
-        beside: The columns, shape (windows, any number).
-    """
+    """Prediction, (windows,), by a fit of a model to the chosen windows, with columns of any size beside it."""
     columns = np.column_stack([fit.jacobian, beside])
     low, high = fit.freedom()
     free = np.full(beside.shape[1], np.inf)

@@ -58,15 +58,9 @@ def black_box(
     channels: Collection[str] | None = None,
     beside: Sequence[Array] = (),
 ) -> Array:
-    """Prediction for all windows by boosted trees on the same channels: how much there is to gain from them.
+    """Prediction for all windows, (windows,), by boosted trees that are fitted to chosen ones, or a draw of very many.
 
-    Args:
-        runs: The runs.
-        nominal: What the refit predicts, one more feature, shape (windows,).
-        chosen: Windows to fit to, or to draw from where there are very many.
-        rng: Of the trees and of that draw.
-        channels: Those that may be used; all by default.
-        beside: Further features, shape (windows,) each.
+    Features are the channels (all by default), `nominal`, what the refit predicts, and those `beside`, (windows,) each.
     """
     used = [values for name, values in runs.context.items() if channels is None or name in channels]
     rows = np.flatnonzero(chosen)
@@ -91,11 +85,7 @@ def black_box(
 def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) -> Gain:
     """Share of the squared held-out error that a prediction takes from another, its interval by bootstrap over blocks.
 
-    Args:
-        observed: What was recorded, shape (windows,).
-        before, after: Predicted of what was held out, by the plainer model and by the other.
-        block: Stretches that count as independent.
-        seed: Of the bootstrap.
+    All have shape (windows,); `before` is what the plainer model predicts of what was held out.
     """
     sums: Array = np.stack([np.bincount(block, (observed - one) ** 2) for one in (before, after)]).astype(np.float64)
     interval = bootstrap(sums, seed, lambda drawn: 1.0 - drawn[1] / np.maximum(drawn[0], 1e-300))

@@ -143,13 +143,8 @@ def _fit(problem: Parameters, runs: Runs, held: Mask) -> Refit:
 
 
 def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
-    """Value and interval of each group, or why there is none.
-
-    Args:
-        model: The fit to all windows.
-        runs: The windows it was fitted to.
-        block: Block of each window, shape (windows,): residuals of different blocks count as independent.
-    """
+    """Value and interval of each group, or why there is none; residuals of different blocks, shape (windows,), count as
+    independent."""
     fit, beside = model.groups, model.beside
     problem, jacobian = fit.parameters, fit.jacobian
     active = problem.active()

@@ -6,7 +6,7 @@ No string of a recording or robot file goes into a plot, which would read markup
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -39,31 +39,11 @@ Stretch = tuple[float, float]
 """Start and end, s."""
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A run that the time plot can show: the number its traces carry as `meta`, and the stretch to begin with."""
+def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[dict[str, Any]]]:
+    """Recorded against simulated before and after the correction, and the runs to choose from, the worst first.
 
-    number: int
-    name: str
-    start_s: float
-    end_s: float
-    length_s: float
-    low: float  # of the vertical axis
-    high: float
-
-
-@dataclass(frozen=True)
-class Condition:
-    """What is left against one channel, before (the refit) and, where effects were named, after (corrected)."""
-
-    dependence: Dependence
-    effects: tuple[str, ...]  # that the channel shows, by name; empty where none was named
-    before: Markup
-    after: Markup | None
-
-
-def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Shown]]:
-    """Recorded against simulated before and after the correction, and the runs to choose from, the worst first."""
+    Of a run: the number that its traces carry as `meta`, its name and length, where to begin, and the vertical axis.
+    """
     runs, predictions = evidence.runs, evidence.predictions
     squared = (runs.observed - evidence.refit) ** 2
     order = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:_MOST_RUNS].tolist()
@@ -77,8 +57,9 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Sh
         since_s = runs.time_s[here] - runs.time_s[here][0]
         lines = {name: _thinned(everything[name][here]) for name in _LINES if name in everything}
         limits = _limits(np.concatenate(list(lines.values())))
-        ends = _worst_stretch(since_s, squared[here])
-        choices.append(Shown(shown, runs.names[run], *ends, round(float(since_s[-1]), 1), *limits))
+        start_s, end_s = _worst_stretch(since_s, squared[here])
+        about = {"number": shown, "name": runs.names[run], "length_s": round(float(since_s[-1]), 1)}
+        choices.append({**about, "start_s": start_s, "end_s": end_s, "low": limits[0], "high": limits[1]})
         for row in range(1, len(panels) + 1):
             _add_places(figure, _places(analysis, evidence, run), limits, row, shown)
             for name, values in lines.items():
@@ -87,10 +68,10 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Sh
                         x=_thinned(since_s), y=values, name=name, mode="lines", line=_LINES[name], visible=shown == 0,
                         meta=shown, showlegend=row == 1 or name == "corrected", legendgroup=name, row=row, col=1,
                     )  # fmt: skip
-    figure.update_xaxes(range=[choices[0].start_s, choices[0].end_s])
+    figure.update_xaxes(range=[choices[0]["start_s"], choices[0]["end_s"]])
     figure.update_xaxes(title_text="time in the run, s", row=len(panels))
     measured = "power, W" if runs.unit == "W" else "current, A"
-    figure.update_yaxes(title_text=measured, range=[choices[0].low, choices[0].high], fixedrange=True)
+    figure.update_yaxes(title_text=measured, range=[choices[0]["low"], choices[0]["high"]], fixedrange=True)
     return embedded(figure, "time", top=34), choices
 
 
@@ -155,8 +136,12 @@ def _thinned(values: Array) -> NDArray[np.float32]:
     return _rounded(means)
 
 
-def conditions(analysis: Analysis, evidence: Evidence) -> list[Condition]:
-    """What is left against the channel that shows each named effect, or that explains most where none was named."""
+def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
+    """What is left against the channel that shows each named effect, or that explains most where none was named.
+
+    Of a channel: the dependence, the names of the effects that it shows, and the figures before (the refit) and, where
+    effects were named, after (corrected).
+    """
     chosen: dict[int, list[str]] = {}
     for one in analysis.diagnosis.missing_physics:
         index = _telling(one.effect, evidence)
@@ -173,7 +158,8 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[Condition]:
             _condition_figure(residual, dependence, evidence, colour, f"{index}-{name}", pair)
             for residual, colour, name in zip(pair, (_REFIT, _CORRECTED), ("refit", "corrected"), strict=False)
         ]
-        found.append(Condition(dependence, tuple(effects), figures[0], figures[1] if len(figures) == 2 else None))
+        after = figures[1] if len(figures) == 2 else None
+        found.append({"dependence": dependence, "effects": effects, "before": figures[0], "after": after})
     return found
 
 

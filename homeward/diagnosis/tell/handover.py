@@ -143,10 +143,8 @@ def hand_over(
         verdict: What was concluded.
         models: Refit, `determined`, and what is `sayable` of the corrected model.
         arms: What `nominal` (where the file predicts what was recorded) and `refit` predict of what was held out.
-        runs: The runs.
-        fold: What is held out together, shape (windows,).
-        trip: What counts as one trip, for a bootstrap from `seed`, shape (windows,).
-        seed: Of that bootstrap.
+        runs, fold, trip: The runs; what is held out together, and what counts as one trip, shape (windows,) each.
+        seed: Of the bootstrap over trips.
         reason: Why effects that power shows are not in the file, where some are not.
     """
     nominal, (plain, model) = arms.get("nominal"), models

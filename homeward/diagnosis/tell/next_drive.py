@@ -125,14 +125,8 @@ def next_experiment(
 ) -> str | None:
     """The one thing to do next, or None where nothing is open.
 
-    Args:
-        fit: The refit.
-        runs: The recordings at hand.
-        left: What the best model leaves, shape (windows,).
-        estimates: Of each group.
-        named: Each effect with its rivals.
-        unexplained: Where the mismatch sits, if nothing explains it.
-        enough: Whether the recordings are long enough for a test.
+    `left` is what the best model leaves, shape (windows,); each effect that is `named` comes with its rivals; the
+    mismatch sits where it is `unexplained`; and there is `enough` where the recordings are long enough for a test.
     """
     for first, rivals in named:
         if rivals:

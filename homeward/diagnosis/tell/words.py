@@ -45,8 +45,7 @@ def summary(
             why_open=why_open, place=_place(evidence), excess=_excess(evidence),
             shares=[total_share(added, evidence.runs) for added in evidence.contributions],
             refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-            blocks=int(evidence.block.max()) + 1, fewest_blocks=rules.FEWEST_BLOCKS, explains=rules.EXPLAINS,
-            false_alarm=rules.FALSE_ALARM_RATE, usable_energy=USABLE_ENERGY,
+            blocks=int(evidence.block.max()) + 1, usable_energy=USABLE_ENERGY,
         )
     )  # fmt: skip
     return " ".join(text.split())
