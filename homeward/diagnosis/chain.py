@@ -1,7 +1,5 @@
 """The chain from recordings to verdict: check, refit, test what remains, locate, name, model, prove, conclude."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path

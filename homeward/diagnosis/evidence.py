@@ -1,7 +1,5 @@
 """What a verdict rests on, and the diagnosis with it: what the report, the terminal and other tools read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal

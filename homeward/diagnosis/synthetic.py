@@ -1,7 +1,5 @@
 """Synthetic recordings: a robot that drives by the project's own kernel, measured with noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray

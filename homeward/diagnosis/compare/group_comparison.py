@@ -6,8 +6,6 @@ no smaller than the one pooled over all groups. Holm's procedure (Scandinavian J
 pairs and quantities keeps the probability of any false name at 5 %.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A comparison of groups as the terminal and the page show it, and as groups.json."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import plotly.graph_objects as go

@@ -1,7 +1,5 @@
 """From recordings of named groups to a comparison: what each run draws at rest, or what it says of each parameter."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The named effects as the result has them: where each was at work, what it is, and what it may be confused with."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Any

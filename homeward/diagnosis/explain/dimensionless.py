@@ -1,7 +1,5 @@
 """Candidates for an empirical term: what drives the load, times at most two dimensionless groups of the channels."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

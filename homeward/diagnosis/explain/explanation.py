@@ -4,8 +4,6 @@ An effect that needs a schedule has to stand against what was recorded: where th
 a channel, predicts stretches not seen as well, its name would hide a cause that the recording holds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ the catalogue's effects, and its placebos repeat the whole search on channels th
 thousands is only worth something if the best of thousands without a cause does worse.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

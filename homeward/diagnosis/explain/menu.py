@@ -4,8 +4,6 @@ All have the same number of samples, so that none wins by being recorded for lon
 that no channel holds (what is switched on, what is carried, which ground it is), the drive says when.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

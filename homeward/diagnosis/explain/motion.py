@@ -6,8 +6,6 @@ If they predict stretches that they have not seen nearly as well as the schedule
 effect must not be named; nor may effects that channels tell, where the trees explain much more than they do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

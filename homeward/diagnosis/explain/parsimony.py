@@ -5,8 +5,6 @@ the effect is the simpler explanation: models of some numbers of the file, with 
 Bayesian information criterion (Kass & Raftery, 1995). A mass that is off also changes C_rr m, and counts once.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

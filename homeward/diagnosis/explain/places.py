@@ -1,7 +1,5 @@
 """Where a mismatch sits: the values of a channel, in plain words, that hold most of the excess."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

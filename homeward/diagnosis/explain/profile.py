@@ -5,8 +5,6 @@ power that any sensing takes. Each is tried over its whole range and the model f
 others fit as well, intervals span all of them, and what goes with them is known as a product or a sum only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

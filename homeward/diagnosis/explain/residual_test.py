@@ -6,8 +6,6 @@ cluster bootstrap: Cameron, Gelbach & Miller, 2008). The smallest p-value over a
 bootstrap distribution (Westfall & Young, 1993), so looking at many channels does not raise the false alarm rate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

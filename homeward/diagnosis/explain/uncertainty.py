@@ -1,7 +1,5 @@
 """What a fit leaves open: covariance of what was fitted together, products that are known alone, spread of runs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

@@ -1,7 +1,5 @@
 """What no recorded channel tells: power that comes and goes, beyond what the noise of all channels makes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from homeward.diagnosis import rules

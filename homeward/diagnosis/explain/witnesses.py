@@ -7,8 +7,6 @@ loss that grows with the load or in the cold is an effect of the battery. Each i
 must lower the held-out error of its channel, and more than random signs of blocks do (wild cluster bootstrap).
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What the errors of the channels themselves do to a prediction: no physics has to explain as much."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Blocks and folds: stretches of a recording that count as independent, and those that are held out together."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Arms of the comparison: how well each model predicts recordings it has not seen."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -5,8 +5,6 @@ clock of power against that of motion is late, part of a run by part, by what ma
 of power that does not change stays: it is named as any other fault of an instrument.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

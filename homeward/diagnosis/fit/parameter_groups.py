@@ -5,8 +5,6 @@ P_anc, C_rr m / Gamma, c / Gamma and m / Gamma; from motor current the last thre
 current at rest. Losses are therefore kept as the robot file has them and the rest is fitted.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Once the products of columns are summed, a fit costs microseconds, whatever the length of the recordings.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import lsq_linear
 

@@ -1,7 +1,5 @@
 """Checks before any fitting: which runs can be used, and what to know about the rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Spikes of one sample, power that flows back while the robot stands, and readings that are held until the next one.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 

@@ -6,8 +6,6 @@ What is taken for the channel then is its expectation given the recording. A reg
 one on the noisy channel is (regression calibration: Carroll et al., Measurement Error in Nonlinear Models, 2006).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

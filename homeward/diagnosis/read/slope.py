@@ -4,8 +4,6 @@ Elevation is smoothed over distance driven and not over time, so that standing s
 it as closely as its noise allows; it may bend freely where the robot turns back on its way.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from homeward.diagnosis import rules

@@ -1,7 +1,5 @@
 """The corrected robot: fitted groups written back into a robot file, as far as recordings determine them."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

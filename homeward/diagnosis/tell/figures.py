@@ -3,8 +3,6 @@
 No string of a recording or robot file goes into a plot, which would read markup in it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """How the report and the terminal write numbers, formulas and names."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 

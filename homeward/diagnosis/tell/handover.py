@@ -5,8 +5,6 @@ corrected.toml, and that file is replayed on what was held out. What a file cann
 what began once and stays, weather, faults of instruments, and the current at rest, which is added to the replay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar

@@ -7,8 +7,6 @@ Experimental Designs, 1992). Before anything is recorded a candidate is known to
 within a plausible change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

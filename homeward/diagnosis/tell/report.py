@@ -1,7 +1,5 @@
 """What is written to the output folder: diagnosis.json, corrected.toml and a self-contained report.html."""
 
-from __future__ import annotations
-
 import hashlib
 import platform
 import tempfile

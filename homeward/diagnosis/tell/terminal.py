@@ -1,7 +1,5 @@
 """The verdict as the terminal shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from rich.console import Console

@@ -4,8 +4,6 @@ The files beside this one, one for each place where effects enter, say what is p
 not list is tried by the defaults.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

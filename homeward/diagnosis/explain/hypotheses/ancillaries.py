@@ -1,7 +1,5 @@
 """Loads beside the drive: standby, computing, radio, heater, and devices that come and go."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 

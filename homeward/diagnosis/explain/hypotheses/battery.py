@@ -1,7 +1,5 @@
 """Effects on what the battery gives: resistance, capacity lost at high power, by age and in the cold, and starts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Effects on what the drive takes: turning, regeneration, losses of the windings, and motors that warm up."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

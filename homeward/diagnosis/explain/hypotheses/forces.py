@@ -1,7 +1,5 @@
 """Effects on the force at the wheels: inertia, friction that grows with speed, wind, ground, load, slope and slip."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

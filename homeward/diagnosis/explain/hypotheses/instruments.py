@@ -1,7 +1,5 @@
 """Faults of instruments: a power reading that is shifted, scaled or late, and odometers that disagree."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ up. What comes faster is averaged around each tick, halfway to its neighbours; w
 linear in between. Nothing is carried across a gap: there the value is missing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import make_interp_spline
 

@@ -1,7 +1,5 @@
 """Opening bags: ROS 1 files, ROS 2 folders and files (sqlite3, MCAP), whole or damaged."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Collection, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is a bag, by its name, and the files it consists of."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 
