@@ -93,29 +93,36 @@ def analyse(
     with threadpool_limits(1):  # the threads of many small products wait for each other busily
         evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
-    named = evidence.naming.named
-    model = sayable(evidence.plain, evidence.corrected, named, evidence.runs, evidence.block)
+    runs, named, refitted = evidence.runs, evidence.naming.named, evidence.fitted
+    model = sayable(evidence.plain, evidence.corrected, named, runs, evidence.block)
     handover = hand_over(
-        robot, verdict, (evidence.plain, model), evidence.predictions, evidence.runs, evidence.fold, evidence.trip,
-        seed, unsaid(named),
+        robot, verdict, (evidence.plain, model), evidence.predictions, runs, evidence.fold, evidence.trip, seed,
+        unsaid(named),
     )  # fmt: skip
-    evidence, fit = _with_file(evidence, fit, handover.held_out, seed)
-    found = (
-        ()
-        if evidence.corrected is None
-        else missing_physics(evidence.corrected, evidence.naming.named, evidence.runs, _drives(evidence))
-    )
-    found = (*found, *(witnessed(one, evidence.runs) for one in evidence.witnessed))
+    if handover.held_out is not None:
+        evidence, fit = _with_arm(evidence, fit, handover.held_out, seed)
+    found = tuple(witnessed(one, runs) for one in evidence.witnessed)
+    if evidence.corrected is not None:
+        drives = [to_tell_apart(refitted, runs, evidence.left, one.term, one.rivals) for one in named]
+        found = (*missing_physics(evidence.corrected, named, runs, drives), *found)
     corrected, handed = handover.robot, handover.handed
     for one in evidence.witnessed:
         corrected = with_effects_of(corrected, one.in_file)
     if any(one.in_file for one in evidence.witnessed):
-        handed = dataclasses.replace(
-            handed, why=f"{handed.why}; beside that it holds what voltage or gauge show of the battery"
-        )
+        why = f"{handed.why}; beside that it holds what voltage or gauge show of the battery"
+        handed = dataclasses.replace(handed, why=why)
     if evidence.capacity is not None and evidence.capacity.off and verdict != "unknown_physics":
         corrected = of_capacity(corrected, evidence.capacity.fitted_j / evidence.capacity.assumed_j)
     where = evidence.location.places if evidence.location is not None else ()
+    nominal = evidence.predictions.get("nominal")
+    reach = None
+    if nominal is not None and handover.replayed is not None:
+        reach = recorded_range((robot, corrected), (nominal, handover.replayed), runs, seed)
+    of_range = runs.unit == "W" and verdict != "unknown_physics"
+    advice = next_experiment(
+        refitted, runs, evidence.left, evidence.estimates, [(one.term, one.rivals) for one in named],
+        evidence.location, enough=int(evidence.block.max()) + 1 >= rules.FEWEST_BLOCKS,
+    )  # fmt: skip
     diagnosis = Diagnosis(
         robot.name,
         infos,
@@ -128,36 +135,12 @@ def analyse(
         fit=fit,
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
-        range=None
-        if evidence.nominal is None or handover.replayed is None
-        else recorded_range((robot, corrected), (evidence.nominal, handover.replayed), evidence.runs, seed),
-        range_change_m=None
-        if evidence.runs.unit == "A" or verdict == "unknown_physics"
-        else range_change(robot, corrected),
+        range=reach,
+        range_change_m=range_change(robot, corrected) if of_range else None,
         file=handed,
-        next_experiment=_next(evidence),
+        next_experiment=advice,
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
-
-
-def _drives(evidence: Evidence) -> list[str]:
-    """For each named effect the drive that would tell it from its rivals."""
-    return [
-        to_tell_apart(evidence.fitted, evidence.runs, evidence.left, one.term, one.rivals)
-        for one in evidence.naming.named
-    ]
-
-
-def _next(evidence: Evidence) -> str | None:
-    return next_experiment(
-        evidence.fitted,
-        evidence.runs,
-        evidence.left,
-        evidence.estimates,
-        [(one.term, one.rivals) for one in evidence.naming.named],
-        evidence.location,
-        enough=int(evidence.block.max()) + 1 >= rules.FEWEST_BLOCKS,
-    )
 
 
 def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evidence, Fit]:
@@ -166,8 +149,6 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     blocks = independent_blocks(fitted, runs)
     block = blocks.channels
     fold, held_out_by = cut_folds(runs, block)
-    problem = fitted.parameters
-    nominal = problem.predict(runs, problem.start) if problem.current_known else None
     enough = int(block.max()) + 1 >= rules.FEWEST_BLOCKS
     progress("testing what remains")
     found = dependences(fitted, runs, blocks, fold, seed) if enough else []
@@ -186,7 +167,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     )
     corrected = None if left_open is None else left_open.spanning
     last = plain if corrected is None else corrected
-    predicted = _predictions(fitted, corrected, told.empirical, nominal, runs, fold, seed)
+    predicted = _predictions(fitted, corrected, told.empirical, runs, fold, seed)
     known = _known(named, last, runs, block)
     together: tuple[Product, ...] = ()
     if corrected is not None and left_open is not None:
@@ -245,26 +226,19 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple
     return tuple(known)
 
 
-def _with_file(evidence: Evidence, fit: Fit, predicted: Array | None, seed: int) -> tuple[Evidence, Fit]:
+def _with_arm(evidence: Evidence, fit: Fit, predicted: Array, seed: int) -> tuple[Evidence, Fit]:
     """Evidence and arms with what the file that is handed over predicts."""
-    if predicted is None:
-        return evidence, fit
     arm = score(predicted, evidence.runs, evidence.block, evidence.fold, evidence.held_out_by, seed)
     evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": predicted})
     return evidence, dataclasses.replace(fit, arms={**fit.arms, "file": arm})
 
 
 def _predictions(
-    fitted: Refit,
-    corrected: Corrected | None,
-    empirical: Empirical | None,
-    nominal: Array | None,
-    runs: Runs,
-    fold: Index,
-    seed: int,
+    fitted: Refit, corrected: Corrected | None, empirical: Empirical | None, runs: Runs, fold: Index, seed: int
 ) -> dict[str, Array]:
     """What each arm predicts of windows that it has not seen."""
-    arms: dict[str, Array] = {} if nominal is None else {"nominal": nominal}
+    problem = fitted.parameters
+    arms = {"nominal": problem.predict(runs, problem.start)} if problem.current_known else {}
     arms["refit"] = held_out(lambda chosen: fitted.fitted_to(chosen, runs.observed).replayed(runs), fold)
     rng = np.random.default_rng(seed)
 
@@ -296,13 +270,15 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
         return "unknown_physics", off
     if all(one.fitted is None for one in evidence.estimates):
         return "not_testable", ()
-    if evidence.nominal is None:
+    nominal, refitted = evidence.predictions.get("nominal"), evidence.predictions["refit"]
+    if nominal is None:
         return "no_mismatch", ()
-    observed, block = evidence.runs.observed, evidence.block
-    missed, left = (float(np.mean((observed - one) ** 2)) for one in (evidence.nominal, evidence.refit))
+    observed = evidence.runs.observed
+    missed, left = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
     # Less than the meter's own error of scale, or than is asked of an effect, is no parameter that is off.
     least = max(rules.SMALLEST_GAIN * missed, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
-    if better(evidence.refit, evidence.nominal, observed, block) > rules.FALSE_ALARM_RATE or missed - left < least:
+    p_value = better(refitted, nominal, observed, evidence.block)
+    if p_value > rules.FALSE_ALARM_RATE or missed - left < least:
         other_capacity = capacity is not None and capacity.off
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
     if any(one.status == "at bound" for one in evidence.estimates):

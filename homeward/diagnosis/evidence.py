@@ -86,16 +86,6 @@ class Evidence:
         model = self.fitted if self.corrected is None else self.corrected
         return self.runs.observed - model.predicted
 
-    @property
-    def nominal(self) -> Array | None:
-        """What the robot file predicts."""
-        return self.predictions.get("nominal")
-
-    @property
-    def refit(self) -> Array:
-        """What the refit predicts of what it has not seen."""
-        return self.predictions["refit"]
-
 
 @dataclass(frozen=True)
 class Analysis:

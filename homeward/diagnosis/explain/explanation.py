@@ -70,12 +70,12 @@ def explain(
             if in_time and untold(fit, runs):
                 return Explanation(naming, locate(in_time[0], runs), None)
             return Explanation(ask.instead_of_parameters(naming), None, None)
-        if ask.much_is_left():
+        if is_much(fit, runs):
             location = locate(most, runs)  # where most of what motion tells shows
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and most.channel.name != "time_s"
     if location is not None and (not naming.named or scheduled):
-        empirical = ask.formula()
+        empirical = propose(fit, runs, block, fold, seed)
     if naming.named and empirical is not None:
         if empirical.held_out_gain > naming.named[0].held_out_gain:
             # A recorded channel says better when it happens than a schedule, which is for causes that none records.
@@ -85,7 +85,7 @@ def explain(
     left = None if naming.corrected is None else ask.left(naming.corrected)
     if left is not None and most.found and _of_another_channel(naming, left, most):
         naming, left = naming.nothing_named(), None
-        empirical = ask.formula()
+        empirical = propose(fit, runs, block, fold, seed)
     return Explanation(naming, location, empirical, left)
 
 
@@ -110,10 +110,6 @@ class _Question:
         """What is named."""
         return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, schedules)
 
-    def formula(self) -> Empirical | None:
-        """The formula that the mismatch follows."""
-        return propose(self.fit, self.runs, self.block, self.by_run, self.seed)
-
     def by_motion(self) -> float:
         """Share of what the refit leaves that motion tells."""
         return motion_gain(self.fit, self.runs, self.fold, self.seed)
@@ -121,10 +117,6 @@ class _Question:
     def by(self, naming: Naming) -> float:
         """Share of it that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
-
-    def much_is_left(self) -> bool:
-        """Whether the refit leaves much."""
-        return is_much(self.runs.observed - self.fit.predicted, self.runs)
 
     def left(self, corrected: Corrected) -> Left | None:
         """What the corrected model leaves, by the test that the refit was put to."""
@@ -140,7 +132,7 @@ class _Question:
 
         That is asked where the refit takes up all that is missing.
         """
-        taken_up = not self.much_is_left() or times_noise(self.fit, self.runs) <= 1.0
+        taken_up = not is_much(self.fit, self.runs) or times_noise(self.fit, self.runs) <= 1.0
         held = needless(self.fit, self.runs) if taken_up else None
         if held is None:
             return naming

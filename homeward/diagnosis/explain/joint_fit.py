@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import t as student
@@ -18,7 +19,6 @@ from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Value
-from homeward.physics import Robot
 
 _ITERATIONS = 6
 _PASSES = 3  # of fitting to loads that depend on what is fitted
@@ -47,18 +47,21 @@ class Model:
     terms: tuple[Term, ...]
     unknowns: tuple[Unknown, ...]
 
-    def within_bounds(self, values: Array) -> Array:
-        """The nearest values that the unknowns may have."""
-        bounds = np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2)
-        return np.clip(values, bounds[:, 0], bounds[:, 1])
+    @cached_property
+    def bounds(self) -> Array:
+        """Least and largest value of each unknown, shape (2, unknowns)."""
+        return np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2).T
+
+    def of(self, index: int) -> list[int]:
+        """Which of the unknowns are those of a term."""
+        return [at for at, one in enumerate(self.unknowns) if one.term == index]
 
     def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
         """What the model predicts, (windows,), by parameters and a value per unknown, without a term if told so."""
         added = np.zeros(len(runs.observed))
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
-                sizes = [value for one, value in zip(self.unknowns, values, strict=True) if one.term == index]
-                added += term.columns @ np.array(sizes)
+                added += term.columns @ values[self.of(index)]
         return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
 
     def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
@@ -66,8 +69,7 @@ class Model:
         found = WithEffects()
         for index, term in enumerate(self.terms):
             if not term.linear and index != leave_out:
-                pairs = zip(self.unknowns, values, strict=True)
-                mine = {one.parameter: float(value) for one, value in pairs if one.term == index}
+                mine = {self.unknowns[at].parameter: float(values[at]) for at in self.of(index)}
                 found = term.hypothesis.within(term.hypothesis, found, {**term.shape, **mine}, runs)
         return found
 
@@ -92,11 +94,6 @@ class Corrected:
     def theta(self) -> Array:
         """Values of the parameters, shape (5,)."""
         return self.groups.theta
-
-    @property
-    def robot(self) -> Robot:
-        """The robot with these parameters, without effects."""
-        return self.groups.robot
 
     @property
     def predicted(self) -> Array:
@@ -135,22 +132,21 @@ class Corrected:
 
         An effect whose other parameters were fitted too is left to other proof: its size may trade against them.
         """
-        for index in range(len(self.model.terms)):
-            mine = [(one, ci) for one, ci in zip(self.model.unknowns, self.ci95, strict=True) if one.term == index]
-            if all(one.column is not None and ci[0] <= 0.0 <= ci[1] for one, ci in mine):
-                return False
-        bounds = np.array([(one.low, one.high) for one in self.model.unknowns if one.column is not None])
-        sizes = np.array([v for one, v in zip(self.model.unknowns, self.values, strict=True) if one.column is not None])
-        return bool(((sizes < bounds[:, 1]) & ((sizes > bounds[:, 0]) | (bounds[:, 0] == 0.0))).all())
+        sized = [at for at, one in enumerate(self.model.unknowns) if one.column is not None]
+        perhaps_none = [at for at in sized if self.ci95[at][0] <= 0.0 <= self.ci95[at][1]]
+        if any({*self.model.of(index)} <= {*perhaps_none} for index in range(len(self.model.terms))):
+            return False
+        (low, high), sizes = self.model.bounds[:, sized], self.values[sized]
+        return bool(((sizes < high) & ((sizes > low) | (low == 0.0))).all())
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""
         term = self.model.terms[index]
         found: dict[str, Value] = {}
-        for one, value, interval in zip(self.model.unknowns, self.values.tolist(), self.ci95, strict=True):
-            if one.term == index:
-                share = self.share(one)
-                found[one.parameter] = Value(share * value, (share * interval[0], share * interval[1]), one.unit)
+        share = self.share(index)
+        for at in self.model.of(index):
+            one, (low, high) = self.model.unknowns[at], self.ci95[at]
+            found[one.parameter] = Value(share * float(self.values[at]), (share * low, share * high), one.unit)
         for other in term.hypothesis.entry.parameters:
             if other.name in term.spread:
                 found[other.name] = Value(term.shape[other.name], term.spread[other.name], other.unit)
@@ -158,12 +154,11 @@ class Corrected:
 
     def sizes(self, index: int) -> Array:
         """Fitted sizes of one named effect, shape (sizes,)."""
-        found = [v for one, v in zip(self.model.unknowns, self.values, strict=True) if one.term == index]
-        return np.array(found)
+        return self.values[self.model.of(index)]
 
-    def share(self, one: Unknown) -> float:
-        """Factor from a fitted size to one of the robot's, a share of the rolling resistance fitted with it."""
-        of_kg = self.model.terms[one.term].of_rolling_kg
+    def share(self, index: int) -> float:
+        """Factor from the fitted sizes of an effect to the robot's, shares of the rolling resistance fitted with it."""
+        of_kg = self.model.terms[index].of_rolling_kg
         return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
 
 
@@ -318,11 +313,11 @@ def _stepped(at: Refit, model: Model, values: Array, jacobian: Array, residual: 
     """Best physical step from a fit and values, and the parameters and values after it."""
     step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, *_bounds(at, model, values))
     groups = len(model.parameters.active())
-    return step, at.moved(step[:groups]), model.within_bounds(values + step[groups:])
+    return step, at.moved(step[:groups]), np.clip(values + step[groups:], *model.bounds)
 
 
 def _bounds(at: Refit, model: Model, values: Array) -> tuple[Array, Array]:
     """Least and largest physical step of the groups (in units of `scale`) and of the unknowns."""
     low, high = at.freedom()
-    least, most = np.array([(one.low, one.high) for one in model.unknowns]).reshape(-1, 2).T
+    least, most = model.bounds
     return np.concatenate([low, least - values - 1e-12]), np.concatenate([high, most - values + 1e-12])

@@ -22,7 +22,7 @@ import numpy as np
 
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of
+from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of, per_block
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
@@ -266,11 +266,9 @@ class Bench:
     def _best_of_noise(self, independent: float, rng: np.random.Generator) -> Array:
         """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
         splits, everything = self._by_block, self._by_block[0].columns
-        blocks = int(self.block.max()) + 1
-        moments = np.zeros((blocks, everything.shape[1] - 1))
-        np.add.at(moments, self.block, everything[:, :-1] * self.target[:, None])
-        signs = rng.choice([-1.0, 1.0], (_DRAWS, blocks))
-        held = np.arange(blocks) % FOLDS == np.arange(FOLDS)[:, None]
+        moments = per_block(everything[:, :-1] * self.target[:, None], self.block)
+        signs = rng.choice([-1.0, 1.0], (_DRAWS, len(moments)))
+        held = np.arange(len(moments)) % FOLDS == np.arange(FOLDS)[:, None]
         tested = [signs[:, one] @ moments[one] for one in held]
         fitted = [signs[:, ~one] @ moments[~one] for one in held]
 

@@ -16,7 +16,7 @@ from scipy.stats import rankdata
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.fitted import Fitted
-from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.folds import cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
@@ -198,7 +198,7 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
             # Only what the refit cannot take up itself is left to say anything.
             slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
             looks = (
-                _Look(_per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
+                _Look(per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
                 for one in (bins, slope)
             )
             yield _Candidate(channel, scaled, weight, values, number, tuple(looks))
@@ -216,8 +216,8 @@ def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator
         chosen = np.zeros((len(sets), len(run_of_block)))
         for row, (_, part) in enumerate(sets):
             chosen[row, part] = 1.0
-        sums = _per_block((weight * residual)[:, None], block) * chosen.T
-        columns = chosen @ _per_block(weight[:, None] * fit.jacobian, block)
+        sums = per_block((weight * residual)[:, None], block) * chosen.T
+        columns = chosen @ per_block(weight[:, None] * fit.jacobian, block)
         look = _Look(sums, columns, np.array([run for run, _ in sets], dtype=np.intp))
         yield _Candidate(_TIME, scaled, weight, runs.time_s, _stretches(look, chosen, runs.run, block), (look,))
 
@@ -273,13 +273,6 @@ def _indicators(number: Index, weight: Array | float = 1.0) -> Array:
     return np.asarray((number[:, None] == np.arange(number.max() + 1)) * np.reshape(weight, (-1, 1)), np.float64)
 
 
-def _per_block(values: Array, block: Index) -> Array:
-    """Sums of columns over blocks, shape (blocks, columns)."""
-    sums = np.zeros((int(block.max()) + 1, values.shape[1]))
-    np.add.at(sums, block, values)
-    return sums
-
-
 def _studentised(draws: Array, sums: Array) -> Array:
     """Squared sums over their variance over blocks."""
     spread = np.sqrt((sums**2).sum(axis=0))
@@ -294,7 +287,7 @@ def _family_p_values(
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
     signs[0] = 1.0  # what was recorded
     bread = np.linalg.pinv(fit.jacobian.T @ fit.jacobian, rcond=1e-12)
-    scores = _per_block(fit.jacobian * residual[:, None], block)
+    scores = per_block(fit.jacobian * residual[:, None], block)
     refitted = (signs @ scores) @ bread  # (draws, groups): what the refit would take up of each draw
     single = np.array([
         np.min([_p_values(signs, refitted, look) for look in looks], axis=0) for looks in candidates

@@ -87,7 +87,7 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     first = len(kept.names) - len(model.model.unknowns)
     found = []
     for index, term in enumerate(model.model.terms):
-        mine = [first + at for at, one in enumerate(model.model.unknowns) if one.term == index]
+        mine = [first + at for at in model.model.of(index)]
         pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > rules.ENTWINED]
         if not pairs or term.hypothesis.of_the_day:
             continue

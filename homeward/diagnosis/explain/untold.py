@@ -40,17 +40,13 @@ def lasts(left: Array, runs: Runs) -> bool:
 
 def untold(fit: Fitted, runs: Runs) -> bool:
     """Whether a fit leaves what no channel tells, though all were recorded: much of it, lasting, and no noise."""
+    goes_on = is_much(fit, runs) and lasts(runs.observed - fit.predicted, runs)
+    return goes_on and not unrecorded(runs) and times_noise(fit, runs) > rules.BEYOND_NOISE
+
+
+def is_much(fit: Fitted, runs: Runs) -> bool:
+    """Whether what a fit leaves is more than a meter and a few per cent of forms account for."""
     left = runs.observed - fit.predicted
-    return (
-        is_much(left, runs)
-        and lasts(left, runs)
-        and not unrecorded(runs)
-        and times_noise(fit, runs) > rules.BEYOND_NOISE
-    )
-
-
-def is_much(left: Array, runs: Runs) -> bool:
-    """Whether what a model leaves, shape (windows,), is more than a meter and a few per cent of forms account for."""
     return float(left @ left) >= rules.MATTERS**2 * float(runs.observed @ runs.observed)
 
 

@@ -21,6 +21,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypotheses import CATALOGUE, battery, instruments
 from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term
 from homeward.diagnosis.explain.proof import FOLDS
+from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.held_out import evidence, gain, held_out
 from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Refit, standard_errors
@@ -125,8 +126,7 @@ class _Channel:
     def _p_value(self, base: Array, added: Array, tried: Array) -> float:
         """How often random signs of blocks make some column tried explain as much as the best of those added."""
         left, own = (one - base @ _fit(base, one) for one in (self.target, tried))
-        sums = np.zeros((int(self.block.max()) + 1, own.shape[1]))
-        np.add.at(sums, self.block, own * left[:, None])
+        sums = per_block(own * left[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
         sums = sums[:, spread > 0.0] / spread[spread > 0.0]
         signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], (_DRAWS, len(sums)))

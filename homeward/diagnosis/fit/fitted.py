@@ -10,7 +10,6 @@ from homeward.diagnosis.fit.parameter_groups import Parameters
 from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Mask
-from homeward.physics import Robot
 
 if TYPE_CHECKING:
     from homeward.diagnosis.fit.refit import Refit
@@ -27,8 +26,6 @@ class Fitted(Protocol):
     def beside(self) -> Array: ...  # (windows, sizes), derivative of the prediction by the sizes of effects
     @property
     def theta(self) -> Array: ...  # (5,), values of the parameters
-    @property
-    def robot(self) -> Robot: ...  # with these parameters, without effects
     @property
     def predicted(self) -> Array: ...  # (windows,), for the windows it was fitted to
     @property

@@ -105,6 +105,13 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
     return block
 
 
+def per_block(values: Array, block: Index) -> Array:
+    """Sums of columns over blocks, shape (blocks, columns)."""
+    sums = np.zeros((int(block.max()) + 1, values.shape[1]))
+    np.add.at(sums, block, values)
+    return sums
+
+
 def cut_stretches(run: Index) -> Index:
     """Number within its run of the stretch of a few windows that each window lies in, shape (windows,)."""
     first = np.searchsorted(run, run)

@@ -17,6 +17,7 @@ from scipy.stats import t as student
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.doubt import reliability
 from homeward.diagnosis.fit.fitted import Fitted, excited
+from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
@@ -210,8 +211,6 @@ def covariance(jacobian: Array, residual: Array, block: Index) -> Array:
     if count == 0:
         return np.zeros((0, 0))
     bread = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
-    scores = np.zeros((blocks, count))
-    np.add.at(scores, block, jacobian * residual[:, None])
-    n = len(residual)
+    scores, n = per_block(jacobian * residual[:, None], block), len(residual)
     small_sample = blocks / max(blocks - 1, 1) * (n - 1) / max(n - count, 1)
     return np.asarray(small_sample * bread @ (scores.T @ scores) @ bread)

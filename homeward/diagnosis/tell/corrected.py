@@ -80,7 +80,7 @@ def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Arr
     term = model.model.terms[index]
     switch = term.hypothesis.entry.switch
     assert term.at_work is not None
-    share = next(model.share(one) for one in model.model.unknowns if one.term == index)
+    share = model.share(index)
     rolls = 1.0 + np.clip(term.at_work @ model.sizes(index) * share, switch.low, switch.high)
     driven = np.abs(runs.context["speed_mps"]) > 0.0
     ends = (0.0, 1.0) if term.schedule is not None else _ENDS

@@ -43,7 +43,7 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[di
     Of a run: the number that its traces carry as `meta`, its name and length, where to begin, and the vertical axis.
     """
     runs, predictions = evidence.runs, evidence.predictions
-    squared = (runs.observed - evidence.refit) ** 2
+    squared = (runs.observed - evidence.predictions["refit"]) ** 2
     order = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:_MOST_RUNS].tolist()
     panels = ["before: robot file and refit", "after: corrected"] if "corrected" in predictions else [""]
     figure = make_subplots(

@@ -53,7 +53,10 @@ def summary(
 
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Tells]:
     """What was not recorded, where the best model leaves much that lasts; nothing where all was."""
-    best, model = fit.arms.get("corrected", fit.arms["refit"]), evidence.predictions.get("corrected", evidence.refit)
+    best, model = (
+        fit.arms.get("corrected", fit.arms["refit"]),
+        evidence.predictions.get("corrected", evidence.predictions["refit"]),
+    )
     lacks = evidence.naming.unrecorded
     if best.r2 is None or (best.r2 > rules.EXPLAINS and not lacks):
         return []
@@ -66,7 +69,7 @@ def _excess(evidence: Evidence) -> float | None:
         return float(evidence.remains.location.excess[evidence.remains.location.inside].mean())
     if evidence.location is None:
         return None
-    inside, error = evidence.location.inside, evidence.runs.observed - evidence.refit
+    inside, error = evidence.location.inside, evidence.runs.observed - evidence.predictions["refit"]
     return float(error[inside].mean()) - (float(error[~inside].mean()) if (~inside).any() else 0.0)
 
 
