@@ -68,30 +68,6 @@ def clearly_apart(schedule: Schedule | None) -> bool:
     return schedule is not None and schedule.apart > _CLEARLY_APART
 
 
-def in_time(
-    shape: Array, residual: Array, runs: Runs, *, signed: bool, shares: Sequence[float] = SHARES
-) -> list[Schedule]:
-    """Find when the size of a shape changes within or between runs: schedules of few changes to many.
-
-    How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
-    The size multiplies `shape`, (windows,), of a `residual` of the same shape. Unless `signed`, the lowest size counts
-    as none. `shares` of the squared residual must be explained by a change, the largest first.
-    """
-    parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
-    return _schedules("time", shape, residual, parts, min(len(residual) // _SHORTEST, _MOST_BLOCKS), signed,
-                      shares)  # fmt: skip
-
-
-def by_place(
-    shape: Array, residual: Array, runs: Runs, *, signed: bool, shares: Sequence[float] = SHARES
-) -> list[Schedule]:
-    """Find where along the way from base the size of a shape changes; nothing where no place is met twice."""
-    place_m = place_of(runs)
-    if place_m is None:
-        return []
-    return _schedules("place", shape, residual, [np.argsort(place_m, kind="stable")], _PLACES, signed, shares)
-
-
 def profiles(runs: Runs) -> list[Array]:
     """Hats along the way from base, coarse ones to fine, shape (windows, hats) each: of an unknown smooth profile."""
     place_m = place_of(runs)
@@ -135,11 +111,22 @@ def place_of(runs: Runs) -> Array | None:
     return place_m if extent_m > 0.0 and driven_m >= _PASSES * extent_m else None
 
 
-def _schedules(
-    axis: Axis, shape: Array, residual: Array, parts: Sequence[Index], blocks: int, signed: bool,
-    shares: Sequence[float],
-) -> list[Schedule]:  # fmt: skip
-    """Search the windows of each part, in its order, with ever smaller penalties."""
+def search(
+    axis: Axis, shape: Array, residual: Array, runs: Runs, signed: bool, shares: Sequence[float] = SHARES
+) -> list[Schedule]:
+    """Find when, or where on the way from base, the size of a shape changes: schedules of few changes to many.
+
+    How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
+    The size multiplies `shape`, (windows,), of a `residual` of the same shape. Unless `signed`, the lowest size counts
+    as none. A change must explain such `shares` of the squared residual, the largest first. By place nothing is found
+    where no place is met twice.
+    """
+    if axis == "time":
+        parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
+        blocks = min(len(residual) // _SHORTEST, _MOST_BLOCKS)
+    else:
+        place_m, blocks = place_of(runs), _PLACES
+        parts = [] if place_m is None else [np.argsort(place_m, kind="stable")]
     whole, weight = float(residual @ residual), float(shape @ shape)
     if whole == 0.0 or weight == 0.0:
         return []

@@ -337,8 +337,7 @@ class Hypothesis:
         Others have the level of those before them. A unit of its size adds `load`, shape (windows,), where it is at
         work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        find = change_points.in_time if axis == "time" else change_points.by_place
-        found = find(load * told, residual * told, runs, signed=self.signed, shares=shares)
+        found = change_points.search(axis, load * told, residual * told, runs, self.signed, shares)
         # What begins once was not there before, however long it lasts.
         return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
 

@@ -181,13 +181,15 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     if not bench.candidates:
         return
     shares = np.array([bench.share(index) for index in range(len(bench.candidates))])
-    likely = max(_best_forms(bench, np.argsort(-shares, kind="stable")), key=bench.delta_bic)
+    most = _best_forms(bench, np.argsort(-shares, kind="stable"))
+    likely = max(most, key=bench.delta_bic)
     independent = bench.independent(likely)  # the same for all, so that shares decide
     alone = np.array([bench.score(share, independent, index) for index, share in enumerate(shares.tolist())])
     order = _best_forms(bench, np.argsort(-alone, kind="stable"))
     best = float(alone[order[0]])
     pair: tuple[int, ...] = (order[0],)
-    for one, other in combinations(_worth_pairing(bench, order, shares), 2):
+    # The best for their freedom, then those that explain most: half of a pair may be worth little alone.
+    for one, other in combinations(dict.fromkeys([*order[:_PAIRED], *most[:_PAIRED]]), 2):
         if bench.candidates[one].effect != bench.candidates[other].effect:
             both = bench.score(bench.share(one, other), independent, one, other)
             if both > best + rules.MUST_PAY:
@@ -218,21 +220,13 @@ def _best_forms(bench: Bench, order: Index) -> list[int]:
     return list(first.values())
 
 
-def _worth_pairing(bench: Bench, order: list[int], shares: Array) -> list[int]:
-    """The best for their freedom, then those that explain most: half of a pair may be worth little alone."""
-    most = _best_forms(bench, np.argsort(-shares, kind="stable"))
-    return list(dict.fromkeys([*order[:_PAIRED], *most[:_PAIRED]]))
-
-
 def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     """Prefer a cause that a recorded channel tells to a schedule that explains little more.
 
     A level per stretch follows whatever comes and goes, so it fits at least as well as the cause itself.
     """
-    if bench.candidates[chosen].axis == "steady":
-        return chosen
     steady = [index for index, term in enumerate(bench.candidates) if term.axis == "steady"]
-    if not steady:
+    if bench.candidates[chosen].axis == "steady" or not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
     return best if shares[best] >= rules.TOLD_BY_A_CHANNEL * shares[chosen] else chosen
