@@ -15,10 +15,9 @@ from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.naming import Naming, shifted_in_time
-from homeward.diagnosis.explain.profile import profiled
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
-from homeward.diagnosis.explain.uncertainty import joint, products, recorded_range, spread
+from homeward.diagnosis.explain.uncertainty import joint, products, profiled, recorded_range, spread
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import correlation_windows, cut_folds

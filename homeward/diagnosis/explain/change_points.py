@@ -54,8 +54,7 @@ class Schedule:
 
     def at_work(self) -> Array:
         """Whether each level beyond 0 is at work, shape (windows, levels - 1)."""
-        at_work: Array = (self.level[:, None] == np.arange(1, self.levels)).astype(np.float64)
-        return at_work
+        return np.asarray((self.level[:, None] == np.arange(1, self.levels)).astype(np.float64))
 
     def from_the_first(self) -> Schedule:
         """The same with levels counted from that of the first window."""

@@ -30,8 +30,7 @@ class Library:
 
     def columns(self, chosen: Sequence[int]) -> Array:
         """Values of some candidates, shape (windows, chosen)."""
-        columns: Array = self.parts[:, self.places[np.array(chosen, np.intp)]].prod(axis=2)
-        return columns
+        return np.asarray(self.parts[:, self.places[np.array(chosen, np.intp)]].prod(axis=2))
 
     def products(self, parts: Array, known: Array) -> tuple[Array, Array]:
         """Squares of all candidates, shape (candidates,), and products with known columns, (candidates, columns).
@@ -182,5 +181,4 @@ def _largest(values: Array) -> float:
 
 def _time_in_run(runs: Runs) -> Array:
     first = np.array([runs.time_s[runs.run == run][0] for run in range(len(runs.signals))])
-    elapsed: Array = np.maximum(runs.time_s - first[runs.run], 0.0)
-    return elapsed
+    return np.asarray(np.maximum(runs.time_s - first[runs.run], 0.0))

@@ -135,8 +135,7 @@ class Search:
             (known[one].T @ known[one], *self.library.products(parts[thin][one], known[one])) for one in folds
         ])  # fmt: skip
         effective = max(len(residual) / (self.memory or noise_of(residual, self.runs.run).memory), 2.0)
-        scores: Array = effective * np.log(without / with_it) - np.log(effective) - self.library.cost
-        return scores
+        return np.asarray(effective * np.log(without / with_it) - np.log(effective) - self.library.cost)
 
     def held_out(self, present: Sequence[int]) -> Array:
         """Held-out predictions of the refit with these terms, within the bounds of what is physical."""

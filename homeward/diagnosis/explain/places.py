@@ -138,8 +138,7 @@ def _when(start_s: float, end_s: float, runs: Runs, here: Mask) -> str:
 def at_work(contribution: Array) -> Mask:
     """When an effect adds a good part of its usual peak, shape (windows,)."""
     size = np.abs(contribution)
-    working: Mask = size > _AT_WORK * float(np.quantile(size, 0.99))
-    return working
+    return np.asarray(size > _AT_WORK * float(np.quantile(size, 0.99)))
 
 
 def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Mask | None = None) -> tuple[Place, ...]:

@@ -22,8 +22,8 @@ import numpy as np
 
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Setting, Term
+from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of, per_block
-from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
 
@@ -221,8 +221,7 @@ class Bench:
         """What these hypotheses leave of the target, shape (windows,)."""
         columns = self._chosen(self._whole, chosen)
         weights = self._weights(self._whole, columns, chosen)
-        left: Array = self.target - self._whole.columns[:, columns] @ weights
-        return left
+        return np.asarray(self.target - self._whole.columns[:, columns] @ weights)
 
     def absorbed(self) -> dict[str, float]:
         """Share of each effect that the refit takes up: of several forms, the one that shows most counts."""

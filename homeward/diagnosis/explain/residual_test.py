@@ -230,8 +230,7 @@ def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
         largest = max(np.flatnonzero(look.family == one), key=lambda index: departure[index])
         if departure[largest] >= _CUT_AT:
             cut += (chosen[largest] > 0.0)[block]
-    number: Index = np.unique(2 * run + cut, return_inverse=True)[1]
-    return number
+    return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
 
 
 def _binned(runs: Runs) -> Iterator[tuple[Channel, Array, Index]]:
@@ -276,8 +275,7 @@ def _indicators(number: Index, weight: Array | float = 1.0) -> Array:
 def _studentised(draws: Array, sums: Array) -> Array:
     """Squared sums over their variance over blocks."""
     spread = np.sqrt((sums**2).sum(axis=0))
-    squared: Array = (draws / np.where(spread > 0.0, spread, np.inf)) ** 2
-    return squared
+    return np.asarray((draws / np.where(spread > 0.0, spread, np.inf)) ** 2)
 
 
 def _family_p_values(

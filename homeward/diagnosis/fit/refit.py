@@ -74,8 +74,7 @@ class Refit:
         problem, active = self.parameters, self.parameters.active()
         theta, scale = self.theta[active], 1e-9 * self.parameters.scale[active]
         low, high = problem.low[active], problem.high[active]
-        at_bound: Mask = (theta >= high - scale) | ((theta <= low + scale) & (low > 0.0))
-        return at_bound
+        return np.asarray((theta >= high - scale) | ((theta <= low + scale) & (low > 0.0)))
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest step from theta that is physical, in units of `scale`, each of shape (groups,)."""
@@ -201,8 +200,7 @@ def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tupl
 
 def standard_errors(jacobian: Array, residual: Array, block: Index) -> Array:
     """Standard errors of the parameters, from their `covariance`."""
-    errors: Array = np.sqrt(np.maximum(np.diag(covariance(jacobian, residual, block)), 0.0))
-    return errors
+    return np.asarray(np.sqrt(np.maximum(np.diag(covariance(jacobian, residual, block)), 0.0)))
 
 
 def covariance(jacobian: Array, residual: Array, block: Index) -> Array:

@@ -120,8 +120,7 @@ def _stiffness(values: Array, weight: Array, stiffness: Array, order: int, log_r
 
 def _draws(factor: Array, order: int, count: int, noise: float) -> Array:
     normal = np.random.default_rng(0).standard_normal((count, _DRAWS))
-    draws: Array = noise * solve_banded((0, order), factor, normal).T
-    return draws
+    return np.asarray(noise * solve_banded((0, order), factor, normal).T)
 
 
 def _penalty(breaks: Array, order: int, count: int) -> Array:

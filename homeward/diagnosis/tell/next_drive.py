@@ -16,9 +16,9 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.menu import MENU, Drive, Manoeuvre
 from homeward.diagnosis.explain.places import Location
+from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import noise_of
 from homeward.diagnosis.fit.refit import Estimate, Refit
-from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Mask
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.describe import condition, largest, total_share
-from homeward.diagnosis.explain.untold import Tells, lasts, unrecorded
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
+from homeward.diagnosis.fit.doubt import Tells, lasts, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
