@@ -32,7 +32,7 @@ from homeward.diagnosis.read.recordings import Recording, RecordingError, read_r
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import of_capacity, range_change
-from homeward.diagnosis.tell.handover import determined, hand_over, sayable, unsaid
+from homeward.diagnosis.tell.handover import determined, hand_over
 from homeward.diagnosis.tell.next_drive import next_experiment, to_tell_apart
 from homeward.physics import Robot, load_robot
 
@@ -93,11 +93,7 @@ def analyse(
         evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
     runs, named, refitted = evidence.runs, evidence.naming.named, evidence.fitted
-    model = sayable(evidence.plain, evidence.corrected, named, runs, evidence.block)
-    handover = hand_over(
-        robot, verdict, (evidence.plain, model), evidence.predictions, runs, evidence.fold, evidence.trip, seed,
-        unsaid(named),
-    )  # fmt: skip
+    handover = hand_over(robot, verdict, evidence, seed)
     if handover.held_out is not None:
         evidence, fit = _with_arm(evidence, fit, handover.held_out, seed)
     found = tuple(witnessed(one, runs) for one in evidence.witnessed)

@@ -47,15 +47,14 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
 
 def witnessed(found: Witnessed, runs: Runs) -> MissingPhysics:
     """An effect that another channel than power shows."""
+    measurement = found.hypothesis.measurement
     return _of(
         found.hypothesis,
         parameters=dict(found.parameters),
         where=places_of(found.contribution, runs, None, found.contribution != 0.0),
         evidence=found.proof,
         confused_with=found.rivals,
-        to_tell_apart=f"{found.hypothesis.measurement[0].upper()}{found.hypothesis.measurement[1:]}."
-        if found.rivals
-        else "",
+        to_tell_apart=f"{measurement[0].upper()}{measurement[1:]}." if found.rivals else "",
     )
 
 

@@ -33,7 +33,8 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
     numbers = _numbers_of_a_file(fit)
     columns = np.column_stack([fit.jacobian @ numbers.T, *(one.columns for one in effects), target])
     gram = columns.T @ columns
-    low, high = _limits(fit, np.array([(one.low[0], one.high[0]) for one in effects]).reshape(-1, 2))
+    low, high = ((bound - problem.start)[active] / problem.scale[active] for bound in (problem.low, problem.high))
+    low, high = np.append(low, [one.low[0] for one in effects]), np.append(high, [one.high[0] for one in effects])
     left = runs.observed - fit.predicted
     independent = independent_windows(left, runs.run)
     least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
@@ -64,10 +65,3 @@ def _numbers_of_a_file(fit: Refit) -> Array:
     per_mass = problem.start[ROLLING] / problem.start[MASS] * problem.scale[MASS] / problem.scale[ROLLING]
     numbers[mass, rolling] = per_mass
     return numbers
-
-
-def _limits(fit: Refit, of_effects: Array) -> tuple[Array, Array]:
-    """Least and largest physical step of each number of the file alone, and size of each effect."""
-    problem, active = fit.parameters, fit.parameters.active()
-    low, high = ((bound - problem.start)[active] / problem.scale[active] for bound in (problem.low, problem.high))
-    return np.concatenate([low, of_effects[:, 0]]), np.concatenate([high, of_effects[:, 1]])

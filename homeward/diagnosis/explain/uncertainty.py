@@ -172,8 +172,27 @@ class Open:
 
     @property
     def spanning(self) -> Corrected:
-        """The model, with intervals of its effects' numbers that span those of all."""
-        return _spanning([self.model, *self.others]) if self.others else self.model
+        """The model, with intervals of its effects' numbers that span those of all, up to the next that was tried."""
+        first, alike, spans = self.model, (self.model, *self.others), {}
+        if not self.others:
+            return first
+        for index, term in enumerate(first.model.terms):
+            numbers = [one.parameters_of(index) for one in alike]
+            for number in term.hypothesis.entry.parameters:
+                if number.name in term.shape:
+                    step = (number.high - number.low) / (_TRIED - 1)
+                    shapes = [one.model.terms[index].shape[number.name] for one in alike]
+                    low, high = max(min(shapes) - step, number.low), min(max(shapes) + step, number.high)
+                    spans[term.effect, number.name] = (low, high)
+            for name in {*numbers[0]} - {*term.shape}:
+                lows, highs = np.transpose([one[name].ci95 for one in numbers])
+                spans[term.effect, name] = (float(lows.min()), float(highs.max()))
+        terms = tuple(
+            replace(term, spread={**term.spread, **{name: spans[term.effect, name] for name in term.shape}})
+            for term in first.model.terms
+        )
+        ci95 = tuple(spans[one.effect, one.parameter] for one in first.model.unknowns)
+        return replace(first, model=replace(first.model, terms=terms), ci95=ci95)
 
     def spanned(self, found: Sequence[Estimate], runs: Runs, block: Index) -> tuple[Estimate, ...]:
         """Estimates of the groups by the model; one that is another in other models is confounded with the effects."""
@@ -254,30 +273,6 @@ def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list
                 if columns.any():
                     other = replace(term, hypothesis=replace(one, searched=()), shape=shape, columns=columns)
                     yield [*terms[:index], other, *terms[index + 1 :]]
-
-
-def _spanning(alike: Sequence[Corrected]) -> Corrected:
-    """The first of some models, with intervals that span those of all, up to the next number that was tried."""
-    first, spans = alike[0], {}
-    for index, term in enumerate(first.model.terms):
-        numbers = [one.parameters_of(index) for one in alike]
-        for number in term.hypothesis.entry.parameters:
-            if number.name in term.shape:
-                step = (number.high - number.low) / (_TRIED - 1)
-                shapes = [one.model.terms[index].shape[number.name] for one in alike]
-                spans[term.effect, number.name] = (
-                    max(min(shapes) - step, number.low),
-                    min(max(shapes) + step, number.high),
-                )
-        for name in {*numbers[0]} - {*term.shape}:
-            low, high = np.transpose([one[name].ci95 for one in numbers])
-            spans[term.effect, name] = (float(low.min()), float(high.max()))
-    terms = tuple(
-        replace(term, spread={**term.spread, **{name: spans[term.effect, name] for name in term.shape}})
-        for term in first.model.terms
-    )
-    ci95 = [spans[one.effect, one.parameter] for one in first.model.unknowns]
-    return replace(first, model=replace(first.model, terms=terms), ci95=tuple(ci95))
 
 
 def _numbers(model: Corrected, runs: Runs, block: Index) -> dict[str, float]:

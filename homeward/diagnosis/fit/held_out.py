@@ -66,9 +66,7 @@ def black_box(
         return nominal
     if len(rows) > _MOST_FOR_TREES:
         rows = np.sort(rng.choice(rows, _MOST_FOR_TREES, replace=False))
-    known = [
-        one for one in (*used, *beside) if np.isfinite(one[rows]).any()
-    ]  # a channel that these runs lack tells none
+    known = (one for one in (*used, *beside) if np.isfinite(one[rows]).any())  # what these runs lack tells none
     features = np.column_stack([nominal, *known])
     trees = HistGradientBoostingRegressor(
         max_iter=150, max_leaf_nodes=15, min_samples_leaf=30, early_stopping=False,

@@ -5,13 +5,14 @@ corrected.toml, and that file is replayed on what was held out. What a file cann
 what began once and stays, weather, faults of instruments, and the current at rest, which is added to the replay.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from homeward.diagnosis import rules
+from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
@@ -118,59 +119,41 @@ def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
     return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.ALIKE_COLUMNS).any(axis=1))
 
 
-def hand_over(
-    robot: Robot,
-    verdict: Verdict,
-    models: tuple[Refit, Refit | Corrected | None],
-    arms: Mapping[str, Array],
-    runs: Runs,
-    fold: Index,
-    trip: Index,
-    seed: int,
-    reason: str = "",
-) -> Handover:
-    """Choose the robot that is handed over.
+def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
+    """Choose the robot that is handed over for one as its file has it.
 
     The effects must predict what was held out better than the refit, and the energy (the charge) of trips no worse; the
     fitted parameters better than the file that was given. What a verdict does not ask for is not changed: a difference
-    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement.
-
-    Args:
-        robot: The robot as its file has it.
-        verdict: What was concluded.
-        models: Refit, `determined`, and what is `sayable` of the corrected model.
-        arms: What `nominal` (where the file predicts what was recorded) and `refit` predict of what was held out.
-        runs, fold, trip: The runs; what is held out together, and what counts as one trip, shape (windows,) each.
-        seed: Of the bootstrap over trips.
-        reason: Why effects that power shows are not in the file, where some are not.
+    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement. The
+    seed is that of a bootstrap over trips.
     """
-    nominal, (plain, model) = arms.get("nominal"), models
-    kept = Handover(
-        robot, nominal, nominal, Handed("nominal", "the recordings ask for no change that a robot file can hold")
-    )
+    runs, nominal = evidence.runs, evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
-        return kept
+        why = "the recordings ask for no change that a robot file can hold"
+        return Handover(robot, nominal, nominal, Handed("nominal", why))
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, None, Handed("nominal", why))
+    reason = unsaid(evidence.naming.named)
     told = f"{reason}; " if reason else ""
     if verdict == "unknown_physics":
         told = "its parameters make up for what is unknown, as far as they can, and are no measurement; "
+    model = sayable(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
     if model is not None:
-        after = _held_out(robot, model, runs, fold)
-        worse = worse_than(arms["refit"], after, runs, trip, seed)
+        after = _held_out(robot, model, evidence)
+        worse = worse_than(evidence.predictions["refit"], after, runs, evidence.trip, seed)
         if not worse:
             why = "replayed as written it predicts what was held out better than the refit"
             why += f"; {reason}" if reason else ""
             changed, by_file = _filed(robot, model, runs)
             return Handover(changed, after, by_file, Handed("corrected", why))
         told = f"with what is missing, as far as a robot file can say it, {worse}; "
-    after = _held_out(robot, plain, runs, fold)
-    worse = worse_than(nominal, after, runs, trip, seed)
+    after = _held_out(robot, evidence.plain, evidence)
+    worse = worse_than(nominal, after, runs, evidence.trip, seed)
     if worse:
         return Handover(robot, nominal, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
     why = f"{told}replayed as written it predicts what was held out better than the file that was given"
-    changed, by_file = _filed(robot, plain, runs)
+    changed, by_file = _filed(robot, evidence.plain, runs)
     return Handover(changed, after, by_file, Handed("refit", why))
 
 
@@ -192,9 +175,10 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: Index, seed: int) 
     return ""
 
 
-def _held_out(robot: Robot, model: Refit | Corrected, runs: Runs, fold: Index) -> Array:
+def _held_out(robot: Robot, model: Refit | Corrected, evidence: Evidence) -> Array:
     """What the file of each fold's fit predicts of that fold, shape (windows,)."""
-    return held_out(lambda chosen: _filed(robot, model.refitted(chosen, runs), runs)[1], fold)
+    runs = evidence.runs
+    return held_out(lambda chosen: _filed(robot, model.refitted(chosen, runs), runs)[1], evidence.fold)
 
 
 def _filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:

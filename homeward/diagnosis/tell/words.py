@@ -1,12 +1,10 @@
 """The sentences of a diagnosis, as a roboticist would say them: templates/summary.txt with what it needs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 from homeward.diagnosis import rules
+from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.describe import condition, largest, total_share
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
 from homeward.diagnosis.fit.doubt import Tells, lasts, unrecorded
@@ -14,9 +12,6 @@ from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
 from homeward.diagnosis.tell.formats import templates
-
-if TYPE_CHECKING:
-    from homeward.diagnosis.evidence import Evidence
 
 
 def nothing_usable(findings: Sequence[Finding]) -> str:
