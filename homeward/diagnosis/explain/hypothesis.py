@@ -19,8 +19,8 @@ from homeward.diagnosis.explain import change_points
 from homeward.diagnosis.explain.change_points import Axis, Changes, Schedule
 from homeward.diagnosis.explain.menu import Drive
 from homeward.diagnosis.explain.residual_test import CHANNELS
-from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters
+from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Mask
 from homeward.physics.effects import Effect, Parameter
 

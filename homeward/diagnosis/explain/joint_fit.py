@@ -13,9 +13,9 @@ from scipy.stats import t as student
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.fit.fitted import bounded, excited
-from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects, derivatives
+from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
 from homeward.diagnosis.fit.refit import Refit, holding, standard_errors
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Value
 

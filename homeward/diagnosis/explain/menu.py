@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, WithEffects, derivatives
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, derivatives
 from homeward.diagnosis.fit.refit import Refit
-from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.replay import WithEffects, average
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Signals, Unit
 from homeward.physics import Robot

@@ -24,9 +24,8 @@ from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.explain.witnesses import not_contradicted
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.held_out import gain, held_out
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Refit, holding
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Index
 
 _TRIED = 6  # hypotheses that are put to the proof, the best first

@@ -14,9 +14,9 @@ from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import independent_windows
-from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, WithEffects
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import Refit
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Mask
 
 

@@ -18,9 +18,8 @@ from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.result import Product, Range, Value
 from homeward.physics import Robot, d_max

@@ -23,9 +23,8 @@ from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Set
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.held_out import evidence, gain, held_out
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Refit, standard_errors
-from homeward.diagnosis.fit.replay import Runs, lost_inside
+from homeward.diagnosis.fit.replay import Runs, WithEffects, lost_inside
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.signals import ODOMETER_PARTS
 from homeward.diagnosis.result import Evidence, Value

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.replay import Runs, predict, thrust_n_per_a
-from homeward.diagnosis.fit.replay import WithEffects as WithEffects
+from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.physics import Robot
 from homeward.physics.model import rolling_force

@@ -8,9 +8,9 @@ import numpy as np
 
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.fit.parameter_groups import IDLE, ROLLING, WithEffects, with_ancillary, with_effects_of
+from homeward.diagnosis.fit.parameter_groups import IDLE, ROLLING, with_ancillary, with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit
-from homeward.diagnosis.fit.replay import Runs, predict, thrust_n_per_a
+from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Unit
 from homeward.physics import Robot, d_max

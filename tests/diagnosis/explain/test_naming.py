@@ -18,9 +18,8 @@ from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import fit_model
 from homeward.diagnosis.fit.folds import cut_blocks
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import refit
-from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.replay import WithEffects, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from tests.diagnosis.tell.test_handover import replay_equals_fit

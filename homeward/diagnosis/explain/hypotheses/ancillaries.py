@@ -1,6 +1,5 @@
 """Loads beside the drive: standby, computing, radio, heater, and devices that come and go."""
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -13,15 +12,6 @@ from homeward.physics.effects import compute, heater, intermittent_load, radio, 
 
 _ON_BELOW_C = heater.EFFECT.parameters[1]
 _OFF_ABOVE_C = 15.0  # thermostats of outdoor enclosures switch on at 5 and off at 15 degC (Stego KTO 011, data sheet)
-
-
-def _at_any_rate(setting: Setting) -> Iterator[Numbers]:
-    yield {"base_share": 1.0}
-
-
-def _farthest(runs: Runs) -> Numbers:
-    """Beyond what was recorded the power is taken to rise no more."""
-    return {radio.EFFECT.parameters[1].name: float(runs.context["base_distance_m"].max())}
 
 
 def _while_cold(one: Hypothesis, setting: Setting) -> Array | None:
@@ -68,12 +58,16 @@ HYPOTHESES = (
     # The same at any sensing rate, with the rate, or rising with it in any way.
     Hypothesis(
         compute.EFFECT,
-        shapes=_at_any_rate,
+        shapes=lambda setting: iter([{"base_share": 1.0}]),
         rises_with="sensing_hz",
         check="put a clamp meter on the lead of the computer",
     ),
-    # With the distance the rate falls in steps, and the airtime rises.
-    Hypothesis(radio.EFFECT, rises_with="base_distance_m", reach=_farthest),
+    # With the distance the rate falls in steps, and the airtime rises; beyond what was recorded, it is taken to stay.
+    Hypothesis(
+        radio.EFFECT,
+        rises_with="base_distance_m",
+        reach=lambda runs: {radio.EFFECT.parameters[1].name: float(runs.context["base_distance_m"].max())},
+    ),
     # Proportional to the cold, with it in any way, or switched by a thermostat while it is cold.
     Hypothesis(
         heater.EFFECT,

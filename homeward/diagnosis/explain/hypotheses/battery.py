@@ -43,10 +43,6 @@ def _start_names(term: Term) -> list[tuple[str, str]]:
     return [(level_name(_START_J.name, size, sizes), _START_J.unit) for size in range(sizes)]
 
 
-def _drawn(one: Hypothesis, setting: Setting) -> Array:
-    return np.maximum(setting.predicted, 0.0)
-
-
 def share_of_the_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
     """What a share of all that is drawn adds to a test drive, shape (samples,)."""
     return size * np.maximum(drive.plain, 0.0)
@@ -66,7 +62,7 @@ AGEING = Hypothesis(  # between runs: in power, and in a recorded state of charg
     needs=(),
     steady=None,
     changes="between runs",
-    load=_drawn,
+    load=lambda one, setting: np.maximum(setting.predicted, 0.0),
     shown_by=(),
     check="discharge the battery from full to empty at its usual load and at room temperature, and count the energy: "
     "what is gone then is gone by age",

@@ -7,8 +7,8 @@ import numpy as np
 
 from homeward.diagnosis.explain.hypothesis import CHECKS, Hypothesis, Numbers, Setting, Term, level_name
 from homeward.diagnosis.explain.menu import Drive
-from homeward.diagnosis.fit.parameter_groups import DRAG, ROLLING, WithEffects
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.fit.parameter_groups import DRAG, ROLLING
+from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array
 from homeward.physics.effects import hidden_grade, inertia, payload, slip, surface, viscous, wind
 

@@ -9,8 +9,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypotheses.battery import share_of_the_drive
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Numbers, Setting, Term, everywhere, levels
 from homeward.diagnosis.explain.menu import Drive
-from homeward.diagnosis.fit.parameter_groups import WithEffects
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import usual_step_s
 from homeward.physics.effects import Parameter
@@ -26,14 +25,6 @@ def _also_creeping(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     yield Term(one, (passed / passed[-1])[:, None], *one.limits(1), axis="time")
 
 
-def _offset_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
-    return np.full(len(drive.plain), size)  # also when everything is off
-
-
-def _power(one: Hypothesis, setting: Setting) -> Array:
-    return setting.predicted
-
-
 def _lags(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     for lag_s in _LAGS_S:
         shape = {"lag_s": lag_s}
@@ -41,10 +32,6 @@ def _lags(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         change = setting.parameters.predict(setting.runs, setting.theta, late) - setting.predicted
         low, high = sorted((0.5 * lag_s, 1.5 * lag_s))
         yield Term(one, change[:, None] / lag_s, np.array([low]), np.array([high]), 1, shape)
-
-
-def _late(one: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
-    return replace(so_far, lag_s=numbers["lag_s"])
 
 
 def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
@@ -114,7 +101,7 @@ HYPOTHESES = (
         load=everywhere,
         scheduled=_also_creeping,
         check="read a clamp meter on the battery lead with the robot switched off: the log must show the same",
-        on_drive=_offset_drive,
+        on_drive=lambda one, drive, size, shape: np.full(len(drive.plain), size),  # also when everything is off
     ),
     Hypothesis(
         Instrument(
@@ -129,7 +116,7 @@ HYPOTHESES = (
         steady=None,
         changes="once",
         signed=True,
-        load=_power,
+        load=lambda one, setting: setting.predicted,
         check="read a clamp meter on the battery lead, standing and at top speed, beside the log",
         on_drive=share_of_the_drive,
     ),
@@ -144,7 +131,7 @@ HYPOTHESES = (
             ("inertia",),
         ),
         steady=_lags,
-        within=_late,
+        within=lambda one, so_far, numbers, runs: replace(so_far, lag_s=numbers["lag_s"]),
         otherwise="wherever the power changes",
         check="start sharply a few times and compare when wheels and power move in the logs with one clock for both",
         at_wheels=True,
