@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, derivatives
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import WithEffects, average
 from homeward.diagnosis.read.channels import Array
@@ -66,10 +66,6 @@ class Drive:
         self.fit, self.manoeuvre = fit, manoeuvre
         self.runs = average([manoeuvre.signals(fit.parameters.nominal, unit, usual_c)])
         self.plain = self.predict(fit.theta)
-
-    def by_group(self) -> list[Array]:
-        """What each group adds per unit of its scale, shape (samples,) each."""
-        return derivatives(self.fit.parameters, self.fit.theta, self.plain, self.predict)
 
     def there(self, what: str | None) -> Array | float:
         """How much of the load, the ground or the route of the recordings is there, shape (samples,).

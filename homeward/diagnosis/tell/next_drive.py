@@ -18,6 +18,7 @@ from homeward.diagnosis.explain.menu import MENU, Drive, Manoeuvre
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import noise_of
+from homeward.diagnosis.fit.parameter_groups import derivatives
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Mask
@@ -86,7 +87,7 @@ def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, candidates: Sequence
     usual_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
     drive = Drive(fit, manoeuvre, runs.unit, usual_c)
     added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in candidates]
-    return np.column_stack([*drive.by_group(), *added])
+    return np.column_stack([*derivatives(fit.parameters, fit.theta, drive.plain, drive.predict), *added])
 
 
 def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequence[Term]) -> str:

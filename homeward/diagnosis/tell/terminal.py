@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homeward.diagnosis.evidence import Analysis
-from homeward.diagnosis.result import Fit, MissingPhysics, Range
+from homeward.diagnosis.result import Fit, MissingPhysics
 from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, decimal, interval, number
 
 _WIDE = 70  # columns that the table of all figures takes
@@ -38,9 +38,13 @@ def show(analysis: Analysis, console: Console) -> None:
     for product in diagnosis.products:
         value = f"{number(product.value.value)} {product.value.unit} (95 %: {interval(product.value.ci95)})"
         say(console, f"{product.name}: {value}, known together only, neither by itself", indent=2)
-    if diagnosis.range is not None:
+    if found := diagnosis.range:
         console.print()
-        say(console, _range(diagnosis.range))
+        by_files = f"{number(found.file_m)} m by corrected.toml, {number(found.nominal_m)} m by the robot file"
+        recorded = f"recorded {number(found.recorded_m)} m (95 %: {interval(found.ci95)})"
+        d_max = f"{number(found.d_max_file_m)} m instead of {number(found.d_max_nominal_m)} m"
+        say(console, f"Range on one charge, driven as recorded: {by_files}; {recorded}. "
+                     f"d_max, at best speed on the level: {d_max}.")  # fmt: skip
     if diagnosis.next_experiment:
         console.print()
         say(console, f"Next experiment: {diagnosis.next_experiment}")
@@ -72,14 +76,6 @@ def _show_effect(one: MissingPhysics, console: Console) -> None:
     if one.confused_with:
         rivals = ", ".join(one.confused_with).replace("_", " ")
         say(console, f"could as well be: {rivals}. {one.to_tell_apart}", indent=2)
-
-
-def _range(one: Range) -> str:
-    return (
-        f"Range on one charge, driven as recorded: {number(one.file_m)} m by corrected.toml, {number(one.nominal_m)} m "
-        f"by the robot file; recorded {number(one.recorded_m)} m (95 %: {interval(one.ci95)}). d_max, at best speed "
-        f"on the level: {number(one.d_max_file_m)} m instead of {number(one.d_max_nominal_m)} m."
-    )
 
 
 def _percent(value: float | None) -> str:

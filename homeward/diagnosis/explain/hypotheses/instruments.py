@@ -7,10 +7,8 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypotheses.battery import share_of_the_drive
-from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Numbers, Setting, Term, everywhere, levels
-from homeward.diagnosis.explain.menu import Drive
+from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import usual_step_s
 from homeward.physics.effects import Parameter
 
@@ -64,10 +62,6 @@ def _ratios(runs: Runs) -> list[float]:
     return ratios
 
 
-def _scaled_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
-    return drive.predict(drive.fit.theta, WithEffects(speed_factors=[1.0 / (1.0 + size)])) - drive.plain
-
-
 ODOMETRY_SCALE = Hypothesis(
     Instrument(
         "odometry_scale",
@@ -81,7 +75,9 @@ ODOMETRY_SCALE = Hypothesis(
     steady=_by_run,
     shown_by=(),
     check="drive along a tape measure and compare the distance with the log",
-    on_drive=_scaled_drive,
+    on_drive=lambda one, drive, size, shape: (
+        drive.predict(drive.fit.theta, WithEffects(speed_factors=[1.0 / (1.0 + size)])) - drive.plain
+    ),
 )
 
 HYPOTHESES = (
