@@ -190,7 +190,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         joint(last, runs, block),
         spread(left, runs, correlation_windows(left, runs.run)),
     )
-    arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
+    arms = {name: score(one, runs, block, evidence.trip, seed) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
@@ -223,7 +223,7 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple
 
 def _with_arm(evidence: Evidence, fit: Fit, predicted: Array, seed: int) -> tuple[Evidence, Fit]:
     """Evidence and arms with what the file that is handed over predicts."""
-    arm = score(predicted, evidence.runs, evidence.block, evidence.fold, evidence.held_out_by, seed)
+    arm = score(predicted, evidence.runs, evidence.block, evidence.trip, seed)
     evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": predicted})
     return evidence, dataclasses.replace(fit, arms={**fit.arms, "file": arm})
 

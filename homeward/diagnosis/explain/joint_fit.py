@@ -169,7 +169,8 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     fit, everything = _without_spanned(fit, terms, runs), np.ones(len(runs.observed), np.bool_)
     model = Model(fit.parameters, tuple(terms), _unknowns(terms))
     theta, values = _start(fit, model, runs)
-    for again in range(_PASSES if any(_of_load(one) for one in terms) else 1):
+    # The load that sizes are per unit of depends on the groups, as a share of the power does.
+    for again in range(_PASSES if any(one.at_work is not None for one in terms) else 1):
         model = _at(model, runs, theta, values) if again else model
         start = (theta, values, *_linearised(model, runs, theta, values, ~fit.held))
         theta, values, predicted, jacobian = _descended(fit, model, runs, everything, start)
@@ -188,11 +189,6 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
 
 
-def _of_load(term: Term) -> bool:
-    """Whether its sizes are per unit of a load that depends on the groups, as a share of the power does."""
-    return term.load is not None and term.at_work is not None
-
-
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     """The model with terms per unit of the load that these parameters draw, and no longer those of the refit."""
     within = model.within(runs, values)
@@ -200,7 +196,7 @@ def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     setting = Setting(runs, model.parameters, theta, within, alone, runs.observed - alone)
     terms = []
     for term in model.terms:
-        load = term.hypothesis.load(term.hypothesis, setting) if _of_load(term) else None
+        load = None if term.at_work is None else term.hypothesis.load(term.hypothesis, setting)
         if load is not None and term.at_work is not None:
             rolling_kg = None if term.of_rolling_kg is None else setting.rolling_kg
             columns = load[:, None] * term.at_work

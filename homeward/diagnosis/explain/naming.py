@@ -166,12 +166,13 @@ def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Inde
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:
     """The best form of each effect and of what its size depends on."""
-    shares = np.array([bench.share(index) for index in range(len(bench.candidates))])
-    ranked = []
-    for index in _best_forms(bench, np.argsort(-shares, kind="stable")):
-        term = bench.candidates[index]
-        ranked.append(Ranked(term.effect, term.axis, bench.delta_bic(index), float(shares[index])))
+    best = [(bench.candidates[index], index) for index in _best_forms(bench, _shares(bench))]
+    ranked = [Ranked(term.effect, term.axis, bench.delta_bic(index), bench.share(index)) for term, index in best]
     return tuple(sorted(ranked, key=lambda one: -one.delta_bic))
+
+
+def _shares(bench: Bench) -> Array:
+    return np.array([bench.share(index) for index in range(len(bench.candidates))])
 
 
 def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
@@ -179,12 +180,12 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     the best pair; then the pair, where neither half is anything without the other; then the next best alone."""
     if not bench.candidates:
         return
-    shares = np.array([bench.share(index) for index in range(len(bench.candidates))])
-    most = _best_forms(bench, np.argsort(-shares, kind="stable"))
+    shares = _shares(bench)
+    most = _best_forms(bench, shares)
     likely = max(most, key=bench.delta_bic)
     independent = bench.independent(likely)  # the same for all, so that shares decide
     alone = np.array([bench.score(share, independent, index) for index, share in enumerate(shares.tolist())])
-    order = _best_forms(bench, np.argsort(-alone, kind="stable"))
+    order = _best_forms(bench, alone)
     best = float(alone[order[0]])
     pair: tuple[int, ...] = (order[0],)
     # The best for their freedom, then those that explain most: half of a pair may be worth little alone.
@@ -194,26 +195,19 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
             if both > best + rules.MUST_PAY:
                 best, pair = both, (one, other)
     told = _likeliest(bench, _told_by_a_channel(bench, pair[0], shares), shares, alone)
-    for index in dict.fromkeys([told, pair[0]]):
-        found = _proven(bench, index, shares, alone, independent, seed)
-        if found is not None:
-            yield (found,)
+    proven = partial(_proven, alone=alone, independent=independent, seed=seed)
+    yield from ((found,) for index in dict.fromkeys([told, pair[0]]) if (found := proven(bench, index)))
     if len(pair) == 2:
-        halves = tuple(
-            _proven(bench.with_base(other), one, shares, alone, independent, seed) for one, other in (pair, pair[::-1])
-        )
-        if halves[0] is not None and halves[1] is not None:
-            yield halves[0], halves[1]
-    for index in order[:_TRIED]:
-        found = _proven(bench, index, shares, alone, independent, seed)
-        if found is not None:
-            yield (found,)
+        halves = [proven(bench.with_base(other), one) for one, other in (pair, pair[::-1])]
+        if all(halves):
+            yield tuple(one for one in halves if one)
+    yield from ((found,) for index in order[:_TRIED] if (found := proven(bench, index)))
 
 
-def _best_forms(bench: Bench, order: Index) -> list[int]:
-    """The first of each effect and of what its size depends on."""
+def _best_forms(bench: Bench, scores: Array) -> list[int]:
+    """The best of each effect and of what its size depends on, best first."""
     first: dict[tuple[str, str], int] = {}
-    for index in order.tolist():
+    for index in np.argsort(-scores, kind="stable").tolist():
         term = bench.candidates[index]
         first.setdefault((term.effect, term.axis), index)
     return list(first.values())
@@ -247,15 +241,13 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
     return min([chosen, *equals], key=rarity)
 
 
-def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent: float, seed: int) -> Named | None:
+def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: int) -> Named | None:
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
-    least = (
-        rules.SMALLEST_GAIN_TO_NAME if bench.candidates[chosen].hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
-    )
-    of_refit = share * bench.squared_error(chosen) / max(bench.refit_error, 1e-300)
+    physical, explained = bench.candidates[chosen].hypothesis.physical, share * bench.squared_error(chosen)
+    least = rules.SMALLEST_GAIN_TO_NAME if physical else rules.SMALLEST_GAIN_OF_A_FAULT
+    of_refit = explained / max(bench.refit_error, 1e-300)
     if delta_bic < rules.MUST_PAY or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
         return None
-    explained = share * bench.squared_error(chosen)
     if explained < rules.SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
         return None
     if explained <= bench.doubted * _followed(bench, chosen):
@@ -268,7 +260,7 @@ def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent:
     if p_value > rules.FALSE_ALARM_RATE:
         return None
     term = _with_plain(bench, chosen)
-    return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, shares, alone))
+    return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, alone))
 
 
 def _with_plain(bench: Bench, chosen: int) -> Term:
@@ -291,7 +283,7 @@ def _followed(bench: Bench, chosen: int) -> float:
     return min(1.0, (changes + 1) / bench.independent(chosen))
 
 
-def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Term, ...]:
+def _rivals(bench: Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
     """Other effects that explain nearly as much: each in its best form, best first."""
     explained = bench.share(chosen)
     found: dict[str, Term] = {}
@@ -301,7 +293,7 @@ def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Ter
             continue
         alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
         share = rules.ALIKE_BY_NATURE if alike else rules.ALIKE_IN_SIZE
-        beside = bench.share(index) if bench.beside else shares[index]
+        beside = bench.share(index)
         doubtful = beside * bench.squared_error(index) <= bench.doubted * _followed(bench, index)
         if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.MUST_PAY):
             found.setdefault(other.effect, _with_plain(bench, index))

@@ -8,7 +8,6 @@ others fit as well, intervals span all of them, and what goes with them is known
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Literal
 
 import numpy as np
 from scipy.stats import chi2
@@ -21,13 +20,13 @@ from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.result import Product, Range, Value
+from homeward.diagnosis.result import Product, Range, Together, Value
 from homeward.physics import Robot, d_max
 
 _STEP = 1e-3  # of a group, for differences
 _TRIED = 9  # values of a number over its range
 _AS_LIKELY = float(chi2.ppf(0.95, 1))  # twice the logarithm of a ratio of likelihoods
-_SIGNS: Mapping[int, Literal["product", "ratio"]] = {1: "product", -1: "ratio"}
+_SIGNS: Mapping[int, Together] = {1: "product", -1: "ratio"}
 
 
 @dataclass(frozen=True)
@@ -86,9 +85,9 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             if cosine > rules.ENTWINED and scales > rules.ENTWINED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
-                error = assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0)))
+                wide = 1.96 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
                 unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
-                found.append(_product((group.symbol, name), assumed * float(model.values[number]), error, unit))
+                found.append(_product((group.symbol, name), assumed * float(model.values[number]), wide, unit))
     return found
 
 
@@ -107,12 +106,12 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])
         error = float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
         names = tuple(dict.fromkeys(kept.names[at] for pair in pairs for at in pair))
-        found.append(replace(_product(names, mean, error, runs.unit), together="mean power"))
+        found.append(_product(names, mean, 1.96 * error, runs.unit, "mean power"))
     return found
 
 
-def _product(of: tuple[str, ...], value: float, error: float, unit: str) -> Product:
-    return Product(of, Value(value, (value - 1.96 * error, value + 1.96 * error), unit))
+def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together: Together = "product") -> Product:
+    return Product(of, Value(value, (value - wide, value + wide), unit), together)
 
 
 @dataclass(frozen=True)
@@ -224,11 +223,11 @@ class Open:
                 value = numbers[0][one] * numbers[0][other] ** sign
                 wide = 1.96 * value * float(np.hypot(error.get(one, 0.0), error.get(other, 0.0)))
                 unit = f"({units.get(one, '1')}){'' if sign > 0 else '/'}({units.get(other, '1')})".replace("(1)", "")
-                found.append(Product((one, other), Value(value, (value - wide, value + wide), unit), together))
+                found.append(_product((one, other), value, wide, unit, together))
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
             wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + rules.ALIKE_PRODUCT * value
-            found.append(Product(pair, Value(value, (value - wide, value + wide), runs.unit), "mean power"))
+            found.append(_product(pair, value, wide, runs.unit, "mean power"))
         return tuple(found)
 
 

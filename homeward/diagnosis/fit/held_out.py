@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy.stats import norm
@@ -116,15 +115,12 @@ def range_accuracy_pct(predicted: Array, runs: Runs, fold: Index) -> float | Non
     return float(100.0 * np.mean(np.maximum(1.0 - off, 0.0)))
 
 
-def score(
-    predicted: Array, runs: Runs, block: Index, fold: Index, held_out_by: Literal["run", "block"], seed: int = 0
-) -> Arm:
-    """Errors of a prediction; intervals by bootstrap over blocks."""
+def score(predicted: Array, runs: Runs, block: Index, trip: Index, seed: int) -> Arm:
+    """Errors of a prediction, those of energy by trip, (windows,); intervals by bootstrap over blocks."""
     error = predicted - runs.observed
     squared = error**2
     spread = runs.observed - runs.observed.mean()
     variance = float(spread @ spread)
-    trip = runs.run if held_out_by == "run" else fold
     drawn_j, missed_j = (np.bincount(trip, power * runs.duration_s) for power in (runs.observed, error))
     counted = drawn_j > 0.0
     of_trips = runs.unit == "W" and counted.any()

@@ -25,7 +25,7 @@ _MOST_POINTS = 2000  # of a line
 _MOST_DOTS = 800
 _SHOWN_S = 120.0  # of a long run at first
 _INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#9aa5b1", "#c92a2a", "#0b7285"
-_LINES = {
+_LINES: Mapping[str, Mapping[str, Any]] = {
     "recorded": {"color": _INK, "width": 1.2},
     "nominal": {"color": _NOMINAL, "width": 1.6},
     "refit": {"color": _REFIT, "width": 1.6},
@@ -147,17 +147,16 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
             chosen.setdefault(index, []).append(one.name)
     if not chosen and evidence.dependences:
         chosen = {0: []}
-    left = {name: evidence.runs.observed - values for name, values in evidence.predictions.items()}
+    names = [name for name in ("refit", "corrected") if name in evidence.predictions]
+    left = [evidence.runs.observed - evidence.predictions[name] for name in names]
     found = []
     for index, effects in chosen.items():
         dependence = evidence.dependences[index]
-        pair = [left["refit"], left["corrected"]] if "corrected" in left else [left["refit"]]
-        figures = [
-            _condition_figure(residual, dependence, evidence, colour, f"{index}-{name}", pair)
-            for residual, colour, name in zip(pair, (_REFIT, _CORRECTED), ("refit", "corrected"), strict=False)
-        ]
-        after = figures[1] if len(figures) == 2 else None
-        found.append({"dependence": dependence, "effects": effects, "before": figures[0], "after": after})
+        before, *after = (
+            _condition_figure(residual, dependence, evidence, _LINES[name]["color"], f"{index}-{name}", left)
+            for name, residual in zip(names, left, strict=True)
+        )
+        found.append({"dependence": dependence, "effects": effects, "before": before, "after": next(iter(after), None)})
     return found
 
 
