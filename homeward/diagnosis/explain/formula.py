@@ -66,13 +66,7 @@ class Empirical:
         return f"{self.symbol} = {formula.removeprefix('+ ') if formula[0] == '+' else formula.replace('- ', '-', 1)}"
 
 
-def propose(
-    fit: Fitted,
-    runs: Runs,
-    block: Index,
-    fold: Index,
-    seed: int,
-) -> Empirical | None:
+def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Empirical | None:
     """Find the formula that the residual of a refit follows; None where none passes the proof.
 
     Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.

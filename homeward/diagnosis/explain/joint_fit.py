@@ -206,12 +206,7 @@ def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
 
 
 def _descended(
-    fit: Refit,
-    model: Model,
-    runs: Runs,
-    chosen: Mask,
-    start: tuple[Array, Array, Array, Array],
-    to_first: bool = False,
+    fit: Refit, model: Model, runs: Runs, chosen: Mask, start: tuple[Array, Array, Array, Array], to_first: bool = False
 ) -> tuple[Array, Array, Array, Array]:
     """Gauss-Newton over the chosen windows, each step halved until its replay is better than that before.
 

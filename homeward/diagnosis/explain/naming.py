@@ -76,12 +76,7 @@ class Naming:
 
 
 def name_missing(
-    fit: Refit,
-    runs: Runs,
-    block: Index,
-    seed: int,
-    progress: Callable[[str], None],
-    schedules: bool = True,
+    fit: Refit, runs: Runs, block: Index, seed: int, progress: Callable[[str], None], schedules: bool = True
 ) -> Naming:
     """Name the effects that the recordings ask for beyond the refit; windows of one block, (windows,), depend on each
     other. Effects whose size changes for no recorded reason are named only if `schedules` are asked for."""
