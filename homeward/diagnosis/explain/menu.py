@@ -60,7 +60,7 @@ class Manoeuvre:
 
 
 class Drive:
-    """A manoeuvre of the refitted robot, what it would record without any effect, and how the groups change that."""
+    """A manoeuvre of the refitted robot: what it would record, without any effect and with some."""
 
     def __init__(self, fit: Refit, manoeuvre: Manoeuvre, unit: Unit, usual_c: float) -> None:
         self.fit, self.manoeuvre = fit, manoeuvre
