@@ -27,7 +27,7 @@ from homeward.diagnosis.compare.group_comparison import Comparison
 from homeward.diagnosis.compare.group_report import show_groups, write_groups
 from homeward.diagnosis.compare.group_runs import compare_driving, compare_standing
 from homeward.diagnosis.compare.standing import stands
-from homeward.diagnosis.read.bags.files import is_bag
+from homeward.diagnosis.read.bags import is_bag
 from homeward.diagnosis.tell import terminal
 from homeward.diagnosis.tell.report import check_writable, write_outputs
 from homeward.group_inputs import Grouped, grouped_runs

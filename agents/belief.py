@@ -18,12 +18,12 @@ _LOOKS_BACK_EVERY, _LOOKS_BACK_AT = 40, 10
 shield's score and most of the missions that it would strand in hidden winds; to drive every eighth decision at half
 speed, as was tried before and beside it, adds nothing."""
 _SURE = 0.004
-"""Standard deviation of the margin, as a share of the battery, below which it is not worth it after the first time: of 0
-to 0.01 the one that costs nothing where instruments are exact and gives up nothing where they are not."""
+"""Standard deviation of the margin, as a share of the battery, below which it is not worth it after the first time: of
+0 to 0.01 the one that costs nothing where instruments are exact and gives up nothing where they are not."""
 _ANY_RISK = 1e-3  # where no quantile is used
 _MODEL_ERROR = 0.006
-"""Error of a decision's energy that is always reckoned with, as a share: of 0.001 to 0.01 the one with which intervals of
-the way home hold about as often as they say, at `uncertain` with its meter."""
+"""Error of a decision's energy that is always reckoned with, as a share: of 0.001 to 0.01 the one with which intervals
+of the way home hold about as often as they say, at `uncertain` with its meter."""
 _FAR = 1.5
 """Decisions at cruise from home from which it is worth it."""
 _ON_BORDER = 1e-4

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from sklearn.mixture import GaussianMixture
 
 from homeward.diagnosis.evidence import Analysis
-from homeward.diagnosis.fit.regression import bounded
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.fit.fitted import bounded
+from homeward.diagnosis.read.channels import Array
 
 _MOST_GROUPS = 6
 _STARTS = 20

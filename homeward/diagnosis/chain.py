@@ -1,26 +1,23 @@
 """The chain from recordings to verdict: check, refit, test what remains, locate, name, model, prove, conclude."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.describe import missing_physics, witnessed
 from homeward.diagnosis.explain.explanation import Explanation, explain
 from homeward.diagnosis.explain.formula import Empirical
-from homeward.diagnosis.explain.hypotheses import what_can_be_shown
+from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.naming import Naming, shifted_in_time
-from homeward.diagnosis.explain.profile import profiled
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
-from homeward.diagnosis.explain.uncertainty import joint, products, recorded_range, spread
+from homeward.diagnosis.explain.uncertainty import joint, products, profiled, recorded_range, spread
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import correlation_windows, cut_folds
@@ -29,14 +26,13 @@ from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.columns import Columns
 from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
-from homeward.diagnosis.read.signals import Array
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
-from homeward.diagnosis.rules import FALSE_ALARM_RATE, FEWEST_BLOCKS, GAIN_ERROR, SAMPLES_A_WINDOW, SMALLEST_GAIN
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import of_capacity, range_change
-from homeward.diagnosis.tell.handover import determined, hand_over, sayable, unsaid
+from homeward.diagnosis.tell.handover import determined, hand_over
 from homeward.diagnosis.tell.next_drive import next_experiment, to_tell_apart
 from homeward.physics import Robot, load_robot
 
@@ -94,31 +90,34 @@ def analyse(
         untestable = Diagnosis(robot.name, infos, "not_testable", wording.nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
     with threadpool_limits(1):  # the threads of many small products wait for each other busily
-        evidence, fit = _weigh(average(usable, SAMPLES_A_WINDOW), robot, seed, progress)
+        evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
-    named = evidence.naming.named
-    model = sayable(evidence.plain, evidence.corrected, named, evidence.runs, evidence.block)
-    handover = hand_over(
-        robot, verdict, (evidence.plain, model), evidence.predictions, evidence.runs, evidence.fold, evidence.trip,
-        seed, unsaid(named),
-    )  # fmt: skip
-    evidence, fit = _with_file(evidence, fit, handover.held_out, seed)
-    found = (
-        ()
-        if evidence.corrected is None
-        else missing_physics(evidence.corrected, evidence.naming.named, evidence.runs, _drives(evidence))
-    )
-    found = (*found, *(witnessed(one, evidence.runs) for one in evidence.witnessed))
+    runs, named, refitted = evidence.runs, evidence.naming.named, evidence.fitted
+    handover = hand_over(robot, verdict, evidence, seed)
+    if handover.held_out is not None:
+        evidence, fit = _with_arm(evidence, fit, handover.held_out, seed)
+    found = tuple(witnessed(one, runs) for one in evidence.witnessed)
+    if evidence.corrected is not None:
+        drives = [to_tell_apart(refitted, runs, evidence.left, one.term, one.rivals) for one in named]
+        found = (*missing_physics(evidence.corrected, named, runs, drives), *found)
     corrected, handed = handover.robot, handover.handed
     for one in evidence.witnessed:
         corrected = with_effects_of(corrected, one.in_file)
     if any(one.in_file for one in evidence.witnessed):
-        handed = dataclasses.replace(
-            handed, why=f"{handed.why}; beside that it holds what voltage or gauge show of the battery"
-        )
+        why = f"{handed.why}; beside that it holds what voltage or gauge show of the battery"
+        handed = dataclasses.replace(handed, why=why)
     if evidence.capacity is not None and evidence.capacity.off and verdict != "unknown_physics":
         corrected = of_capacity(corrected, evidence.capacity.fitted_j / evidence.capacity.assumed_j)
     where = evidence.location.places if evidence.location is not None else ()
+    nominal = evidence.predictions.get("nominal")
+    reach = None
+    if nominal is not None and handover.replayed is not None:
+        reach = recorded_range((robot, corrected), (nominal, handover.replayed), runs, seed)
+    of_range = runs.unit == "W" and verdict != "unknown_physics"
+    advice = next_experiment(
+        refitted, runs, evidence.left, evidence.estimates, [(one.term, one.rivals) for one in named],
+        evidence.location, enough=int(evidence.block.max()) + 1 >= rules.FEWEST_BLOCKS,
+    )  # fmt: skip
     diagnosis = Diagnosis(
         robot.name,
         infos,
@@ -129,38 +128,14 @@ def analyse(
         missing_physics=found,
         where=where or tuple(place for one in found for place in one.where),
         fit=fit,
-        what_this_log_can_show=what_can_be_shown(evidence.naming.absorbed),
+        what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
-        range=None
-        if evidence.nominal is None or handover.replayed is None
-        else recorded_range((robot, corrected), (evidence.nominal, handover.replayed), evidence.runs, seed),
-        range_change_m=None
-        if evidence.runs.unit == "A" or verdict == "unknown_physics"
-        else range_change(robot, corrected),
+        range=reach,
+        range_change_m=range_change(robot, corrected) if of_range else None,
         file=handed,
-        next_experiment=_next(evidence),
+        next_experiment=advice,
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
-
-
-def _drives(evidence: Evidence) -> list[str]:
-    """For each named effect the drive that would tell it from its rivals."""
-    return [
-        to_tell_apart(evidence.fitted, evidence.runs, evidence.left, one.term, one.rivals)
-        for one in evidence.naming.named
-    ]
-
-
-def _next(evidence: Evidence) -> str | None:
-    return next_experiment(
-        evidence.fitted,
-        evidence.runs,
-        evidence.left,
-        evidence.estimates,
-        [(one.term, one.rivals) for one in evidence.naming.named],
-        evidence.location,
-        enough=int(evidence.block.max()) + 1 >= FEWEST_BLOCKS,
-    )
 
 
 def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evidence, Fit]:
@@ -169,9 +144,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     blocks = independent_blocks(fitted, runs)
     block = blocks.channels
     fold, held_out_by = cut_folds(runs, block)
-    problem = fitted.parameters
-    nominal = problem.predict(runs, problem.start) if problem.current_known else None
-    enough = int(block.max()) + 1 >= FEWEST_BLOCKS
+    enough = int(block.max()) + 1 >= rules.FEWEST_BLOCKS
     progress("testing what remains")
     found = dependences(fitted, runs, blocks, fold, seed) if enough else []
     told = explain(fitted, runs, found, block, fold, seed, progress) if found else Explanation(Naming(), None, None)
@@ -189,7 +162,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     )
     corrected = None if left_open is None else left_open.spanning
     last = plain if corrected is None else corrected
-    predicted = _predictions(fitted, corrected, told.empirical, nominal, runs, fold, seed)
+    predicted = _predictions(fitted, corrected, told.empirical, runs, fold, seed)
     known = _known(named, last, runs, block)
     together: tuple[Product, ...] = ()
     if corrected is not None and left_open is not None:
@@ -217,7 +190,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         joint(last, runs, block),
         spread(left, runs, correlation_windows(left, runs.run)),
     )
-    arms = {name: score(one, runs, block, fold, held_out_by, seed) for name, one in predicted.items()}
+    arms = {name: score(one, runs, block, evidence.trip, seed) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
@@ -230,7 +203,7 @@ def _as_drawn(runs: Runs, corrected: Corrected | None) -> Runs:
     return dataclasses.replace(runs, observed=runs.observed - misread)
 
 
-def _known(named: Fitted, determined: Fitted, runs: Runs, block: NDArray[np.intp]) -> tuple[Estimate, ...]:
+def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
     """What is known of each group, fitted beside those that are held: of these, and of what was confounded, nothing."""
     known = []
     effects = tuple(one.effect for one in determined.model.terms) if isinstance(determined, Corrected) else ()
@@ -248,26 +221,19 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: NDArray[np.intp
     return tuple(known)
 
 
-def _with_file(evidence: Evidence, fit: Fit, predicted: Array | None, seed: int) -> tuple[Evidence, Fit]:
+def _with_arm(evidence: Evidence, fit: Fit, predicted: Array, seed: int) -> tuple[Evidence, Fit]:
     """Evidence and arms with what the file that is handed over predicts."""
-    if predicted is None:
-        return evidence, fit
-    arm = score(predicted, evidence.runs, evidence.block, evidence.fold, evidence.held_out_by, seed)
+    arm = score(predicted, evidence.runs, evidence.block, evidence.trip, seed)
     evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": predicted})
     return evidence, dataclasses.replace(fit, arms={**fit.arms, "file": arm})
 
 
 def _predictions(
-    fitted: Refit,
-    corrected: Corrected | None,
-    empirical: Empirical | None,
-    nominal: Array | None,
-    runs: Runs,
-    fold: NDArray[np.intp],
-    seed: int,
+    fitted: Refit, corrected: Corrected | None, empirical: Empirical | None, runs: Runs, fold: Index, seed: int
 ) -> dict[str, Array]:
     """What each arm predicts of windows that it has not seen."""
-    arms: dict[str, Array] = {} if nominal is None else {"nominal": nominal}
+    problem = fitted.parameters
+    arms = {"nominal": problem.predict(runs, problem.start)} if problem.current_known else {}
     arms["refit"] = held_out(lambda chosen: fitted.fitted_to(chosen, runs.observed).replayed(runs), fold)
     rng = np.random.default_rng(seed)
 
@@ -291,7 +257,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     capacity = evidence.capacity
     if capacity is not None and capacity.off:
         off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J"))
-    if int(evidence.block.max()) + 1 < FEWEST_BLOCKS:
+    if int(evidence.block.max()) + 1 < rules.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.witnessed:
         return "missing_physics", off
@@ -299,13 +265,15 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
         return "unknown_physics", off
     if all(one.fitted is None for one in evidence.estimates):
         return "not_testable", ()
-    if evidence.nominal is None:
+    nominal, refitted = evidence.predictions.get("nominal"), evidence.predictions["refit"]
+    if nominal is None:
         return "no_mismatch", ()
-    observed, block = evidence.runs.observed, evidence.block
-    missed, left = (float(np.mean((observed - one) ** 2)) for one in (evidence.nominal, evidence.refit))
+    observed = evidence.runs.observed
+    missed, left = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
     # Less than the meter's own error of scale, or than is asked of an effect, is no parameter that is off.
-    least = max(SMALLEST_GAIN * missed, (2.0 * GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
-    if better(evidence.refit, evidence.nominal, observed, block) > FALSE_ALARM_RATE or missed - left < least:
+    least = max(rules.SMALLEST_GAIN * missed, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
+    p_value = better(refitted, nominal, observed, evidence.block)
+    if p_value > rules.FALSE_ALARM_RATE or missed - left < least:
         other_capacity = capacity is not None and capacity.off
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
     if any(one.status == "at bound" for one in evidence.estimates):

@@ -1,13 +1,8 @@
 """What a verdict rests on, and the diagnosis with it: what the report, the terminal and other tools read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.explanation import Left
 from homeward.diagnosis.explain.formula import Empirical
@@ -21,7 +16,7 @@ from homeward.diagnosis.fit.held_out import range_accuracy_pct
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.result import Diagnosis, FittedGroup, Product
 from homeward.physics import Robot
 
@@ -37,8 +32,8 @@ class Evidence:
     runs: Runs
     fitted: Refit
     plain: Refit  # with every group that the recordings leave open as the robot file has it
-    block: NDArray[np.intp]
-    fold: NDArray[np.intp]  # what is held out together
+    block: Index
+    fold: Index  # what is held out together
     held_out_by: Literal["run", "block"]
     predictions: Mapping[str, Array]  # by arm, held out
     estimates: tuple[Estimate, ...]
@@ -75,7 +70,7 @@ class Evidence:
         return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
 
     @property
-    def trip(self) -> NDArray[np.intp]:
+    def trip(self) -> Index:
         """What counts as one trip, shape (windows,)."""
         return self.runs.run if self.held_out_by == "run" else self.fold
 
@@ -91,16 +86,6 @@ class Evidence:
         model = self.fitted if self.corrected is None else self.corrected
         return self.runs.observed - model.predicted
 
-    @property
-    def nominal(self) -> Array | None:
-        """What the robot file predicts."""
-        return self.predictions.get("nominal")
-
-    @property
-    def refit(self) -> Array:
-        """What the refit predicts of what it has not seen."""
-        return self.predictions["refit"]
-
 
 @dataclass(frozen=True)
 class Analysis:
@@ -113,10 +98,7 @@ class Analysis:
     evidence: Evidence | None  # None where no run can be used
 
     def per_sample(self, name: str) -> Array:
-        """Battery power that the corrected file says of one run, W, shape (samples,), at the run's `time_s`.
-
-        Args:
-            name: Path of the recording.
+        """Battery power that the corrected file says of the run of a path, W, shape (samples,), at its `time_s`.
 
         Raises:
             KeyError: No usable run has this name.

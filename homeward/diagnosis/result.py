@@ -15,6 +15,7 @@ SCHEMA = 2
 
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
 VERDICTS = get_args(Verdict)
+Together = Literal["product", "ratio", "mean power"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Product:
 
     of: tuple[str, ...]
     value: Value
-    together: Literal["product", "ratio", "mean power"] = "product"
+    together: Together = "product"
 
     @property
     def name(self) -> str:

@@ -1,6 +1,5 @@
 """Every threshold of the diagnosis that is a choice, once, with its origin."""
 
-from __future__ import annotations
 
 # --- Chance: how often a robot without a fault may be called faulty -----------------------------------------------
 

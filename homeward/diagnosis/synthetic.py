@@ -1,16 +1,12 @@
 """Synthetic recordings: a robot that drives by the project's own kernel, measured with noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
+from homeward.diagnosis.read.channels import Array
 from homeward.physics import Robot, replay
-
-Array = NDArray[np.float64]
 
 STEP_S = 0.1
 SAMPLES = 4800
@@ -22,11 +18,7 @@ def record(robot: Robot, seed: int = 20) -> pd.DataFrame:
     """Drive a robot for eight minutes over hilly ground with stops and turns, and measure with noise.
 
     The noise is drawn apart from the physics: a slow drift of the load, a ripple of the current, and the noise and
-    resolution of the sensors.
-
-    Args:
-        robot: Who drives.
-        seed: Of drive and noise.
+    resolution of the sensors. The seed is that of drive and noise.
     """
     rng = np.random.default_rng(seed)
     time_s: Array = STEP_S * np.arange(SAMPLES, dtype=np.float64)

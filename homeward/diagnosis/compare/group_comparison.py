@@ -6,8 +6,6 @@ no smaller than the one pooled over all groups. Holm's procedure (Scandinavian J
 pairs and quantities keeps the probability of any false name at 5 %.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +19,7 @@ from scipy.stats import t as student
 from homeward.diagnosis.compare.standing import mean_interval
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.tell.formats import number
+from homeward.diagnosis.tell.formats import interval, number
 
 SCHEMA = 1
 LEVEL = 0.05
@@ -114,11 +112,8 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
     """Levels of all groups, and the differences of all pairs that have at least two runs each, the surest first.
 
     A difference is named where Holm's p-value is at most `LEVEL` and runs that were left out are predicted better from
-    their own group than from both together.
-
-    Args:
-        labels: Group of each run.
-        values: Value of each quantity in each run, shape (runs,), NaN where a run does not show it.
+    their own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
+    where a run does not show the quantity.
     """
     levels: list[Level] = []
     pairs: list[Difference] = []
@@ -188,7 +183,7 @@ def comparison_of(
     verdict, summary = _conclusion(differences, groups)
     if len(groups) == 1:
         one = levels[0]
-        ends = "" if one.ci95 is None else f" (95 %: {number(one.ci95[0], 4)} to {number(one.ci95[1], 4)})"
+        ends = "" if one.ci95 is None else f" (95 %: {interval(one.ci95, 4)})"
         how = f"the mean of {one.runs} runs" if one.runs > 1 else "one run alone"
         summary = f"{one.quantity} is {number(one.value, 4)} {one.unit}{ends}, {how}."
     return Comparison(kind, verdict, summary, runs, tuple(levels), tuple(differences), (*remarks, *notes))
@@ -214,9 +209,7 @@ def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tup
 def _said(one: Difference) -> str:
     """A difference in words, the higher group first."""
     high, low = (one.group, one.minus) if one.value > 0.0 else (one.minus, one.group)
-    ends = sorted(abs(end) for end in one.ci95)
+    near, far = sorted(abs(end) for end in one.ci95)
     unit = "" if one.unit == "1" else f" {one.unit}"
-    return (
-        f"{one.quantity} is {number(abs(one.value))}{unit} higher in {high} than in {low} (95 %: {number(ends[0])} to "
-        f"{number(ends[1])})"
-    )
+    more = f"{number(abs(one.value))}{unit} higher in {high} than in {low}"
+    return f"{one.quantity} is {more} (95 %: {interval((near, far))})"

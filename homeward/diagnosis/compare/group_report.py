@@ -1,7 +1,5 @@
 """A comparison of groups as the terminal and the page show it, and as groups.json."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import plotly.graph_objects as go
@@ -13,10 +11,9 @@ from rich.table import Table
 
 from homeward.diagnosis.compare.group_comparison import Comparison
 from homeward.diagnosis.tell.figures import embedded
-from homeward.diagnosis.tell.formats import number, templates
-from homeward.diagnosis.tell.report import check_writable
+from homeward.diagnosis.tell.formats import interval, number, page, templates
+from homeward.diagnosis.tell.report import write_texts
 from homeward.diagnosis.tell.terminal import plain, say
-from homeward.files import write_whole
 
 
 def write_groups(comparison: Comparison, folder: Path) -> list[Path]:
@@ -25,11 +22,7 @@ def write_groups(comparison: Comparison, folder: Path) -> list[Path]:
     Raises:
         OSError: The folder cannot be written to.
     """
-    check_writable(folder)
-    texts = {"groups.json": comparison.to_json(), "groups.html": _page(comparison)}
-    for name, text in texts.items():
-        write_whole(folder / name, text)
-    return [folder / name for name in texts]
+    return write_texts(folder, {"groups.json": comparison.to_json(), "groups.html": _page(comparison)})
 
 
 def show_groups(comparison: Comparison, console: Console) -> None:
@@ -39,7 +32,7 @@ def show_groups(comparison: Comparison, console: Console) -> None:
     say(console, comparison.summary)
     levels = _table("group", "quantity", "runs", "mean", "95 %", "between runs")
     for one in comparison.levels:
-        unit, ends = f" {one.unit}" * (one.unit != "1"), _interval(one.ci95)
+        unit, ends = f" {one.unit}" * (one.unit != "1"), interval(one.ci95, 4)
         levels.add_row(*map(plain, (
             one.group, one.quantity, str(one.runs), f"{number(one.value, 4)}{unit}", ends, number(one.run_spread)
         )))  # fmt: skip
@@ -48,7 +41,7 @@ def show_groups(comparison: Comparison, console: Console) -> None:
         unit = f" {pair.unit}" * (pair.unit != "1")
         errors = f"{number(pair.held_out_rmse, 2)} for {number(pair.held_out_rmse_without_groups, 2)}"
         pairs.add_row(*map(plain, (
-            f"{pair.group} - {pair.minus}", pair.quantity, f"{number(pair.value)}{unit}", _interval(pair.ci95, 3),
+            f"{pair.group} - {pair.minus}", pair.quantity, f"{number(pair.value)}{unit}", interval(pair.ci95),
             f"{pair.p_holm:.2g}", errors, "differs" if pair.named else "",
         )), style="bold" if pair.named else None)  # fmt: skip
     for table in (levels, pairs):
@@ -67,18 +60,14 @@ def _table(*headings: str) -> Table:
     return table
 
 
-def _interval(ci95: tuple[float, float] | None, digits: int = 4) -> str:
-    return "-" if ci95 is None else f"{number(ci95[0], digits)} to {number(ci95[1], digits)}"
-
-
 def _page(comparison: Comparison) -> str:
     quantities = dict.fromkeys((one.quantity, one.unit) for one in comparison.levels)
     figures = [(*one, _figure(comparison, one[0], f"group-{i}")) for i, one in enumerate(quantities)]
-    page = templates().get_template("groups.html").render(
-        comparison=comparison, verdict=comparison.verdict.replace("_", " ").capitalize(), figures=figures,
+    return page(
+        templates(), "groups.html", comparison=comparison, figures=figures,
+        verdict=comparison.verdict.replace("_", " ").capitalize(),
         plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
     )  # fmt: skip
-    return page.encode("utf-8", "replace").decode("utf-8")
 
 
 def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:

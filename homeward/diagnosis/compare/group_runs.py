@@ -1,7 +1,5 @@
 """From recordings of named groups to a comparison: what each run draws at rest, or what it says of each parameter."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,7 +11,7 @@ from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.fit.refit import estimates, standard_errors
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.recordings import Recording, RecordingError
-from homeward.diagnosis.tell.formats import number
+from homeward.diagnosis.tell.formats import interval, number
 from homeward.diagnosis.tell.words import why_open
 
 _OWN = 0.01  # of a column in a run: with less the run cannot tell it from the others
@@ -135,7 +133,7 @@ def _of_runs(runs: Sequence[StandingRun], labels: Sequence[str]) -> list[str]:
         if low > 0.0 or high < 0.0:
             remarks.append(
                 f"from the first to the last third of a run the power changes by {number(float(np.mean(changes)))} "
-                f"{runs[0].unit} (95 %: {number(low)} to {number(high)}): compare runs of one length, begun alike"
+                f"{runs[0].unit} (95 %: {interval((low, high))}): compare runs of one length, begun alike"
             )
     return remarks
 

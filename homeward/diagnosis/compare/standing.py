@@ -1,7 +1,5 @@
 """A robot that stands: its ancillary power, with an error that counts autocorrelation and the spread between runs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

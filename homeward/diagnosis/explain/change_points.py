@@ -15,15 +15,13 @@ from typing import Literal
 
 import numpy as np
 import ruptures
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import IN_SO_MANY_RUNS
+from homeward.diagnosis.read.channels import Array, Index
 
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
-Index = NDArray[np.intp]
 
 STANDS_MPS = 0.05
 """A robot slower than this stands."""
@@ -56,8 +54,7 @@ class Schedule:
 
     def at_work(self) -> Array:
         """Whether each level beyond 0 is at work, shape (windows, levels - 1)."""
-        at_work: Array = (self.level[:, None] == np.arange(1, self.levels)).astype(np.float64)
-        return at_work
+        return np.asarray((self.level[:, None] == np.arange(1, self.levels)).astype(np.float64))
 
     def from_the_first(self) -> Schedule:
         """The same with levels counted from that of the first window."""
@@ -68,35 +65,6 @@ class Schedule:
 def clearly_apart(schedule: Schedule | None) -> bool:
     """Whether there are gaps between levels: noise with memory has none, however many changes follow it."""
     return schedule is not None and schedule.apart > _CLEARLY_APART
-
-
-def in_time(
-    shape: Array, residual: Array, runs: Runs, *, signed: bool, shares: Sequence[float] = SHARES
-) -> list[Schedule]:
-    """Find when the size of a shape changes within or between runs: schedules of few changes to many.
-
-    How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
-
-    Args:
-        shape: What the size multiplies, shape (windows,).
-        residual: What the refit leaves, shape (windows,).
-        runs: The runs.
-        signed: Whether sizes below the usual one are possible; otherwise the lowest counts as none.
-        shares: Of the squared residual that a change must explain, the largest first.
-    """
-    parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
-    return _schedules("time", shape, residual, parts, min(len(residual) // _SHORTEST, _MOST_BLOCKS), signed,
-                      shares)  # fmt: skip
-
-
-def by_place(
-    shape: Array, residual: Array, runs: Runs, *, signed: bool, shares: Sequence[float] = SHARES
-) -> list[Schedule]:
-    """Find where along the way from base the size of a shape changes; nothing where no place is met twice."""
-    place_m = place_of(runs)
-    if place_m is None:
-        return []
-    return _schedules("place", shape, residual, [np.argsort(place_m, kind="stable")], _PLACES, signed, shares)
 
 
 def profiles(runs: Runs) -> list[Array]:
@@ -121,7 +89,7 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
         comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
-        return comes_on >= IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= _COMES_BACK
+        return comes_on >= rules.IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= _COMES_BACK
     speeds = np.abs(runs.context["speed_mps"])
     stood = []
     for run, changes in zip(np.unique(runs.run), within, strict=True):
@@ -142,11 +110,22 @@ def place_of(runs: Runs) -> Array | None:
     return place_m if extent_m > 0.0 and driven_m >= _PASSES * extent_m else None
 
 
-def _schedules(
-    axis: Axis, shape: Array, residual: Array, parts: Sequence[Index], blocks: int, signed: bool,
-    shares: Sequence[float],
-) -> list[Schedule]:  # fmt: skip
-    """Search the windows of each part, in its order, with ever smaller penalties."""
+def search(
+    axis: Axis, shape: Array, residual: Array, runs: Runs, signed: bool, shares: Sequence[float] = SHARES
+) -> list[Schedule]:
+    """Find when, or where on the way from base, the size of a shape changes: schedules of few changes to many.
+
+    How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
+    The size multiplies `shape`, (windows,), of a `residual` of the same shape. Unless `signed`, the lowest size counts
+    as none. A change must explain such `shares` of the squared residual, the largest first. By place nothing is found
+    where no place is met twice.
+    """
+    if axis == "time":
+        parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
+        blocks = min(len(residual) // _SHORTEST, _MOST_BLOCKS)
+    else:
+        place_m, blocks = place_of(runs), _PLACES
+        parts = [] if place_m is None else [np.argsort(place_m, kind="stable")]
     whole, weight = float(residual @ residual), float(shape @ shape)
     if whole == 0.0 or weight == 0.0:
         return []
@@ -225,14 +204,9 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
 
 
 def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
-    """Group of each ascending value, in 2 to `most` groups that leave the least squared distance to their means.
+    """Group of each of n ascending values, in 2 to `most` groups with the least squared distance to their means.
 
-    Exact, by dynamic programming over the ends of groups.
-
-    Args:
-        value: Shape (n,).
-        times: How often each is there, shape (n,).
-        most: Groups at most, up to n.
+    Exact, by dynamic programming over the ends of groups; each value is there so many `times`, shape (n,).
     """
     centred = value - np.average(value, weights=times)
     number, first, second = (np.append(0.0, np.cumsum(times * centred**power)) for power in range(3))

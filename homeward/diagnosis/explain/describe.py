@@ -1,7 +1,5 @@
 """The named effects as the result has them: where each was at work, what it is, and what it may be confused with."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Any
@@ -15,7 +13,7 @@ from homeward.diagnosis.explain.places import WHOLE_RUN, Location, Place, at_wor
 from homeward.diagnosis.explain.residual_test import CHANNELS
 from homeward.diagnosis.explain.witnesses import Witnessed
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.result import Evidence, MissingPhysics
 
 
@@ -49,15 +47,14 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
 
 def witnessed(found: Witnessed, runs: Runs) -> MissingPhysics:
     """An effect that another channel than power shows."""
+    measurement = found.hypothesis.measurement
     return _of(
         found.hypothesis,
         parameters=dict(found.parameters),
         where=places_of(found.contribution, runs, None, found.contribution != 0.0),
         evidence=found.proof,
         confused_with=found.rivals,
-        to_tell_apart=f"{found.hypothesis.measurement[0].upper()}{found.hypothesis.measurement[1:]}."
-        if found.rivals
-        else "",
+        to_tell_apart=f"{measurement[0].upper()}{measurement[1:]}." if found.rivals else "",
     )
 
 

@@ -1,18 +1,15 @@
 """Candidates for an empirical term: what drives the load, times at most two dimensionless groups of the channels."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 
@@ -28,13 +25,12 @@ class Library:
     texts: tuple[str, ...]
     units: tuple[str, ...]  # of a coefficient
     parts: Array  # (windows, bases + factors): what candidates are products of
-    places: NDArray[np.intp]  # (candidates, 3): base and factors of each in `parts`
+    places: Index  # (candidates, 3): base and factors of each in `parts`
     cost: Array  # (candidates,): what the search costs in BIC, the log of the number of candidates that are as simple
 
     def columns(self, chosen: Sequence[int]) -> Array:
         """Values of some candidates, shape (windows, chosen)."""
-        columns: Array = self.parts[:, self.places[np.array(chosen, np.intp)]].prod(axis=2)
-        return columns
+        return np.asarray(self.parts[:, self.places[np.array(chosen, np.intp)]].prod(axis=2))
 
     def products(self, parts: Array, known: Array) -> tuple[Array, Array]:
         """Squares of all candidates, shape (candidates,), and products with known columns, (candidates, columns).
@@ -73,7 +69,9 @@ def candidates(fit: Fitted, runs: Runs) -> Library:
         bases = [_Base("", "A", one, frozenset()), _Base("I_drive", "1", load)]
     else:
         weight_w = robot.mass_kg * GRAVITY_MPS2 * np.abs(runs.context["speed_mps"])
-        load = np.maximum(fit.predicted - ancillary_power(fit.robot, runs.context.get("sensing_hz", np.zeros(1))), 0.0)
+        load = np.maximum(
+            fit.predicted - ancillary_power(fit.groups.robot, runs.context.get("sensing_hz", np.zeros(1))), 0.0
+        )
         bases = [
             _Base("", "W", one, frozenset({"(v / v_max)", "(v / v_max)^2"})),  # with a higher power of v it is a load
             _Base("m g v", "1", weight_w),
@@ -183,5 +181,4 @@ def _largest(values: Array) -> float:
 
 def _time_in_run(runs: Runs) -> Array:
     first = np.array([runs.time_s[runs.run == run][0] for run in range(len(runs.signals))])
-    elapsed: Array = np.maximum(runs.time_s - first[runs.run], 0.0)
-    return elapsed
+    return np.asarray(np.maximum(runs.time_s - first[runs.run], 0.0))

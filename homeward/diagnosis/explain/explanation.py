@@ -4,14 +4,12 @@ An effect that needs a schedule has to stand against what was recorded: where th
 a channel, predicts stretches not seen as well, its name would hide a cause that the recording holds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.describe import where_at_work
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
@@ -21,19 +19,10 @@ from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
-from homeward.diagnosis.explain.untold import is_much, times_noise, untold
+from homeward.diagnosis.fit.doubt import is_much, times_noise, untold
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.rules import (
-    ADEQUATE,
-    AS_WELL,
-    HALF,
-    MOSTLY,
-    MUCH_BETTER,
-    TAKEN_UP,
-    TOLD_BY_PLACE,
-    WITHOUT_A_SCHEDULE,
-)
+from homeward.diagnosis.read.channels import Index
 
 
 @dataclass(frozen=True)
@@ -59,21 +48,14 @@ def explain(
     fit: Refit,
     runs: Runs,
     found: list[Dependence],
-    block: NDArray[np.intp],
-    fold: NDArray[np.intp],
+    block: Index,
+    fold: Index,
     seed: int,
     progress: Callable[[str], None],
 ) -> Explanation:
-    """Explain what a refit leaves.
+    """Explain what a refit leaves, by `found`, on what its residuals depend, found ones first.
 
-    Args:
-        fit: The refit.
-        runs: The runs.
-        found: On what its residuals depend, found ones first.
-        block: Stretches that count as independent, shape (windows,).
-        fold: What is held out together, shape (windows,).
-        seed: Seed of placebos and intervals.
-        progress: Called with what is being done.
+    Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
     """
     progress("locating")
     ask = _Question(fit, runs, found[0], block, fold, seed, progress)
@@ -84,16 +66,16 @@ def explain(
         return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
     naming, location = ask.without_what_motion_tells(naming, location)
     if not naming.named and location is None:
-        if ask.by_motion() < TAKEN_UP:
+        if ask.by_motion() < rules.TAKEN_UP:
             if in_time and untold(fit, runs):
                 return Explanation(naming, locate(in_time[0], runs), None)
             return Explanation(ask.instead_of_parameters(naming), None, None)
-        if ask.much_is_left():
+        if is_much(fit, runs):
             location = locate(most, runs)  # where most of what motion tells shows
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and most.channel.name != "time_s"
     if location is not None and (not naming.named or scheduled):
-        empirical = ask.formula()
+        empirical = propose(fit, runs, block, fold, seed)
     if naming.named and empirical is not None:
         if empirical.held_out_gain > naming.named[0].held_out_gain:
             # A recorded channel says better when it happens than a schedule, which is for causes that none records.
@@ -103,7 +85,7 @@ def explain(
     left = None if naming.corrected is None else ask.left(naming.corrected)
     if left is not None and most.found and _of_another_channel(naming, left, most):
         naming, left = naming.nothing_named(), None
-        empirical = ask.formula()
+        empirical = propose(fit, runs, block, fold, seed)
     return Explanation(naming, location, empirical, left)
 
 
@@ -114,23 +96,19 @@ class _Question:
     fit: Refit
     runs: Runs
     most: Dependence  # that shows most of what it leaves
-    block: NDArray[np.intp]  # (windows,)
-    by_run: NDArray[np.intp]  # (windows,)
+    block: Index  # (windows,)
+    by_run: Index  # (windows,)
     seed: int
     progress: Callable[[str], None]
 
     @property
-    def fold(self) -> NDArray[np.intp]:
+    def fold(self) -> Index:
         """Stretches of all runs that are held out together, shape (windows,)."""
         return self.block % FOLDS
 
     def naming(self, schedules: bool = True) -> Naming:
         """What is named."""
         return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, schedules)
-
-    def formula(self) -> Empirical | None:
-        """The formula that the mismatch follows."""
-        return propose(self.fit, self.runs, self.block, self.by_run, self.seed)
 
     def by_motion(self) -> float:
         """Share of what the refit leaves that motion tells."""
@@ -139,10 +117,6 @@ class _Question:
     def by(self, naming: Naming) -> float:
         """Share of it that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
-
-    def much_is_left(self) -> bool:
-        """Whether the refit leaves much."""
-        return is_much(self.runs.observed - self.fit.predicted, self.runs)
 
     def left(self, corrected: Corrected) -> Left | None:
         """What the corrected model leaves, by the test that the refit was put to."""
@@ -158,7 +132,7 @@ class _Question:
 
         That is asked where the refit takes up all that is missing.
         """
-        taken_up = not self.much_is_left() or times_noise(self.fit, self.runs) <= 1.0
+        taken_up = not is_much(self.fit, self.runs) or times_noise(self.fit, self.runs) <= 1.0
         held = needless(self.fit, self.runs) if taken_up else None
         if held is None:
             return naming
@@ -179,27 +153,27 @@ class _Question:
         first, corrected = naming.named[0], naming.corrected
         where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
         by_its_channel = self.most.found and self.most.channel.name in first.term.hypothesis.channels
-        if untold(corrected, self.runs) and not by_its_channel and self.by(naming) < HALF:
+        if untold(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.HALF:
             return naming.nothing_named(), where
         by_motion = self.by_motion()
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming, by_motion) else naming.nothing_named()), location
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
-        if by_motion < AS_WELL * first.held_out_gain and by_place < TOLD_BY_PLACE * first.held_out_gain:
+        if by_motion < rules.AS_WELL * first.held_out_gain and by_place < rules.TOLD_BY_PLACE * first.held_out_gain:
             return naming, location
         again = self.naming(schedules=False)
-        if self.by(again) >= WITHOUT_A_SCHEDULE * first.held_out_gain:
+        if self.by(again) >= rules.WITHOUT_A_SCHEDULE * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
         """Whether the named effects, or the first alone, explain most of what motion and its history tell."""
         share = self.by(naming)
-        if naming.named[0].held_out_gain >= MOSTLY * by_motion or share >= ADEQUATE * by_motion:
+        if naming.named[0].held_out_gain >= rules.MOSTLY * by_motion or share >= rules.ADEQUATE * by_motion:
             return True
-        if naming.corrected is None or share < HALF * by_motion:
+        if naming.corrected is None or share < rules.HALF * by_motion:
             return False
-        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, MUCH_BETTER)
+        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.MUCH_BETTER)
 
 
 def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:

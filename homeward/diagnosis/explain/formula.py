@@ -7,15 +7,13 @@ the catalogue's effects, and its placebos repeat the whole search on channels th
 thousands is only worth something if the best of thousands without a cause does worse.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.dimensionless import Library, candidates, constants
 from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.fit.fitted import Fitted, excited, with_columns
@@ -23,8 +21,7 @@ from homeward.diagnosis.fit.folds import correlation_windows, noise_of
 from homeward.diagnosis.fit.held_out import evidence, gain, held_out
 from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import PLACEBOS, SMALLEST_GAIN, VERY_STRONG
+from homeward.diagnosis.read.channels import Array, Index
 
 _MOST_TERMS = 2
 _MOST_SEARCHED = 20_000  # windows; of more the search takes every second, third, ...
@@ -69,21 +66,10 @@ class Empirical:
         return f"{self.symbol} = {formula.removeprefix('+ ') if formula[0] == '+' else formula.replace('- ', '-', 1)}"
 
 
-def propose(
-    fit: Fitted,
-    runs: Runs,
-    block: NDArray[np.intp],
-    fold: NDArray[np.intp],
-    seed: int,
-) -> Empirical | None:
+def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Empirical | None:
     """Find the formula that the residual of a refit follows; None where none passes the proof.
 
-    Args:
-        fit: The refit.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
-        fold: What is held out together, shape (windows,).
-        seed: Seed of placebos and intervals.
+    Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
     """
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
@@ -95,10 +81,10 @@ def propose(
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
         pays = evidence(runs.observed, before, after, runs.run) - float(library.cost[best])
         gained = gain(runs.observed, before, after, block, seed)
-        if pays < VERY_STRONG or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if pays < rules.VERY_STRONG or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), seed)
-        if p_value_of_term > 1.0 / (PLACEBOS + 1):
+        if p_value_of_term > 1.0 / (rules.PLACEBOS + 1):
             break
         chosen, paid, p_value = [*chosen, best], paid + pays, max(p_value, p_value_of_term)
     if not chosen:
@@ -125,7 +111,7 @@ class Search:
     library: Library
     fit: Fitted
     runs: Runs
-    fold: NDArray[np.intp]
+    fold: Index
     memory: float | None = None  # of what is left, in windows; by default that of the refit's residual
 
     def scores(self, parts: Array, present: Sequence[int]) -> Array:
@@ -143,8 +129,7 @@ class Search:
             (known[one].T @ known[one], *self.library.products(parts[thin][one], known[one])) for one in folds
         ])  # fmt: skip
         effective = max(len(residual) / (self.memory or noise_of(residual, self.runs.run).memory), 2.0)
-        scores: Array = effective * np.log(without / with_it) - np.log(effective) - self.library.cost
-        return scores
+        return np.asarray(effective * np.log(without / with_it) - np.log(effective) - self.library.cost)
 
     def held_out(self, present: Sequence[int]) -> Array:
         """Held-out predictions of the refit with these terms, within the bounds of what is physical."""
@@ -155,11 +140,8 @@ class Search:
 def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float, Array]:
     """Squared error on each fold of fits to the others, without a candidate and with each, shape (candidates,).
 
-    What a candidate adds is what the other columns do not say of it (Frisch & Waugh, Econometrica 1, 1933).
-
-    Args:
-        folds: Products of what is known, the target last, (known, known), squares of candidates, (candidates,), and
-            their products with what is known, (candidates, known).
+    What a candidate adds is what the other columns do not say of it (Frisch & Waugh, Econometrica 1, 1933). A fold has
+    products of what is known, the target last, (known, known), squares of candidates, and products with what is known.
     """
     gram, square, beside = (np.array(one) for one in zip(*folds, strict=True))
     without, with_it = 0.0, np.zeros(square.shape[1])
@@ -187,7 +169,7 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
         scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])
         best_first = np.argsort(-scores, kind="stable").tolist()
         final[index] = best_first[0]
-        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - VERY_STRONG]
+        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - rules.VERY_STRONG]
         alternatives.append(tuple(search.library.texts[one] for one in close[:_MOST_ALTERNATIVES]))
     return final, alternatives
 
@@ -195,11 +177,11 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
 def _placebo_p_value(search: Search, present: Sequence[int], score: float, seed: int) -> float:
     """Share of searches, this one among them, that find as good a term among channels shifted in time."""
     rng, parts = np.random.default_rng(seed), search.library.parts
-    found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(PLACEBOS)]
-    return (1 + sum(one >= score for one in found)) / (PLACEBOS + 1)
+    found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(rules.PLACEBOS)]
+    return (1 + sum(one >= score for one in found)) / (rules.PLACEBOS + 1)
 
 
-def _coefficients(fit: Fitted, runs: Runs, block: NDArray[np.intp], columns: Array) -> tuple[Array, Array]:
+def _coefficients(fit: Fitted, runs: Runs, block: Index, columns: Array) -> tuple[Array, Array]:
     """Coefficient of each term fitted together with the groups, and half its interval clustered by block."""
     predicted = with_columns(fit, np.ones(len(runs.observed), np.bool_), runs.observed, columns)
     design = np.column_stack([fit.jacobian[:, excited(fit, runs)], columns])

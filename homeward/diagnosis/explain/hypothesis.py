@@ -13,26 +13,15 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from homeward.diagnosis.explain.change_points import (
-    SHARES,
-    Axis,
-    Changes,
-    Schedule,
-    by_place,
-    clearly_apart,
-    in_time,
-    may_change,
-    place_of,
-    profiles,
-)
-from homeward.diagnosis.explain.drive import Drive
+from homeward.diagnosis import rules
+from homeward.diagnosis.explain import change_points
+from homeward.diagnosis.explain.change_points import Axis, Changes, Schedule
+from homeward.diagnosis.explain.menu import Drive
 from homeward.diagnosis.explain.residual_test import CHANNELS
-from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects
-from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import MATTERS, SELDOM
+from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters
+from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.read.channels import Array, Mask
 from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6
@@ -134,7 +123,7 @@ class Setting:
     def rolling_kg(self) -> float:
         """C_rr m, of the robot file where a fit without rough ground takes it for none."""
         fitted, assumed = float(self.theta[ROLLING]), float(self.parameters.start[ROLLING])
-        return fitted if fitted > MATTERS * assumed else assumed
+        return fitted if fitted > rules.MATTERS * assumed else assumed
 
     def response(self, one: Hypothesis, size: float, shape: Numbers) -> Array:
         """What an effect of this size adds, per unit of its size, shape (windows,)."""
@@ -180,26 +169,28 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     runs = setting.runs
     rolling_kg = setting.rolling_kg if one.of_rolling else None
     axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
-    met_again = place_of(runs) is not None
+    met_again = change_points.place_of(runs) is not None
     for axis in axes:
-        for schedule in one.schedules(axis, load, setting.residual, runs, np.ones(len(load), np.bool_), SHARES):
+        for schedule in one.schedules(
+            axis, load, setting.residual, runs, np.ones(len(load), np.bool_), change_points.SHARES
+        ):
             if one.changes == "repeatedly" and schedule.levels > 2:
                 continue  # what is switched is on or off: more levels follow what creeps
             if axis == "time" and one.by_place and met_again and schedule.changes > one.weather:
                 continue  # the ground of a place lasts
-            natural = axis == "place" or may_change(one.changes, schedule, runs)
-            if not natural and (one.changes not in _PREFERENCES or schedule.changes > SELDOM):
+            natural = axis == "place" or change_points.may_change(one.changes, schedule, runs)
+            if not natural and (one.changes not in _PREFERENCES or schedule.changes > rules.SELDOM):
                 continue
             natural = natural and not one.seldom
             rhythm, spread = one.rhythm(schedule, runs)
-            cost = 1 if clearly_apart(schedule) else _COST_OF_A_CHANGE
+            cost = 1 if change_points.clearly_apart(schedule) else _COST_OF_A_CHANGE
             at_work = schedule.at_work()
             yield Term(
                 one, load[:, None] * at_work, *one.limits(schedule.levels - 1, one.signed),
                 cost * schedule.changes + int(not natural), rhythm, axis, schedule, spread, natural=natural,
                 of_rolling_kg=rolling_kg, load=load, at_work=at_work,
             )  # fmt: skip
-    for hats in profiles(runs) if one.by_place else []:
+    for hats in change_points.profiles(runs) if one.by_place else []:
         yield Term(one, load[:, None] * hats, *one.limits(hats.shape[1]), axis="place", of_rolling_kg=rolling_kg,
                    load=load, at_work=hats)  # fmt: skip
 
@@ -209,20 +200,22 @@ def everywhere(one: Hypothesis, setting: Setting) -> Array:
     return np.ones(len(setting.runs.observed))
 
 
-def _as_usual(setting: Setting) -> Iterator[Numbers]:
-    yield {}
+def temperatures(of: Parameter) -> Callable[[Setting], Iterator[Numbers]]:
+    """Values of a temperature that are tried: among those recorded, above all of them, and 20 degC."""
 
+    def shapes(setting: Setting) -> Iterator[Numbers]:
+        temperature_c = setting.runs.context["temperature_c"]
+        known = temperature_c[np.isfinite(temperature_c)]
+        quantiles = np.round(np.quantile(known, [0.3, 0.5, 0.7, 0.85]), 1).tolist() if len(known) else []
+        for value in dict.fromkeys([*quantiles, float(np.max(known, initial=-100.0)) + 0.1, 20.0]):
+            if of.low <= value <= of.high:
+                yield {of.name: float(value)}
 
-def _no_limit(runs: Runs) -> Numbers:
-    return {}
+    return shapes
 
 
 def _response(one: Hypothesis, setting: Setting) -> Array:
     return setting.response(one, TINY * one.entry.switch.high, {})
-
-
-def _without_rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
-    return {}, {}
 
 
 def _level_names(term: Term) -> list[tuple[str, str]]:
@@ -259,7 +252,7 @@ class Hypothesis:
 
     needs: tuple[str, ...] | None = None  # channels without which none tells when it is at work; None: those of `entry`
     beside: Mapping[str, Numbers] = field(default_factory=dict)  # effects without which it has no effect
-    shapes: Callable[[Setting], Iterator[Numbers]] = _as_usual  # values of its other parameters
+    shapes: Callable[[Setting], Iterator[Numbers]] = lambda setting: iter([{}])  # values of its other parameters
     rises_with: str = ""  # channel that its power rises with, whatever the form, or falls with, with a minus
     steady: Forms | None = responses  # forms of one size; None where no channel ever tells when it is at work
 
@@ -267,17 +260,20 @@ class Hypothesis:
     signed: bool = False  # whether it may then be below the usual size
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
-    weather: int = SELDOM  # times that it may change in places that are met again
+    weather: int = rules.SELDOM  # times that it may change in places that are met again
     of_rolling: bool = False  # whether it is a share of the rolling resistance, which a file says as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None where a channel tells
-    rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _without_rhythm  # what else a schedule shows
+    rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = lambda schedule, runs: (
+        {},
+        {},
+    )  # what else a schedule shows
     scheduled: Forms = levels  # forms whose size changes for no recorded reason
 
     bounds: tuple[float, float] | None = None  # of its size, where they are not those of its first parameter
     size_names: Callable[[Term], Sequence[tuple[str, str]]] = _level_names  # name and unit of each size
     searched: tuple[Parameter, ...] = ()  # what recordings may determine beside the size
     within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect  # adds it to a replay
-    reach: Callable[[Runs], Numbers] = _no_limit  # numbers in its file that say how far recordings reach
+    reach: Callable[[Runs], Numbers] = lambda runs: {}  # numbers in its file that say how far recordings reach
     of_the_day: bool = False  # whether it is weather, of which no robot file says anything
 
     map_channel: str = ""  # without which it may be but what that channel would have told
@@ -334,20 +330,14 @@ class Hypothesis:
             yield from self.scheduled(self, setting)
 
     def schedules(
-        self, axis: Axis, load: Array, residual: Array, runs: Runs, told: NDArray[np.bool_], shares: Sequence[float]
+        self, axis: Axis, load: Array, residual: Array, runs: Runs, told: Mask, shares: Sequence[float]
     ) -> list[Schedule]:
-        """Schedules that a search in some of the windows finds, of few changes to many.
+        """Schedules that a search in the windows that it is `told`, shape (windows,), finds, of few changes to many.
 
-        Args:
-            axis: What its size depends on.
-            load: What a unit of its size adds where it is at work, shape (windows,).
-            residual: What is to be explained.
-            runs: The runs.
-            told: Windows that the search may look at; the others have the level of those before them.
-            shares: Of the squared residual that a change must explain, the largest first.
+        Others have the level of those before them. A unit of its size adds `load`, shape (windows,), where it is at
+        work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        find = in_time if axis == "time" else by_place
-        found = find(load * told, residual * told, runs, signed=self.signed, shares=shares)
+        found = change_points.search(axis, load * told, residual * told, runs, self.signed, shares)
         # What begins once was not there before, however long it lasts.
         return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
 

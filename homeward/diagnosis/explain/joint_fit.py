@@ -5,21 +5,19 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.fit.fitted import excited
-from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, WithEffects, derivatives
+from homeward.diagnosis.fit.fitted import bounded, excited
+from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
 from homeward.diagnosis.fit.refit import Refit, holding, standard_errors
-from homeward.diagnosis.fit.regression import bounded
-from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Value
-from homeward.diagnosis.rules import COLLINEAR, GAIN_ERROR, MATTERS
-from homeward.physics import Robot
 
 _ITERATIONS = 6
 _PASSES = 3  # of fitting to loads that depend on what is fitted
@@ -48,25 +46,21 @@ class Model:
     terms: tuple[Term, ...]
     unknowns: tuple[Unknown, ...]
 
-    def within_bounds(self, values: Array) -> Array:
-        """The nearest values that the unknowns may have."""
-        bounds = np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2)
-        return np.clip(values, bounds[:, 0], bounds[:, 1])
+    @cached_property
+    def bounds(self) -> Array:
+        """Least and largest value of each unknown, shape (2, unknowns)."""
+        return np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2).T
+
+    def of(self, index: int) -> list[int]:
+        """Which of the unknowns are those of a term."""
+        return [at for at, one in enumerate(self.unknowns) if one.term == index]
 
     def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
-        """What the model predicts, shape (windows,), without one of its terms if told so.
-
-        Args:
-            runs: The runs.
-            theta: Parameters of the refit.
-            values: One value per unknown.
-            leave_out: Index of a term.
-        """
+        """What the model predicts, (windows,), by parameters and a value per unknown, without a term if told so."""
         added = np.zeros(len(runs.observed))
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
-                sizes = [value for one, value in zip(self.unknowns, values, strict=True) if one.term == index]
-                added += term.columns @ np.array(sizes)
+                added += term.columns @ values[self.of(index)]
         return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
 
     def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
@@ -74,8 +68,7 @@ class Model:
         found = WithEffects()
         for index, term in enumerate(self.terms):
             if not term.linear and index != leave_out:
-                pairs = zip(self.unknowns, values, strict=True)
-                mine = {one.parameter: float(value) for one, value in pairs if one.term == index}
+                mine = {self.unknowns[at].parameter: float(values[at]) for at in self.of(index)}
                 found = term.hypothesis.within(term.hypothesis, found, {**term.shape, **mine}, runs)
         return found
 
@@ -102,11 +95,6 @@ class Corrected:
         return self.groups.theta
 
     @property
-    def robot(self) -> Robot:
-        """The robot with these parameters, without effects."""
-        return self.groups.robot
-
-    @property
     def predicted(self) -> Array:
         """What the model predicts for the windows it was fitted to, shape (windows,)."""
         return self.groups.predicted
@@ -120,14 +108,14 @@ class Corrected:
         """Least and largest physical step of each column of `jacobian`."""
         return _bounds(self.groups, self.model, self.values)
 
-    def fitted_to(self, chosen: NDArray[np.bool_], observed: Array) -> Corrected:
+    def fitted_to(self, chosen: Mask, observed: Array) -> Corrected:
         """The same fitted to the chosen windows only, linearised at this fit."""
         left = (observed - self.predicted)[chosen]
         step, theta, values = _stepped(self.groups, self.model, self.values, self.jacobian[chosen], left)
         groups = dataclasses.replace(self.groups, theta=theta, predicted=self.predicted + self.jacobian @ step)
         return dataclasses.replace(self, values=values, groups=groups)
 
-    def refitted(self, chosen: NDArray[np.bool_], runs: Runs) -> Corrected:
+    def refitted(self, chosen: Mask, runs: Runs) -> Corrected:
         """The same fitted to the chosen windows only, by replays: further steps are made where one overshoots."""
         start = (self.theta, self.values, self.predicted, self.jacobian)
         theta, values, predicted, _ = _descended(self.groups, self.model, runs, chosen, start, to_first=True)
@@ -143,22 +131,21 @@ class Corrected:
 
         An effect whose other parameters were fitted too is left to other proof: its size may trade against them.
         """
-        for index in range(len(self.model.terms)):
-            mine = [(one, ci) for one, ci in zip(self.model.unknowns, self.ci95, strict=True) if one.term == index]
-            if all(one.column is not None and ci[0] <= 0.0 <= ci[1] for one, ci in mine):
-                return False
-        bounds = np.array([(one.low, one.high) for one in self.model.unknowns if one.column is not None])
-        sizes = np.array([v for one, v in zip(self.model.unknowns, self.values, strict=True) if one.column is not None])
-        return bool(((sizes < bounds[:, 1]) & ((sizes > bounds[:, 0]) | (bounds[:, 0] == 0.0))).all())
+        sized = [at for at, one in enumerate(self.model.unknowns) if one.column is not None]
+        perhaps_none = [at for at in sized if self.ci95[at][0] <= 0.0 <= self.ci95[at][1]]
+        if any({*self.model.of(index)} <= {*perhaps_none} for index in range(len(self.model.terms))):
+            return False
+        (low, high), sizes = self.model.bounds[:, sized], self.values[sized]
+        return bool(((sizes < high) & ((sizes > low) | (low == 0.0))).all())
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""
         term = self.model.terms[index]
         found: dict[str, Value] = {}
-        for one, value, interval in zip(self.model.unknowns, self.values.tolist(), self.ci95, strict=True):
-            if one.term == index:
-                share = self.share(one)
-                found[one.parameter] = Value(share * value, (share * interval[0], share * interval[1]), one.unit)
+        share = self.share(index)
+        for at in self.model.of(index):
+            one, (low, high) = self.model.unknowns[at], self.ci95[at]
+            found[one.parameter] = Value(share * float(self.values[at]), (share * low, share * high), one.unit)
         for other in term.hypothesis.entry.parameters:
             if other.name in term.spread:
                 found[other.name] = Value(term.shape[other.name], term.spread[other.name], other.unit)
@@ -166,35 +153,31 @@ class Corrected:
 
     def sizes(self, index: int) -> Array:
         """Fitted sizes of one named effect, shape (sizes,)."""
-        found = [v for one, v in zip(self.model.unknowns, self.values, strict=True) if one.term == index]
-        return np.array(found)
+        return self.values[self.model.of(index)]
 
-    def share(self, one: Unknown) -> float:
-        """Factor from a fitted size to one of the robot's, a share of the rolling resistance fitted with it."""
-        of_kg = self.model.terms[one.term].of_rolling_kg
+    def share(self, index: int) -> float:
+        """Factor from the fitted sizes of an effect to the robot's, shares of the rolling resistance fitted with it."""
+        of_kg = self.model.terms[index].of_rolling_kg
         return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
 
 
-def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.intp]) -> Corrected:
-    """Fit the groups and the effects together, by Gauss-Newton through the kernel.
+def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Corrected:
+    """Fit the groups and the named effects together, by Gauss-Newton through the kernel.
 
-    Args:
-        fit: The refit without effects; groups that it holds stay as they are.
-        terms: The named effects.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
+    Groups that the refit holds stay as they are; intervals are clustered by `block`, shape (windows,).
     """
     fit, everything = _without_spanned(fit, terms, runs), np.ones(len(runs.observed), np.bool_)
     model = Model(fit.parameters, tuple(terms), _unknowns(terms))
     theta, values = _start(fit, model, runs)
-    for again in range(_PASSES if any(_of_load(one) for one in terms) else 1):
+    # The load that sizes are per unit of depends on the groups, as a share of the power does.
+    for again in range(_PASSES if any(one.at_work is not None for one in terms) else 1):
         model = _at(model, runs, theta, values) if again else model
         start = (theta, values, *_linearised(model, runs, theta, values, ~fit.held))
         theta, values, predicted, jacobian = _descended(fit, model, runs, everything, start)
     groups = fit.jacobian.shape[1]
     at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
     errors = standard_errors(jacobian, runs.observed - predicted, block)[groups:]
-    errors = np.hypot(errors, GAIN_ERROR * np.abs(values))
+    errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(values))
     width = float(student.ppf(0.975, max(int(block.max()) + 1 - jacobian.shape[1], 1))) * errors
     intervals = tuple(
         (float(max(value - w, one.low)), float(min(value + w, one.high)))
@@ -206,11 +189,6 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: NDArray[np.i
     return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
 
 
-def _of_load(term: Term) -> bool:
-    """Whether its sizes are per unit of a load that depends on the groups, as a share of the power does."""
-    return term.load is not None and term.at_work is not None
-
-
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     """The model with terms per unit of the load that these parameters draw, and no longer those of the refit."""
     within = model.within(runs, values)
@@ -218,7 +196,7 @@ def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     setting = Setting(runs, model.parameters, theta, within, alone, runs.observed - alone)
     terms = []
     for term in model.terms:
-        load = term.hypothesis.load(term.hypothesis, setting) if _of_load(term) else None
+        load = None if term.at_work is None else term.hypothesis.load(term.hypothesis, setting)
         if load is not None and term.at_work is not None:
             rolling_kg = None if term.of_rolling_kg is None else setting.rolling_kg
             columns = load[:, None] * term.at_work
@@ -228,22 +206,12 @@ def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
 
 
 def _descended(
-    fit: Refit,
-    model: Model,
-    runs: Runs,
-    chosen: NDArray[np.bool_],
-    start: tuple[Array, Array, Array, Array],
-    to_first: bool = False,
+    fit: Refit, model: Model, runs: Runs, chosen: Mask, start: tuple[Array, Array, Array, Array], to_first: bool = False
 ) -> tuple[Array, Array, Array, Array]:
     """Gauss-Newton over the chosen windows, each step halved until its replay is better than that before.
 
-    Args:
-        fit: Which groups move, and within which bounds.
-        model: The model.
-        runs: The runs.
-        chosen: Windows to fit to, shape (windows,).
-        start: Parameters, values, what they predict and its Jacobian.
-        to_first: Whether a first whole step that is better is the last: near a fit the linear model holds.
+    From parameters, values, what they predict and its Jacobian to the same; `fit` says which groups move, within which
+    bounds. If `to_first`, a first whole step that is better is the last: near a fit the linear model holds.
     """
     theta, values, predicted, jacobian = start
     error = float(np.sum((runs.observed - predicted)[chosen] ** 2))
@@ -269,14 +237,14 @@ def _descended(
     return theta, values, predicted, jacobian
 
 
-def immaterial(fit: Refit, runs: Runs) -> NDArray[np.bool_]:
+def immaterial(fit: Refit, runs: Runs) -> Mask:
     """Groups without influence of their own, shape (groups,): beside effects they stay as assumed.
 
     The mass on level ground is in the force of turning too, and would trade against it.
     """
     active = fit.parameters.active()
     size = np.maximum(np.abs(fit.theta[active]) / fit.parameters.scale[active], 1.0)
-    return ~excited(fit, runs, MATTERS / size)
+    return ~excited(fit, runs, rules.MATTERS / size)
 
 
 def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
@@ -286,7 +254,7 @@ def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
         return fit
     columns = np.column_stack(flexible)
     left = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]
-    spanned = (left**2).sum(axis=0) < COLLINEAR * (fit.jacobian**2).sum(axis=0)
+    spanned = (left**2).sum(axis=0) < rules.COLLINEAR * (fit.jacobian**2).sum(axis=0)
     return holding(fit, runs, fit.held | spanned) if spanned.any() else fit
 
 
@@ -313,9 +281,7 @@ def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     return _stepped(fit, model, values, columns, runs.observed - fit.predicted)[1:]
 
 
-def _linearised(
-    model: Model, runs: Runs, theta: Array, values: Array, moving: NDArray[np.bool_]
-) -> tuple[Array, Array]:
+def _linearised(model: Model, runs: Runs, theta: Array, values: Array, moving: Mask) -> tuple[Array, Array]:
     predicted = model.predict(runs, theta, values)
     groups = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values))
     columns = [column * bool(open_) for column, open_ in zip(groups, moving, strict=True)]
@@ -337,11 +303,11 @@ def _stepped(at: Refit, model: Model, values: Array, jacobian: Array, residual: 
     """Best physical step from a fit and values, and the parameters and values after it."""
     step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, *_bounds(at, model, values))
     groups = len(model.parameters.active())
-    return step, at.moved(step[:groups]), model.within_bounds(values + step[groups:])
+    return step, at.moved(step[:groups]), np.clip(values + step[groups:], *model.bounds)
 
 
 def _bounds(at: Refit, model: Model, values: Array) -> tuple[Array, Array]:
     """Least and largest physical step of the groups (in units of `scale`) and of the unknowns."""
     low, high = at.freedom()
-    least, most = np.array([(one.low, one.high) for one in model.unknowns]).reshape(-1, 2).T
+    least, most = model.bounds
     return np.concatenate([low, least - values - 1e-12]), np.concatenate([high, most - values + 1e-12])

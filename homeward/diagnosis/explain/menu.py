@@ -4,15 +4,16 @@ All have the same number of samples, so that none wins by being recorded for lon
 that no channel holds (what is switched on, what is carried, which ground it is), the drive says when.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from homeward.diagnosis.fit.replay import Runs, average
-from homeward.diagnosis.read.signals import Array, Signals, Unit
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
+from homeward.diagnosis.fit.refit import Refit
+from homeward.diagnosis.fit.replay import WithEffects, average
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.read.signals import Signals, Unit
 from homeward.physics import Robot
 
 SAMPLES = 300
@@ -22,39 +23,6 @@ KNOWN_MASS = 0.2
 """Mass that is put on the robot in the drive with a known mass, over the robot's own."""
 
 _ACROSS_RAD = np.pi / 2.0  # heading across the wind, which then neither pushes nor holds
-
-
-@dataclass(frozen=True)
-class Course:
-    """What a drive does and meets, arrays of shape (SAMPLES,); headings count from where the wind comes from.
-
-    Where a drive does not ask for warm or cold air the temperature is NaN: as in the recordings at hand.
-    `there` says how much of the load, the ground and the route of the recordings is there, 1 if not listed: a hidden
-    slope is on the route where it was met, and not on level ground that one chooses.
-    """
-
-    time_s: Array
-    speed_mps: Array
-    yaw_rate_radps: Array
-    grade_rad: Array
-    heading_rad: Array
-    sensing_hz: Array
-    temperature_c: Array
-    base_distance_m: Array
-    switched_on: Array  # 0: everything is off, 1: as usual
-    known_mass: Array  # carried on top, over the robot's own mass
-    there: Mapping[str, Array] = field(default_factory=dict)
-
-    def runs(self, unit: Unit, usual_c: float) -> Runs:
-        """The drive in the form of recordings, one window a sample, in `usual_c` where it asks for no temperature."""
-        temperature_c = np.where(np.isnan(self.temperature_c), usual_c, self.temperature_c)
-        accel = np.gradient(self.speed_mps, self.time_s)
-        context = {"speed_mps": self.speed_mps, "sensing_hz": self.sensing_hz}
-        signals = Signals(
-            "menu", unit, self.time_s, self.speed_mps, accel, self.grade_rad, self.sensing_hz, self.yaw_rate_radps,
-            temperature_c, self.base_distance_m, np.ones(SAMPLES), np.zeros(SAMPLES), context,
-        )  # fmt: skip
-        return average([signals])
 
 
 @dataclass(frozen=True)
@@ -69,31 +37,53 @@ class Manoeuvre:
     heading_rad: Array | None = None  # None: first across the wind, and then as the robot turns
     grade_rad: Array | float = 0.0
     sensing: Array | float = 0.0  # over the fastest
-    temperature_c: Array | float = np.nan
+    temperature_c: Array | None = None  # None: as in the recordings at hand
     base_distance_s: Array | float = 0.0  # at top speed
-    switched_on: Array | float = 1.0
-    known_mass: Array | float = 0.0
+    switched_on: Array | float = 1.0  # 0: everything is off
+    known_mass: Array | float = 0.0  # carried on top, over the robot's own
     step_s: Array | float = 1.0
-    there: Mapping[str, Array | float] = field(default_factory=dict)
+    there: Mapping[str, Array | float] = field(default_factory=dict)  # what of the recordings' load, ground and route
 
-    def course(self, robot: Robot) -> Course:
-        """The drive of a robot."""
-        fastest = robot.max_speed_mps
-        steps_s, turning = _each(self.step_s), _each(self.turning)
-        turning = turning * (fastest / robot.track_m if robot.track_m > 0.0 else 1.0)
-        return Course(
-            time_s=np.concatenate([[0.0], np.cumsum(steps_s[:-1])]),
-            speed_mps=fastest * _each(self.speed),
-            yaw_rate_radps=turning + self.yaw_rate_radps,
-            grade_rad=_each(self.grade_rad),
-            heading_rad=_ACROSS_RAD + np.cumsum(turning * steps_s) if self.heading_rad is None else self.heading_rad,
-            sensing_hz=robot.max_sensing_hz * _each(self.sensing),
-            temperature_c=_each(self.temperature_c),
-            base_distance_m=fastest * _each(self.base_distance_s),
-            switched_on=_each(self.switched_on),
-            known_mass=_each(self.known_mass),
-            there={what: _each(share) for what, share in {"route": 0.0, **self.there}.items()},
-        )
+    def signals(self, robot: Robot, unit: Unit, usual_c: float) -> Signals:
+        """The drive of a robot as a recording; headings count from where the wind comes from."""
+        fastest, steps_s = robot.max_speed_mps, _each(self.step_s)
+        time_s = np.concatenate([[0.0], np.cumsum(steps_s[:-1])])
+        speed, sensing_hz = fastest * _each(self.speed), robot.max_sensing_hz * _each(self.sensing)
+        turning = _each(self.turning) * (fastest / robot.track_m if robot.track_m > 0.0 else 1.0)
+        heading = _ACROSS_RAD + np.cumsum(turning * steps_s) if self.heading_rad is None else self.heading_rad
+        return Signals(
+            "menu", unit, time_s, speed, np.gradient(speed, time_s), _each(self.grade_rad), sensing_hz,
+            turning + self.yaw_rate_radps, _each(usual_c if self.temperature_c is None else self.temperature_c),
+            fastest * _each(self.base_distance_s), np.ones(SAMPLES), np.zeros(SAMPLES),
+            {"speed_mps": speed, "sensing_hz": sensing_hz, "heading_rad": heading},
+        )  # fmt: skip
+
+
+class Drive:
+    """A manoeuvre of the refitted robot: what it would record, without any effect and with some."""
+
+    def __init__(self, fit: Refit, manoeuvre: Manoeuvre, unit: Unit, usual_c: float) -> None:
+        self.fit, self.manoeuvre = fit, manoeuvre
+        self.runs = average([manoeuvre.signals(fit.parameters.nominal, unit, usual_c)])
+        self.plain = self.predict(fit.theta)
+
+    def there(self, what: str | None) -> Array | float:
+        """How much of the load, the ground or the route of the recordings is there, shape (samples,).
+
+        A hidden slope is on the route where it was met, and not on level ground that one chooses.
+        """
+        return 1.0 if what is None else {"route": 0.0, **self.manoeuvre.there}.get(what, 1.0)
+
+    def predict(self, theta: Array, extra: WithEffects | None = None) -> Array:
+        """What would be recorded; nothing is drawn where everything is off."""
+        predict = self.fit.parameters.predict
+        power, on_top = predict(self.runs, theta, extra), self.manoeuvre.known_mass
+        if np.any(on_top):
+            loaded, on_top_kg = theta.copy(), KNOWN_MASS * self.fit.parameters.nominal.mass_kg
+            loaded[ROLLING] *= 1.0 + on_top_kg / theta[MASS]
+            loaded[MASS] += on_top_kg
+            power = np.where(np.greater(on_top, 0.0), predict(self.runs, loaded, extra), power)
+        return power * self.manoeuvre.switched_on
 
 
 def _each(level: Array | float) -> Array:

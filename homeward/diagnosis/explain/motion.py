@@ -6,19 +6,16 @@ If they predict stretches that they have not seen nearly as well as the schedule
 effect must not be named; nor may effects that channels tell, where the trees explain much more than they do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FEWEST_RUNS
 from homeward.diagnosis.fit.held_out import black_box, held_out
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index, Mask
 
 MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
 """Channels of what the robot does; those of where and when could stand for anything that changes."""
@@ -26,25 +23,18 @@ MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "
 _REMEMBERS_S = (10.0, 30.0, 100.0, 300.0)  # from a converter to a gearbox
 
 
-def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: NDArray[np.intp]) -> float:
+def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: Index) -> float:
     """Share of the refit's held-out squared error that a fitted model explains."""
     return 1.0 - _held_out_error(corrected, runs, fold) / max(_held_out_error(fit, runs, fold), 1e-300)
 
 
-def _held_out_error(model: Fitted, runs: Runs, fold: NDArray[np.intp]) -> float:
+def _held_out_error(model: Fitted, runs: Runs, fold: Index) -> float:
     left = runs.observed - held_out(lambda chosen: model.fitted_to(chosen, runs.observed).predicted, fold)
     return float(left @ left)
 
 
-def motion_gain(fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int) -> float:
-    """Share of a model's held-out squared error that boosted trees on the motion, and its history, explain.
-
-    Args:
-        fit: The refit, or a model with effects.
-        runs: The runs.
-        fold: What is held out together, shape (windows,).
-        seed: Seed of the trees.
-    """
+def motion_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
+    """Share of a model's squared error, held out by fold, that trees on the motion and its history explain."""
     after = _by_trees(fit, runs, fold, seed, MOTION, _history(fit, runs))
     return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
 
@@ -64,28 +54,20 @@ def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
     return 1.0 - after / max(_held_out_error(fit, runs, runs.run), 1e-300)
 
 
-def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int, share: float) -> bool:
-    """Whether trees on the motion of the moment, beside a fit, leave less than a share of what a named model leaves.
-
-    Args:
-        named: The model with effects.
-        fit: The refit.
-        runs: The runs.
-        fold: What is held out together, shape (windows,): runs, where there are enough.
-        seed: Seed of the trees.
-        share: Of the squared error.
-    """
+def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, seed: int, share: float) -> bool:
+    """Whether trees on the motion of the moment, beside a fit, leave less than a share of the squared error of a model
+    with effects, by fold (windows,): runs, where there are enough."""
     after = _by_trees(fit, runs, fold, seed, MOTION)
     return after < share * _held_out_error(named, runs, fold)
 
 
 def _by_trees(
-    fit: Fitted, runs: Runs, fold: NDArray[np.intp], seed: int, channels: Sequence[str], beside: Sequence[Array] = ()
+    fit: Fitted, runs: Runs, fold: Index, seed: int, channels: Sequence[str], beside: Sequence[Array] = ()
 ) -> float:
     """Held-out squared error of boosted trees on channels and further features, beside a fit."""
     rng = np.random.default_rng(seed)
 
-    def predicted(chosen: NDArray[np.bool_]) -> Array:
+    def predicted(chosen: Mask) -> Array:
         return black_box(runs, fit.fitted_to(chosen, runs.observed).predicted, chosen, rng, channels, beside)
 
     return float(((runs.observed - held_out(predicted, fold)) ** 2).sum())

@@ -12,36 +12,21 @@ from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.motion import motion_gain
-from homeward.diagnosis.explain.profile import profiled
 from homeward.diagnosis.explain.proof import FOLDS, Base, Bench
+from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.explain.witnesses import not_contradicted
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.held_out import gain, held_out
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Refit, holding
-from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import (
-    ALIKE_BY_NATURE,
-    ALIKE_IN_SIZE,
-    AS_WELL,
-    EQUAL,
-    FALSE_ALARM_RATE,
-    MOST_EFFECTS,
-    MUST_PAY,
-    SMALLEST_GAIN_BESIDE,
-    SMALLEST_GAIN_OF_A_FAULT,
-    SMALLEST_GAIN_TO_NAME,
-    SMALLEST_SHARE,
-    TOLD_BY_A_CHANNEL,
-)
+from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.read.channels import Array, Index
 
 _TRIED = 6  # hypotheses that are put to the proof, the best first
 _PAIRED = 12  # single hypotheses that are tried in pairs
@@ -91,23 +76,10 @@ class Naming:
 
 
 def name_missing(
-    fit: Refit,
-    runs: Runs,
-    block: NDArray[np.intp],
-    seed: int,
-    progress: Callable[[str], None],
-    schedules: bool = True,
+    fit: Refit, runs: Runs, block: Index, seed: int, progress: Callable[[str], None], schedules: bool = True
 ) -> Naming:
-    """Name the effects that the recordings ask for beyond the refit.
-
-    Args:
-        fit: The refit.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
-        seed: Seed of placebos and intervals.
-        progress: Called with what is being done.
-        schedules: Whether effects whose size changes for no recorded reason may be named.
-    """
+    """Name the effects that the recordings ask for beyond the refit; windows of one block, (windows,), depend on each
+    other. Effects whose size changes for no recorded reason are named only if `schedules` are asked for."""
     fold = np.asarray(block % FOLDS)
     base = Base(fit.jacobian, *fit.freedom())
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
@@ -119,7 +91,7 @@ def name_missing(
     absorbed: dict[str, float] = {}
     corrected: Corrected | None = None
     by_motion: Callable[[], float] = float
-    while len(named) < MOST_EFFECTS:
+    while len(named) < rules.MOST_EFFECTS:
         progress("naming")
         candidates = terms(setting, tuple(one.term.effect for one in named), schedules)
         candidates = not_contradicted(candidates, base.columns, setting, block, seed)
@@ -155,48 +127,47 @@ def _beside(one: Named, by_motion: Callable[[], float]) -> bool:
     form that they lack, unless its levels stand clear and motion does not tell as much."""
     if one.term.axis == "time" and not (one.term.natural and clearly_apart(one.term.schedule)):
         return False
-    return one.term.axis == "steady" or by_motion() < AS_WELL * one.held_out_gain
+    return one.term.axis == "steady" or by_motion() < rules.AS_WELL * one.held_out_gain
 
 
-def _fitted(
-    fit: Refit, named: tuple[Named, ...], runs: Runs, block: NDArray[np.intp]
-) -> tuple[tuple[Named, ...], Corrected]:
+def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> tuple[tuple[Named, ...], Corrected]:
     """The effects fitted together, flexible ones in the form that a file can say where that fits as well."""
     terms = [one.term for one in named]
     fitted = fit_model(fit, terms, runs, block)
     if any(one.plain is not None for one in terms):
         as_said = fit_model(fit, [one.plain or one for one in terms], runs, block)
         errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, as_said)]
-        fitted = as_said if errors[1] <= EQUAL * errors[0] else fitted
+        fitted = as_said if errors[1] <= rules.EQUAL * errors[0] else fitted
     fitted = profiled(fit, fitted, runs, block).model
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
 
 def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
     """Whether each schedule adds or saves a part of what was drawn that a meter is trusted with."""
-    least = SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
+    least = rules.SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
     terms = zip(fitted.model.terms, fitted.contribution, strict=True)
     return all(float(np.abs(w * runs.duration_s).sum()) >= least for one, w in terms if one.axis != "steady")
 
 
-def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: NDArray[np.intp], seed: int) -> bool:
+def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, seed: int) -> bool:
     """Whether a replay with the effects predicts what was held out better than one without, not only its derivative."""
     predicted = [
         held_out(lambda chosen, one=one: one.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
         for one in (before, after)
     ]
     replayed = gain(runs.observed, predicted[0], predicted[1], fold, seed)
-    return replayed.share >= SMALLEST_GAIN_TO_NAME
+    return replayed.share >= rules.SMALLEST_GAIN_TO_NAME
 
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:
     """The best form of each effect and of what its size depends on."""
-    shares = np.array([bench.share(index) for index in range(len(bench.candidates))])
-    ranked = []
-    for index in _best_forms(bench, np.argsort(-shares, kind="stable")):
-        term = bench.candidates[index]
-        ranked.append(Ranked(term.effect, term.axis, bench.delta_bic(index), float(shares[index])))
+    best = [(bench.candidates[index], index) for index in _best_forms(bench, _shares(bench))]
+    ranked = [Ranked(term.effect, term.axis, bench.delta_bic(index), bench.share(index)) for term, index in best]
     return tuple(sorted(ranked, key=lambda one: -one.delta_bic))
+
+
+def _shares(bench: Bench) -> Array:
+    return np.array([bench.share(index) for index in range(len(bench.candidates))])
 
 
 def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
@@ -204,48 +175,37 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     the best pair; then the pair, where neither half is anything without the other; then the next best alone."""
     if not bench.candidates:
         return
-    shares = np.array([bench.share(index) for index in range(len(bench.candidates))])
-    likely = max(_best_forms(bench, np.argsort(-shares, kind="stable")), key=bench.delta_bic)
+    shares = _shares(bench)
+    most = _best_forms(bench, shares)
+    likely = max(most, key=bench.delta_bic)
     independent = bench.independent(likely)  # the same for all, so that shares decide
     alone = np.array([bench.score(share, independent, index) for index, share in enumerate(shares.tolist())])
-    order = _best_forms(bench, np.argsort(-alone, kind="stable"))
+    order = _best_forms(bench, alone)
     best = float(alone[order[0]])
     pair: tuple[int, ...] = (order[0],)
-    for one, other in combinations(_worth_pairing(bench, order, shares), 2):
+    # The best for their freedom, then those that explain most: half of a pair may be worth little alone.
+    for one, other in combinations(dict.fromkeys([*order[:_PAIRED], *most[:_PAIRED]]), 2):
         if bench.candidates[one].effect != bench.candidates[other].effect:
             both = bench.score(bench.share(one, other), independent, one, other)
-            if both > best + MUST_PAY:
+            if both > best + rules.MUST_PAY:
                 best, pair = both, (one, other)
     told = _likeliest(bench, _told_by_a_channel(bench, pair[0], shares), shares, alone)
-    for index in dict.fromkeys([told, pair[0]]):
-        found = _proven(bench, index, shares, alone, independent, seed)
-        if found is not None:
-            yield (found,)
+    proven = partial(_proven, alone=alone, independent=independent, seed=seed)
+    yield from ((found,) for index in dict.fromkeys([told, pair[0]]) if (found := proven(bench, index)))
     if len(pair) == 2:
-        halves = tuple(
-            _proven(bench.with_base(other), one, shares, alone, independent, seed) for one, other in (pair, pair[::-1])
-        )
-        if halves[0] is not None and halves[1] is not None:
-            yield halves[0], halves[1]
-    for index in order[:_TRIED]:
-        found = _proven(bench, index, shares, alone, independent, seed)
-        if found is not None:
-            yield (found,)
+        halves = [proven(bench.with_base(other), one) for one, other in (pair, pair[::-1])]
+        if all(halves):
+            yield tuple(one for one in halves if one)
+    yield from ((found,) for index in order[:_TRIED] if (found := proven(bench, index)))
 
 
-def _best_forms(bench: Bench, order: NDArray[np.intp]) -> list[int]:
-    """The first of each effect and of what its size depends on."""
+def _best_forms(bench: Bench, scores: Array) -> list[int]:
+    """The best of each effect and of what its size depends on, best first."""
     first: dict[tuple[str, str], int] = {}
-    for index in order.tolist():
+    for index in np.argsort(-scores, kind="stable").tolist():
         term = bench.candidates[index]
         first.setdefault((term.effect, term.axis), index)
     return list(first.values())
-
-
-def _worth_pairing(bench: Bench, order: list[int], shares: Array) -> list[int]:
-    """The best for their freedom, then those that explain most: half of a pair may be worth little alone."""
-    most = _best_forms(bench, np.argsort(-shares, kind="stable"))
-    return list(dict.fromkeys([*order[:_PAIRED], *most[:_PAIRED]]))
 
 
 def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
@@ -253,13 +213,11 @@ def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
 
     A level per stretch follows whatever comes and goes, so it fits at least as well as the cause itself.
     """
-    if bench.candidates[chosen].axis == "steady":
-        return chosen
     steady = [index for index, term in enumerate(bench.candidates) if term.axis == "steady"]
-    if not steady:
+    if bench.candidates[chosen].axis == "steady" or not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
-    return best if shares[best] >= TOLD_BY_A_CHANNEL * shares[chosen] else chosen
+    return best if shares[best] >= rules.TOLD_BY_A_CHANNEL * shares[chosen] else chosen
 
 
 def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
@@ -273,19 +231,19 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
     equals = [
         index
         for index, term in enumerate(bench.candidates)
-        if term.axis == bench.candidates[chosen].axis and 1.0 - shares[index] <= EQUAL * (1.0 - shares[chosen])
+        if term.axis == bench.candidates[chosen].axis and 1.0 - shares[index] <= rules.EQUAL * (1.0 - shares[chosen])
     ]
     return min([chosen, *equals], key=rarity)
 
 
-def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent: float, seed: int) -> Named | None:
+def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: int) -> Named | None:
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
-    least = SMALLEST_GAIN_TO_NAME if bench.candidates[chosen].hypothesis.physical else SMALLEST_GAIN_OF_A_FAULT
-    of_refit = share * bench.squared_error(chosen) / max(bench.refit_error, 1e-300)
-    if delta_bic < MUST_PAY or share < least or of_refit < SMALLEST_GAIN_BESIDE:
+    physical, explained = bench.candidates[chosen].hypothesis.physical, share * bench.squared_error(chosen)
+    least = rules.SMALLEST_GAIN_TO_NAME if physical else rules.SMALLEST_GAIN_OF_A_FAULT
+    of_refit = explained / max(bench.refit_error, 1e-300)
+    if delta_bic < rules.MUST_PAY or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
         return None
-    explained = share * bench.squared_error(chosen)
-    if explained < SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
+    if explained < rules.SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
         return None
     if explained <= bench.doubted * _followed(bench, chosen):
         return None  # errors of the channels would do as much
@@ -294,10 +252,10 @@ def _proven(bench: Bench, chosen: int, shares: Array, alone: Array, independent:
     if interval[0] <= 0.0:
         return None
     p_value = bench.p_value(chosen, independent, seed)
-    if p_value > FALSE_ALARM_RATE:
+    if p_value > rules.FALSE_ALARM_RATE:
         return None
     term = _with_plain(bench, chosen)
-    return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, shares, alone))
+    return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, alone))
 
 
 def _with_plain(bench: Bench, chosen: int) -> Term:
@@ -320,19 +278,19 @@ def _followed(bench: Bench, chosen: int) -> float:
     return min(1.0, (changes + 1) / bench.independent(chosen))
 
 
-def _rivals(bench: Bench, chosen: int, shares: Array, alone: Array) -> tuple[Term, ...]:
+def _rivals(bench: Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
     """Other effects that explain nearly as much: each in its best form, best first."""
     explained = bench.share(chosen)
     found: dict[str, Term] = {}
     for index in np.argsort(-alone, kind="stable").tolist():
         other = bench.candidates[index]
-        if other.effect == bench.candidates[chosen].effect or alone[index] < MUST_PAY or index in bench.beside:
+        if other.effect == bench.candidates[chosen].effect or alone[index] < rules.MUST_PAY or index in bench.beside:
             continue
         alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
-        share = ALIKE_BY_NATURE if alike else ALIKE_IN_SIZE
-        beside = bench.share(index) if bench.beside else shares[index]
+        share = rules.ALIKE_BY_NATURE if alike else rules.ALIKE_IN_SIZE
+        beside = bench.share(index)
         doubtful = beside * bench.squared_error(index) <= bench.doubted * _followed(bench, index)
-        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < MUST_PAY):
+        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.MUST_PAY):
             found.setdefault(other.effect, _with_plain(bench, index))
     return tuple(found.values())
 

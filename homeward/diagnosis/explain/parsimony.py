@@ -5,30 +5,25 @@ the effect is the simpler explanation: models of some numbers of the file, with 
 Bayesian information criterion (Kass & Raftery, 1995). A mass that is off also changes C_rr m, and counts once.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting
+from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import independent_windows
-from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, WithEffects
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import Refit
-from homeward.diagnosis.fit.regression import bounded
-from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array
-from homeward.diagnosis.rules import MUST_PAY, SMALLEST_SHARE
+from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.read.channels import Array, Mask
 
 
-def needless(fit: Refit, runs: Runs) -> NDArray[np.bool_] | None:
+def needless(fit: Refit, runs: Runs) -> Mask | None:
     """Groups that need not differ from the robot file if one effect is at work, shape (groups,); None where none does.
 
-    Args:
-        fit: The refit, which leaves nothing that an effect would explain.
-        runs: The runs.
+    The refit leaves nothing that an effect would explain.
     """
     problem, active = fit.parameters, fit.parameters.active()
     start = (problem.start - fit.theta)[active] / problem.scale[active]
@@ -38,10 +33,11 @@ def needless(fit: Refit, runs: Runs) -> NDArray[np.bool_] | None:
     numbers = _numbers_of_a_file(fit)
     columns = np.column_stack([fit.jacobian @ numbers.T, *(one.columns for one in effects), target])
     gram = columns.T @ columns
-    low, high = _limits(fit, np.array([(one.low[0], one.high[0]) for one in effects]).reshape(-1, 2))
+    low, high = ((bound - problem.start)[active] / problem.scale[active] for bound in (problem.low, problem.high))
+    low, high = np.append(low, [one.low[0] for one in effects]), np.append(high, [one.high[0] for one in effects])
     left = runs.observed - fit.predicted
     independent = independent_windows(left, runs.run)
-    least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
+    least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
 
     def criterion(chosen: tuple[int, ...]) -> float:
         own = np.array(chosen, np.intp)
@@ -55,9 +51,9 @@ def needless(fit: Refit, runs: Runs) -> NDArray[np.bool_] | None:
     fewer = [one for one in subsets if len(one) + 1 < len(off)]
     with_one = [(criterion((*one, count + index)), one) for one in fewer for index in range(len(effects))]
     best, changed = min(with_one, default=(np.inf, ()))
-    if best + MUST_PAY > without:
+    if best + rules.MUST_PAY > without:
         return None
-    free: NDArray[np.bool_] = (numbers[list(changed)] != 0.0).any(axis=0)
+    free: Mask = (numbers[list(changed)] != 0.0).any(axis=0)
     return ~free
 
 
@@ -69,10 +65,3 @@ def _numbers_of_a_file(fit: Refit) -> Array:
     per_mass = problem.start[ROLLING] / problem.start[MASS] * problem.scale[MASS] / problem.scale[ROLLING]
     numbers[mass, rolling] = per_mass
     return numbers
-
-
-def _limits(fit: Refit, of_effects: Array) -> tuple[Array, Array]:
-    """Least and largest physical step of each number of the file alone, and size of each effect."""
-    problem, active = fit.parameters, fit.parameters.active()
-    low, high = ((bound - problem.start)[active] / problem.scale[active] for bound in (problem.low, problem.high))
-    return np.concatenate([low, of_effects[:, 0]]), np.concatenate([high, of_effects[:, 1]])

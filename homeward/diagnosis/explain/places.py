@@ -1,16 +1,13 @@
 """Where a mismatch sits: the values of a channel, in plain words, that hold most of the excess."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.residual_test import Channel, Dependence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Mask
 
 WHOLE_RUN = "all of the run"
 _AT_WORK = 0.1  # of its usual peak
@@ -36,7 +33,7 @@ class Location:
     """The located condition: in words, for which windows it holds, and where that is in each recording."""
 
     condition: str
-    inside: NDArray[np.bool_]  # (windows,)
+    inside: Mask  # (windows,)
     excess: Array  # (windows,), W or A above the rest
     places: tuple[Place, ...]
 
@@ -102,7 +99,7 @@ def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
     return Location("in some stretches of time", inside, excess, _cut(inside, _shares(excess, runs), runs, None))
 
 
-def stretches(inside: NDArray[np.bool_], runs: Runs, pause_s: float = 0.0) -> Iterator[tuple[int, slice]]:
+def stretches(inside: Mask, runs: Runs, pause_s: float = 0.0) -> Iterator[tuple[int, slice]]:
     """Run and windows of each stretch; one goes on over pauses that are shorter than this."""
     for run in range(len(runs.signals)):
         here = np.flatnonzero(inside & (runs.run == run))
@@ -118,7 +115,7 @@ def _shares(excess: Array, runs: Runs) -> Array:
 
 
 def _cut(
-    inside: NDArray[np.bool_], share: Array, runs: Runs, condition: str | None, pause_s: float = 0.0, edge: float = 0.0
+    inside: Mask, share: Array, runs: Runs, condition: str | None, pause_s: float = 0.0, edge: float = 0.0
 ) -> tuple[Place, ...]:
     """Each stretch with its share of the excess; from the middle of its first window or, if `edge` is 1, its start."""
     half_s, places = edge * runs.duration_s / 2.0, []
@@ -129,7 +126,7 @@ def _cut(
     return tuple(places)
 
 
-def _when(start_s: float, end_s: float, runs: Runs, here: NDArray[np.bool_]) -> str:
+def _when(start_s: float, end_s: float, runs: Runs, here: Mask) -> str:
     """When a stretch lies in its run, in words."""
     time_s, edge_s = runs.time_s[here], 1.01 * float(runs.duration_s[here][0])
     start, end = _plain(start_s - time_s[0]), _plain(end_s - time_s[0])
@@ -138,16 +135,13 @@ def _when(start_s: float, end_s: float, runs: Runs, here: NDArray[np.bool_]) -> 
     return f"after {start} s" if time_s[-1] - end_s <= edge_s else f"from {start} to {end} s"
 
 
-def at_work(contribution: Array) -> NDArray[np.bool_]:
+def at_work(contribution: Array) -> Mask:
     """When an effect adds a good part of its usual peak, shape (windows,)."""
     size = np.abs(contribution)
-    working: NDArray[np.bool_] = size > _AT_WORK * float(np.quantile(size, 0.99))
-    return working
+    return np.asarray(size > _AT_WORK * float(np.quantile(size, 0.99)))
 
 
-def places_of(
-    contribution: Array, runs: Runs, condition: str | None, inside: NDArray[np.bool_] | None = None
-) -> tuple[Place, ...]:
+def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Mask | None = None) -> tuple[Place, ...]:
     """Stretches in which an effect was at work, each with its share of the effect's energy.
 
     Without a condition in words, the words say when in its run a stretch lies; without `inside`, shape (windows,), the

@@ -13,23 +13,19 @@ better one is (Winkler et al., 2016), times the kinds of searches: those of one 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of
-from homeward.diagnosis.fit.regression import bounded
+from homeward.diagnosis.fit.fitted import bounded
+from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of, per_block
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+from homeward.diagnosis.read.channels import Array, Index, Mask
 
 FOLDS = 5
 """Of blocks or stretches, over which hypotheses are compared."""
@@ -157,8 +153,12 @@ class Bench:
             np.arange(self.base.columns.shape[1]), *(split.own[one] for one in (*self.beside, *chosen))
         ])  # fmt: skip
 
-    def _splits(self, chosen: tuple[int, ...]) -> tuple[_Split, ...]:
-        in_time = any(searched_in_time(self.candidates[one]) for one in (*self.beside, *chosen))
+    def _in_time(self, chosen: tuple[int, ...]) -> bool:
+        """Whether some size changes at moments that were searched for: then stretches are held out."""
+        terms = [self.candidates[one] for one in (*self.beside, *chosen)]
+        return any(term.axis == "time" and term.schedule is not None for term in terms)
+
+    def _splits(self, in_time: bool) -> tuple[_Split, ...]:
         return self._by_stretch if in_time else self._by_block
 
     def _weights(self, split: _Split, columns: Index, chosen: tuple[int, ...]) -> Array:
@@ -172,31 +172,27 @@ class Bench:
             np.concatenate([self.base.high, *(term.high for term in terms)]),
         )
 
-    def _error(self, chosen: tuple[int, ...], splits: tuple[_Split, ...]) -> float:
+    def _error(self, chosen: tuple[int, ...], in_time: bool) -> float:
         total = 0.0
-        for split in splits:
+        for split in self._splits(in_time):
             columns = self._chosen(split, chosen)
-            total += _squared_error(split.tested, columns, self._weights(split, columns, chosen))
+            weights, tested = self._weights(split, columns, chosen), split.tested
+            explained = 2.0 * weights @ tested[columns, -1] - weights @ tested[np.ix_(columns, columns)] @ weights
+            total += max(float(tested[-1, -1] - explained), 0.0)
         return total
+
+    @cached_property
+    def _error_of(self) -> Callable[[tuple[int, ...], bool], float]:
+        return cache(self._error)
 
     def share(self, *chosen: int) -> float:
         """Share of the base's held-out squared error that these hypotheses explain."""
-        before, after = self._error_of((), self._splits(chosen)), self._error_of(chosen, self._splits(chosen))
+        before, after = self.squared_error(*chosen), self._error_of(chosen, self._in_time(chosen))
         return 1.0 - after / before if before > 0.0 else 0.0
 
     def squared_error(self, *chosen: int) -> float:
         """Held-out squared error of the base, on the folds that these hypotheses are tried on."""
-        return self._error_of((), self._splits(chosen))
-
-    def _error_of(self, chosen: tuple[int, ...], splits: tuple[_Split, ...]) -> float:
-        known = self._errors.setdefault(id(splits), {})
-        if chosen not in known:
-            known[chosen] = self._error(chosen, splits)
-        return known[chosen]
-
-    @cached_property
-    def _errors(self) -> dict[int, dict[tuple[int, ...], float]]:
-        return {}
+        return self._error_of((), self._in_time(chosen))
 
     def score(self, share: float, independent: float, *chosen: int) -> float:
         """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share."""
@@ -225,8 +221,7 @@ class Bench:
         """What these hypotheses leave of the target, shape (windows,)."""
         columns = self._chosen(self._whole, chosen)
         weights = self._weights(self._whole, columns, chosen)
-        left: Array = self.target - self._whole.columns[:, columns] @ weights
-        return left
+        return np.asarray(self.target - self._whole.columns[:, columns] @ weights)
 
     def absorbed(self) -> dict[str, float]:
         """Share of each effect that the refit takes up: of several forms, the one that shows most counts."""
@@ -244,7 +239,7 @@ class Bench:
     def predictions(self, *chosen: int) -> tuple[Array, Array]:
         """What was held out as the base predicts it, and with these hypotheses, shape (windows,) each."""
         without, with_it = np.empty(len(self.target)), np.empty(len(self.target))
-        for split in self._splits(chosen):
+        for split in self._splits(self._in_time(chosen)):
             for result, terms in ((without, ()), (with_it, chosen)):
                 columns = self._chosen(split, terms)
                 weights = self._weights(split, columns, terms)
@@ -270,11 +265,9 @@ class Bench:
     def _best_of_noise(self, independent: float, rng: np.random.Generator) -> Array:
         """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
         splits, everything = self._by_block, self._by_block[0].columns
-        blocks = int(self.block.max()) + 1
-        moments = np.zeros((blocks, everything.shape[1] - 1))
-        np.add.at(moments, self.block, everything[:, :-1] * self.target[:, None])
-        signs = rng.choice([-1.0, 1.0], (_DRAWS, blocks))
-        held = np.arange(blocks) % FOLDS == np.arange(FOLDS)[:, None]
+        moments = per_block(everything[:, :-1] * self.target[:, None], self.block)
+        signs = rng.choice([-1.0, 1.0], (_DRAWS, len(moments)))
+        held = np.arange(len(moments)) % FOLDS == np.arange(FOLDS)[:, None]
         tested = [signs[:, one] @ moments[one] for one in held]
         fitted = [signs[:, ~one] @ moments[~one] for one in held]
 
@@ -306,7 +299,8 @@ class Bench:
 
     def _searched(self, term: Term, target: Array) -> float:
         """Score of the best schedule of an effect that a search in this target finds, each fold searched by itself."""
-        rivals = [one for one in self.candidates if _same_search(one, term)]
+        kind = (term.effect, term.axis)
+        rivals = [one for one in self.candidates if one.schedule is not None and (one.effect, one.axis) == kind]
         small = replace(self, candidates=tuple(rivals), setting=replace(self.setting, residual=target), beside=())
         return max(small.score(small.share(one), small.independent(one), one) for one in range(len(rivals)))
 
@@ -322,15 +316,6 @@ def _tail(scores: Array, reached: float) -> float:
     return float(max(np.mean(scores >= reached), 0.25 * np.exp(-max(reached - start, 0.0) / max(excess, 1e-9)), 1e-12))
 
 
-def searched_in_time(term: Term) -> bool:
-    """Whether its size changes at moments that were searched for."""
-    return term.axis == "time" and term.schedule is not None
-
-
-def _same_search(one: Term, other: Term) -> bool:
-    return one.schedule is not None and (one.effect, one.axis) == (other.effect, other.axis)
-
-
 def _as_searched(term: Term, found: Sequence[Schedule]) -> Array:
     """Columns of the same search in one fold: that of its penalty, or what a larger one found where it adds nothing."""
     assert term.schedule is not None and term.load is not None
@@ -341,11 +326,6 @@ def _as_searched(term: Term, found: Sequence[Schedule]) -> Array:
             columns = np.zeros_like(term.columns)
             columns[:, : level.shape[1]] = term.load[:, None] * level
     return columns
-
-
-def _squared_error(tested: Array, columns: Index, weights: Array) -> float:
-    explained = 2.0 * weights @ tested[columns, -1] - weights @ tested[np.ix_(columns, columns)] @ weights
-    return max(float(tested[-1, -1] - explained), 0.0)
 
 
 def _ridge(gram: Array, moments: Array) -> Array:

@@ -6,8 +6,6 @@ cluster bootstrap: Cameron, Gelbach & Miller, 2008). The smallest p-value over a
 bootstrap distribution (Westfall & Young, 1993), so looking at many channels does not raise the false alarm rate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,19 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import rankdata
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.doubt import doubted
 from homeward.diagnosis.fit.fitted import Fitted
-from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.folds import cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.rules import (
-    FALSE_ALARM_RATE,
-    SMALLEST_GAIN,
-    SMALLEST_GAIN_IN_TIME,
-    SMALLEST_SHARE,
-    TIME_MUST_BEAT,
-)
 from homeward.physics import ancillary_power
 
 _DRAWS = 8000
@@ -88,8 +80,8 @@ class Dependence:
     @property
     def found(self) -> bool:
         """Whether the dependence is beyond chance and large enough to matter."""
-        least = SMALLEST_GAIN_IN_TIME if self.channel is _TIME else SMALLEST_GAIN
-        return self.p_value <= FALSE_ALARM_RATE and self.held_out_gain >= least
+        least = rules.SMALLEST_GAIN_IN_TIME if self.channel is _TIME else rules.SMALLEST_GAIN
+        return self.p_value <= rules.FALSE_ALARM_RATE and self.held_out_gain >= least
 
 
 class _Look(NamedTuple):
@@ -145,7 +137,7 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int =
 
     def rank(one: Dependence) -> tuple[bool, float]:
         # Every cause that comes and goes is also a matter of time, and a level per stretch is more flexible.
-        behind = one.channel is _TIME and one.held_out_gain < TIME_MUST_BEAT * best
+        behind = one.channel is _TIME and one.held_out_gain < rules.TIME_MUST_BEAT * best
         return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
 
     return sorted(found, key=rank)
@@ -157,7 +149,7 @@ def _tested(
     """One family of looks, with the share of the held-out squared error that a step per bin explains."""
     residual = runs.observed - fit.predicted
     total = max(float(residual @ residual), 1e-300)
-    least = SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+    least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
     folds = bool(np.ptp(fold))
     before = (
         runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)
@@ -206,7 +198,7 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
             # Only what the refit cannot take up itself is left to say anything.
             slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
             looks = (
-                _Look(_per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
+                _Look(per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
                 for one in (bins, slope)
             )
             yield _Candidate(channel, scaled, weight, values, number, tuple(looks))
@@ -224,8 +216,8 @@ def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator
         chosen = np.zeros((len(sets), len(run_of_block)))
         for row, (_, part) in enumerate(sets):
             chosen[row, part] = 1.0
-        sums = _per_block((weight * residual)[:, None], block) * chosen.T
-        columns = chosen @ _per_block(weight[:, None] * fit.jacobian, block)
+        sums = per_block((weight * residual)[:, None], block) * chosen.T
+        columns = chosen @ per_block(weight[:, None] * fit.jacobian, block)
         look = _Look(sums, columns, np.array([run for run, _ in sets], dtype=np.intp))
         yield _Candidate(_TIME, scaled, weight, runs.time_s, _stretches(look, chosen, runs.run, block), (look,))
 
@@ -238,8 +230,7 @@ def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
         largest = max(np.flatnonzero(look.family == one), key=lambda index: departure[index])
         if departure[largest] >= _CUT_AT:
             cut += (chosen[largest] > 0.0)[block]
-    number: Index = np.unique(2 * run + cut, return_inverse=True)[1]
-    return number
+    return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
 
 
 def _binned(runs: Runs) -> Iterator[tuple[Channel, Array, Index]]:
@@ -281,18 +272,10 @@ def _indicators(number: Index, weight: Array | float = 1.0) -> Array:
     return np.asarray((number[:, None] == np.arange(number.max() + 1)) * np.reshape(weight, (-1, 1)), np.float64)
 
 
-def _per_block(values: Array, block: Index) -> Array:
-    """Sums of columns over blocks, shape (blocks, columns)."""
-    sums = np.zeros((int(block.max()) + 1, values.shape[1]))
-    np.add.at(sums, block, values)
-    return sums
-
-
 def _studentised(draws: Array, sums: Array) -> Array:
     """Squared sums over their variance over blocks."""
     spread = np.sqrt((sums**2).sum(axis=0))
-    squared: Array = (draws / np.where(spread > 0.0, spread, np.inf)) ** 2
-    return squared
+    return np.asarray((draws / np.where(spread > 0.0, spread, np.inf)) ** 2)
 
 
 def _family_p_values(
@@ -302,7 +285,7 @@ def _family_p_values(
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
     signs[0] = 1.0  # what was recorded
     bread = np.linalg.pinv(fit.jacobian.T @ fit.jacobian, rcond=1e-12)
-    scores = _per_block(fit.jacobian * residual[:, None], block)
+    scores = per_block(fit.jacobian * residual[:, None], block)
     refitted = (signs @ scores) @ bread  # (draws, groups): what the refit would take up of each draw
     single = np.array([
         np.min([_p_values(signs, refitted, look) for look in looks], axis=0) for looks in candidates

@@ -1,24 +1,32 @@
-"""What a fit leaves open: covariance of what was fitted together, products that are known alone, spread of runs."""
+"""What a fit leaves open: covariance of what was fitted together, products that are known alone, spread of runs.
 
-from __future__ import annotations
+An effect has numbers beside its size: the temperature below which a battery loses capacity, the share of a computer's
+power that any sensing takes. Each is tried over its whole range and the model fitted anew (profile likelihood). Where
+others fit as well, intervals span all of them, and what goes with them is known as a product or a sum only.
+"""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis import rules
+from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
+from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
-from homeward.diagnosis.fit.refit import Refit, covariance
-from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.result import Product, Range, Value
-from homeward.diagnosis.rules import ENTWINED
+from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
+from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.read.channels import Array, Index
+from homeward.diagnosis.result import Product, Range, Together, Value
 from homeward.physics import Robot, d_max
 
 _STEP = 1e-3  # of a group, for differences
+_TRIED = 9  # values of a number over its range
+_AS_LIKELY = float(chi2.ppf(0.95, 1))  # twice the logarithm of a ratio of likelihoods
+_SIGNS: Mapping[int, Together] = {1: "product", -1: "ratio"}
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,7 @@ class Joint:
     covariance: Array
 
 
-def joint(model: Refit | Corrected, runs: Runs, block: NDArray[np.intp]) -> Joint:
+def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,); held groups are left out."""
     groups, problem = model.groups, model.parameters
     free = np.flatnonzero(~groups.held)
@@ -49,7 +57,7 @@ def joint(model: Refit | Corrected, runs: Runs, block: NDArray[np.intp]) -> Join
     return Joint(tuple(names), tuple(units), np.array(values), found)
 
 
-def products(model: Corrected, runs: Runs, block: NDArray[np.intp]) -> tuple[Product, ...]:
+def products(model: Corrected, runs: Runs, block: Index) -> tuple[Product, ...]:
     """Products of which the recordings determine no factor alone.
 
     A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two numbers
@@ -74,12 +82,12 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
             scales = float(more @ added) / max(_STEP * float(added @ added), 1e-300)
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
-            if cosine > ENTWINED and scales > ENTWINED and one.column is not None:
+            if cosine > rules.ENTWINED and scales > rules.ENTWINED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
-                error = assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0)))
+                wide = 1.96 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
                 unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
-                found.append(_product((group.symbol, name), assumed * float(model.values[number]), error, unit))
+                found.append(_product((group.symbol, name), assumed * float(model.values[number]), wide, unit))
     return found
 
 
@@ -90,20 +98,20 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     first = len(kept.names) - len(model.model.unknowns)
     found = []
     for index, term in enumerate(model.model.terms):
-        mine = [first + at for at, one in enumerate(model.model.unknowns) if one.term == index]
-        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > ENTWINED]
+        mine = [first + at for at in model.model.of(index)]
+        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > rules.ENTWINED]
         if not pairs or term.hypothesis.of_the_day:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])
         error = float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
         names = tuple(dict.fromkeys(kept.names[at] for pair in pairs for at in pair))
-        found.append(replace(_product(names, mean, error, runs.unit), together="mean power"))
+        found.append(_product(names, mean, 1.96 * error, runs.unit, "mean power"))
     return found
 
 
-def _product(of: tuple[str, ...], value: float, error: float, unit: str) -> Product:
-    return Product(of, Value(value, (value - 1.96 * error, value + 1.96 * error), unit))
+def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together: Together = "product") -> Product:
+    return Product(of, Value(value, (value - wide, value + wide), unit), together)
 
 
 @dataclass(frozen=True)
@@ -131,14 +139,9 @@ def spread(left: Array, runs: Runs, memory_windows: float) -> Spread:
 def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, seed: int) -> Range | None:
     """Range of a robot that goes on driving as it was recorded, m; None of motor current or where nothing drove.
 
-    Usable energy over energy per metre: of what was recorded, and of what two robot files predict of the same trips.
-    The interval is by bootstrap over runs or, of fewer than three, over minutes of driving.
-
-    Args:
-        robots: The robot as its file has it and as it is handed over.
-        predictions: What each predicts, shape (windows,) each.
-        runs: The runs.
-        seed: Seed of the bootstrap.
+    Usable energy over energy per metre: of what was recorded, and of what two robot files, as given and as handed over,
+    predict of the same trips, shape (windows,) each. The interval is by bootstrap over runs or, of fewer than three,
+    over minutes of driving.
     """
     path_m, drawn_j = np.abs(runs.context["speed_mps"]) * runs.duration_s, runs.observed * runs.duration_s
     if runs.unit == "A" or path_m.sum() <= 0.0 or drawn_j.sum() <= 0.0:
@@ -156,3 +159,143 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
     )
     recorded_m = float(after.usable_energy_j * path_m.sum() / drawn_j.sum())
     return Range(recorded_m, (low, high), nominal_m, file_m, float(d_max(before)), float(d_max(after)))
+
+
+@dataclass(frozen=True)
+class Open:
+    """A fitted model, of all that fit as well the one that asks for least change of the robot file, and the others."""
+
+    model: Corrected
+    others: tuple[Corrected, ...] = ()
+
+    @property
+    def spanning(self) -> Corrected:
+        """The model, with intervals of its effects' numbers that span those of all, up to the next that was tried."""
+        first, alike, spans = self.model, (self.model, *self.others), {}
+        if not self.others:
+            return first
+        for index, term in enumerate(first.model.terms):
+            numbers = [one.parameters_of(index) for one in alike]
+            for number in term.hypothesis.entry.parameters:
+                if number.name in term.shape:
+                    step = (number.high - number.low) / (_TRIED - 1)
+                    shapes = [one.model.terms[index].shape[number.name] for one in alike]
+                    low, high = max(min(shapes) - step, number.low), min(max(shapes) + step, number.high)
+                    spans[term.effect, number.name] = (low, high)
+            for name in {*numbers[0]} - {*term.shape}:
+                lows, highs = np.transpose([one[name].ci95 for one in numbers])
+                spans[term.effect, name] = (float(lows.min()), float(highs.max()))
+        terms = tuple(
+            replace(term, spread={**term.spread, **{name: spans[term.effect, name] for name in term.shape}})
+            for term in first.model.terms
+        )
+        ci95 = tuple(spans[one.effect, one.parameter] for one in first.model.unknowns)
+        return replace(first, model=replace(first.model, terms=terms), ci95=ci95)
+
+    def spanned(self, found: Sequence[Estimate], runs: Runs, block: Index) -> tuple[Estimate, ...]:
+        """Estimates of the groups by the model; one that is another in other models is confounded with the effects."""
+        others = [estimates(one, runs, block) for one in self.others]
+        effects = tuple(dict.fromkeys(one.effect for one in self.model.model.terms))
+        result = []
+        for index, own in enumerate(found):
+            values = [one[index].fitted for one in others]
+            if own.ci95 is not None and any(v is None or not own.ci95[0] <= v <= own.ci95[1] for v in values):
+                own = replace(own, fitted=None, ci95=None, status="confounded", mixed_with=effects, off=False)
+            result.append(own)
+        return tuple(result)
+
+    def products(self, runs: Runs, block: Index) -> tuple[Product, ...]:
+        """What is the same in all models while its parts are not: products of numbers, and sums of mean powers."""
+        if not self.others:
+            return ()
+        models = (self.model, *self.others)
+        known = joint(self.model, runs, block)
+        error = dict(zip(known.names, np.sqrt(np.diag(known.covariance)) / np.abs(known.values), strict=True))
+        units = dict(zip(known.names, known.units, strict=True))
+        groups = {one.symbol for one in self.model.parameters.groups}
+        numbers, powers = [_numbers(one, runs, block) for one in models], [_mean_powers(one, runs) for one in models]
+        found = []
+        logs = [{name: float(np.log(value)) for name, value in one.items() if value > 0.0} for one in numbers]
+        for sign, together in _SIGNS.items():
+            for one, other in _constant(logs, 1.0, sign):
+                if one in groups and other in groups:
+                    continue
+                value = numbers[0][one] * numbers[0][other] ** sign
+                wide = 1.96 * value * float(np.hypot(error.get(one, 0.0), error.get(other, 0.0)))
+                unit = f"({units.get(one, '1')}){'' if sign > 0 else '/'}({units.get(other, '1')})".replace("(1)", "")
+                found.append(_product((one, other), value, wide, unit, together))
+        for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
+            value = sum(powers[0][name] for name in pair)
+            wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + rules.ALIKE_PRODUCT * value
+            found.append(_product(pair, value, wide, runs.unit, "mean power"))
+        return tuple(found)
+
+
+def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
+    """Try other numbers of the effects of a model, beside a refit that holds the groups which the model holds."""
+    terms = model.model.terms
+    found = [model, *(fit_model(fit, other, runs, block) for other in _other_terms(fit, terms, runs))]
+    best = min(found, key=lambda one: _error(one, runs))
+    if best is not model:  # go on from there
+        started = [replace(one, hypothesis=of.hypothesis) for one, of in zip(best.model.terms, terms, strict=True)]
+        best = min(best, fit_model(fit, started, runs, block), key=lambda one: _error(one, runs))
+    left = runs.observed - best.predicted
+    independent = independent_windows(left, runs.run)
+    most = _error(best, runs) * float(np.exp(_AS_LIKELY / independent))
+    most = max(most, _error(best, runs) + rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed))
+    alike = [one for one in found if _error(one, runs) <= most]
+    if len(alike) < 3:
+        return Open(best)  # a neighbour at most is as likely: the numbers are determined
+    start, scale = fit.parameters.start, fit.parameters.scale
+    alike.sort(key=lambda one: float(np.sum(((one.theta - start) / scale) ** 2)))
+    return Open(alike[0], tuple(alike[1:]))
+
+
+def _error(model: Corrected, runs: Runs) -> float:
+    return float(np.sum((runs.observed - model.predicted) ** 2))
+
+
+def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list[Term]]:
+    """The terms with another value of one of their numbers."""
+    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
+    for index, term in enumerate(terms):
+        one = term.hypothesis
+        if term.axis != "steady" or term.fixed or not one.physical or one.of_the_day:
+            continue
+        for number in one.entry.parameters[1:]:
+            if number.name in one.reach(runs):
+                continue
+            for value in np.linspace(number.low, number.high, _TRIED).tolist():
+                shape = {**term.shape, number.name: value}
+                columns = setting.response(one, TINY * one.entry.switch.high, shape)[:, None]
+                if columns.any():
+                    other = replace(term, hypothesis=replace(one, searched=()), shape=shape, columns=columns)
+                    yield [*terms[:index], other, *terms[index + 1 :]]
+
+
+def _numbers(model: Corrected, runs: Runs, block: Index) -> dict[str, float]:
+    """Numbers of the groups that are fitted and of the effects, by name."""
+    known = joint(model, runs, block)
+    found = {f"{term.effect} {name}": value for term in model.model.terms for name, value in term.shape.items()}
+    return found | dict(zip(known.names, known.values.tolist(), strict=True))
+
+
+def _mean_powers(model: Corrected, runs: Runs) -> dict[str, float]:
+    """Mean power of each group that is fitted and of each effect, by name."""
+    problem, active = model.parameters, model.parameters.active()
+    of_groups = model.groups.jacobian.mean(axis=0) * model.theta[active] / problem.scale[active]
+    free = {problem.groups[index].symbol: float(of_groups[index]) for index in np.flatnonzero(~model.groups.held)}
+    effects = zip(model.model.terms, model.contribution, strict=True)
+    return free | {term.effect: float(contribution.mean()) for term, contribution in effects}
+
+
+def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1) -> list[tuple[str, str]]:
+    """Pairs of names whose values differ from model to model by a share of the scale, but whose sum, or difference by
+    the sign, does not."""
+    vary = [
+        name
+        for name in models[0]
+        if all(name in one for one in models) and np.std([one[name] for one in models]) > rules.ALIKE_PRODUCT * scale
+    ]
+    sums = {(a, b): [one[a] + sign * one[b] for one in models] for a, b in combinations(vary, 2)}
+    return [pair for pair, values in sums.items() if np.std(values) <= rules.ALIKE_PRODUCT * scale]

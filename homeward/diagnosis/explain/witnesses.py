@@ -7,8 +7,6 @@ loss that grows with the load or in the cold is an effect of the battery. Each i
 must lower the held-out error of its channel, and more than random signs of blocks do (wild cluster bootstrap).
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,29 +17,17 @@ import pandas as pd
 from scipy.optimize import minimize_scalar
 from scipy.stats import binom, norm, spearmanr
 
-from homeward.diagnosis.explain.hypotheses import CATALOGUE, ageing, internal_resistance, odometry_scale
+from homeward.diagnosis import rules
+from homeward.diagnosis.explain.hypotheses import CATALOGUE, battery, instruments
 from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term
 from homeward.diagnosis.explain.proof import FOLDS
+from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.held_out import evidence, gain, held_out
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Refit, standard_errors
-from homeward.diagnosis.fit.replay import Runs, lost_inside
+from homeward.diagnosis.fit.replay import Runs, WithEffects, lost_inside
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.signals import ODOMETER_PARTS
 from homeward.diagnosis.result import Evidence, Value
-from homeward.diagnosis.rules import (
-    ALIKE_BY_NATURE,
-    ALIKE_IN_SIZE,
-    CLEARLY_OFF,
-    COLD_C,
-    FALSE_ALARM_RATE,
-    GAUGE_ERROR,
-    IN_STEP,
-    LEAST_FALL,
-    MATTERS,
-    MUST_PAY,
-    SMALLEST_GAIN,
-)
 from homeward.physics import Robot
 
 USABLE_ENERGY = "usable energy"
@@ -82,14 +68,7 @@ class Capacity:
 
 
 def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[Witnessed, ...]]:
-    """What voltage, gauge and distance tell.
-
-    Args:
-        fit: The refit.
-        runs: The runs.
-        block: Stretches that count as independent, shape (windows,).
-        seed: Seed of intervals and random signs.
-    """
+    """What voltage, gauge and distance tell; windows of one `block`, shape (windows,), depend on each other."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, seed)
     inside_w = np.zeros(len(runs.observed)) if sag is None else sag.contribution
@@ -130,13 +109,7 @@ class _Channel:
         return found, standard_errors(columns, self.target - columns @ found, self.block)
 
     def proof(self, base: Array, added: Array, tried: Sequence[Array] = ()) -> Evidence | None:
-        """Proof that columns explain the channel beside the base, if there is one.
-
-        Args:
-            base: What explains it without any effect.
-            added: The columns.
-            tried: All columns that these are the best of.
-        """
+        """Proof, if there is one, that the best of all columns tried explain the channel beside the base."""
         design = np.column_stack([base, added])
         before, after = (
             held_out(lambda chosen, of=of: of @ _fit(of[chosen], self.target[chosen]), self.block % FOLDS)  # type: ignore[misc]
@@ -144,16 +117,15 @@ class _Channel:
         )
         gained = gain(self.target, before, after, self.block, self.seed)
         delta_bic = evidence(self.target, before, after, self.run, added.shape[1])
-        if delta_bic < MUST_PAY or gained.share < SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if delta_bic < rules.MUST_PAY or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             return None
         p_value = self._p_value(base, added, np.column_stack([added, *tried]))
-        return None if p_value > FALSE_ALARM_RATE else Evidence(delta_bic, gained.share, p_value)
+        return None if p_value > rules.FALSE_ALARM_RATE else Evidence(delta_bic, gained.share, p_value)
 
     def _p_value(self, base: Array, added: Array, tried: Array) -> float:
         """How often random signs of blocks make some column tried explain as much as the best of those added."""
         left, own = (one - base @ _fit(base, one) for one in (self.target, tried))
-        sums = np.zeros((int(self.block.max()) + 1, own.shape[1]))
-        np.add.at(sums, self.block, own * left[:, None])
+        sums = per_block(own * left[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
         sums = sums[:, spread > 0.0] / spread[spread > 0.0]
         signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], (_DRAWS, len(sums)))
@@ -172,7 +144,7 @@ def _fit(design: Array, target: Array) -> Array:
 
 def _matters(lost_w: Array, runs: Runs) -> bool:
     """Whether what is lost is a good part of what was drawn."""
-    return float(lost_w @ runs.duration_s) >= MATTERS * float(runs.observed @ runs.duration_s)
+    return float(lost_w @ runs.duration_s) >= rules.MATTERS * float(runs.observed @ runs.duration_s)
 
 
 def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
@@ -181,7 +153,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     known = voltage_v > 0.0
     if runs.unit != "W" or not known.any():
         return None
-    entry = internal_resistance.HYPOTHESIS.entry
+    entry = battery.INTERNAL_RESISTANCE.entry
     in_file_ohm = robot.effects.get(entry.id, {}).get(entry.switch.name, 0.0)
     current_a = np.where(known, runs.observed / np.where(known, voltage_v, 1.0), 0.0)
     channel = _Channel(np.where(known, voltage_v + in_file_ohm * current_a, np.nan), runs, block, seed)
@@ -193,11 +165,11 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     if proof is None:
         return None
     air = runs.context.get("temperature_c")
-    cold = air is None or float(np.nanmean(air)) < COLD_C
+    cold = air is None or float(np.nanmean(air)) < rules.COLD_C
     value = Value(in_file_ohm + ohm, (in_file_ohm + ohm - wide, in_file_ohm + ohm + wide), entry.switch.unit)
     return Witnessed(
-        internal_resistance.HYPOTHESIS, {entry.switch.name: value}, lost_w, proof,
-        (ageing.IN_STEP_WITH_COLD,) if cold else (),
+        battery.INTERNAL_RESISTANCE, {entry.switch.name: value}, lost_w, proof,
+        (battery.IN_STEP_WITH_COLD,) if cold else (),
         f"The voltage sags by {value.value:.3g} ohm times the current.",
     )  # fmt: skip
 
@@ -210,14 +182,14 @@ def _gauge(
     if soc is None or runs.unit != "W":
         return None, None
     of_run = pd.Series(soc).groupby(runs.run)  # NaN of a run that lacks it
-    if float((of_run.max() - of_run.min()).sum()) < LEAST_FALL:
+    if float((of_run.max() - of_run.min()).sum()) < rules.LEAST_FALL:
         return None, None
     channel = _Channel(-soc, runs, block, seed)
     drawn = channel.summed((runs.observed + inside_w) / robot.usable_energy_j)[:, None]
     (rate,), (error,) = channel.fit(drawn)
     if rate <= 0.0:
         return None, None
-    off = abs(rate - 1.0) > max(GAUGE_ERROR, float(norm.ppf(1.0 - CLEARLY_OFF / 2.0)) * error)
+    off = abs(rate - 1.0) > max(rules.GAUGE_ERROR, float(norm.ppf(1.0 - rules.CLEARLY_OFF / 2.0)) * error)
     low, high = (robot.usable_energy_j / max(rate + sign * 1.96 * error, 1e-9) for sign in (1.0, -1.0))
     capacity = Capacity(
         robot.usable_energy_j, float(robot.usable_energy_j / rate), (float(low), float(high)), bool(off)
@@ -227,7 +199,7 @@ def _gauge(
     if not found:
         return capacity, None
     best = found[0]
-    alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > ALIKE_IN_SIZE * _gained(best.proof))
+    alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.ALIKE_IN_SIZE * _gained(best.proof))
     best = dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
     return dataclasses.replace(capacity, off=False), best
 
@@ -236,14 +208,8 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     """Hypotheses that the gauge does not rule out: a battery gives what is drawn, whatever a meter reads.
 
     Where the state of charge falls by the energy that was read, the meter is right; where it falls by that less what a
-    meter is thought to add, it is the meter, and no load that was put on.
-
-    Args:
-        candidates: The hypotheses.
-        base: Columns of what is fitted beside them, shape (windows, columns).
-        setting: What is known so far.
-        block: Stretches that count as independent, shape (windows,).
-        seed: Of the channel.
+    meter is thought to add, it is the meter, and no load that was put on. `base`, shape (windows, columns), is fitted
+    beside the hypotheses.
     """
     runs, soc = setting.runs, setting.runs.context.get("soc")
     misread = [term for term in candidates if term.misread]
@@ -264,7 +230,7 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     return [
         one
         for one in candidates
-        if (speaks[id(one)] > -MUST_PAY if one.misread else one.axis != "time" or speaks[best] < MUST_PAY)
+        if (speaks[id(one)] > -rules.MUST_PAY if one.misread else one.axis != "time" or speaks[best] < rules.MUST_PAY)
     ]
 
 
@@ -305,7 +271,7 @@ def _lost(fit: Refit, runs: Runs, channel: _Channel, drawn: Array) -> Witnessed 
     design, slope = drawn + at, (fallen(one, shape, size + step) - at) / step
     residual = channel.target - design @ _fit(design, channel.target)
     wide = 1.96 * float(standard_errors(np.column_stack([design, slope]), residual, channel.block)[-1])
-    alike = (other.id for share, other, _ in proven if _gained(share) > ALIKE_BY_NATURE * _gained(proof))
+    alike = (other.id for share, other, _ in proven if _gained(share) > rules.ALIKE_BY_NATURE * _gained(proof))
     units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
     others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
     value = Value(size, (max(size - wide, 0.0), size + wide), switch.unit)
@@ -343,8 +309,8 @@ def _fading(channel: _Channel, runs: Runs, drawn: Array) -> Witnessed | None:
     if not _matters(lost_w, runs):
         return None
     return Witnessed(
-        ageing.HYPOTHESIS,
-        {ageing.HYPOTHESIS.entry.switch.name: last},
+        battery.AGEING,
+        {battery.AGEING.entry.switch.name: last},
         lost_w,
         proof,
         _in_step(rate, runs, numbers),
@@ -361,9 +327,9 @@ def _in_step(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
         None if one is None else np.array([np.nanmean(one[runs.run == number]) for number in numbers])
         for one in (runs.observed, air)
     )
-    found = [ageing.IN_STEP_WITH_LOAD] if spearmanr(rate, load).statistic > IN_STEP else []
-    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -IN_STEP):
-        found.append(ageing.IN_STEP_WITH_COLD)
+    found = [battery.IN_STEP_WITH_LOAD] if spearmanr(rate, load).statistic > rules.IN_STEP else []
+    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.IN_STEP):
+        found.append(battery.IN_STEP_WITH_COLD)
     return tuple(found)
 
 
@@ -374,9 +340,9 @@ def _odometer(fit: Refit, runs: Runs) -> Witnessed | None:
         return None
     # How likely as many runs would disagree in all parts of their way, were each part as likely to err either way.
     p_value = float(binom.sf(np.count_nonzero(scales) - 1, len(scales), 2.0 ** (1 - ODOMETER_PARTS)))
-    if p_value > FALSE_ALARM_RATE:
+    if p_value > rules.FALSE_ALARM_RATE:
         return None
-    one = odometry_scale.HYPOTHESIS
+    one = instruments.ODOMETRY_SCALE
     off = WithEffects(speed_factors=(1.0 + scales).tolist())
     added = fit.parameters.predict(runs, fit.theta, off) - fit.parameters.predict(runs, fit.theta)
     of = scales[scales != 0.0]

@@ -1,15 +1,18 @@
-"""What the errors of the channels themselves do to a prediction: no physics has to explain as much."""
-
-from __future__ import annotations
+"""What the errors of the channels do to a prediction, which no physics has to explain, and what no channel tells: power
+that comes and goes beyond that.
+"""
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import SMOOTHING_ERROR
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.read.noise import white_noise
+from homeward.diagnosis.read.signals import usual_step_s
 
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose error is known."""
@@ -37,7 +40,7 @@ def _moved(runs: Runs, name: str, sign: float) -> Runs:
     moved = []
     for run in runs.signals:
         values: Array = getattr(run, name)
-        size = sign * SMOOTHING_ERROR * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
+        size = sign * rules.SMOOTHING_ERROR * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
         moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
     return dataclasses.replace(runs, signals=moved)
 
@@ -50,3 +53,52 @@ def reliability(name: str, runs: Runs) -> float:
     signal = float(np.nanvar(values))
     wrong = float(np.mean([run.error.get(name, 0.0) ** 2 for run in runs.signals]))
     return signal / (signal + wrong) if wrong > 0.0 else 1.0
+
+
+class Tells(NamedTuple):
+    """What power follows beside speed, and the channels that tell it."""
+
+    what: str
+    channels: tuple[str, ...]
+    record: str
+
+
+_TELLS = (
+    Tells("slopes", ("grade_rad",), "grade_rad or elevation_m"),
+    Tells("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
+    Tells("the sensing rate", ("sensing_hz",), "sensing_hz"),
+)
+
+
+def unrecorded(runs: Runs) -> list[Tells]:
+    """What was not recorded of what power follows; the sensing rate shows in no motor current."""
+    missing = [one for one in _TELLS if not any(name in runs.context for name in one.channels)]
+    return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
+
+
+def lasts(left: Array, runs: Runs) -> bool:
+    """Whether what a model leaves, shape (windows,), goes on from window to window, as no noise of power does."""
+    together = runs.run[1:] == runs.run[:-1]
+    return float((left[1:] * left[:-1])[together].sum()) >= rules.LASTS * float(left @ left)
+
+
+def untold(fit: Fitted, runs: Runs) -> bool:
+    """Whether a fit leaves what no channel tells, though all were recorded: much of it, lasting, and no noise."""
+    goes_on = is_much(fit, runs) and lasts(runs.observed - fit.predicted, runs)
+    return goes_on and not unrecorded(runs) and times_noise(fit, runs) > rules.BEYOND_NOISE
+
+
+def is_much(fit: Fitted, runs: Runs) -> bool:
+    """Whether what a fit leaves is more than a meter and a few per cent of forms account for."""
+    left = runs.observed - fit.predicted
+    return float(left @ left) >= rules.MATTERS**2 * float(runs.observed @ runs.observed)
+
+
+def times_noise(fit: Fitted, runs: Runs) -> float:
+    """Squared error of a fit over that which the noise of power and of the other channels makes."""
+    noise = doubted(fit, runs)
+    for number, run in enumerate(runs.signals):
+        here = runs.duration_s[runs.run == number]
+        noise += float((white_noise(run.observed) ** 2 * usual_step_s(run.time_s) / here).sum())
+    left = runs.observed - fit.predicted
+    return float(left @ left) / max(noise, 1e-300)

@@ -1,19 +1,24 @@
-"""A model fitted to recordings, with what it takes to ask what is left and what a further column would explain."""
+"""A model fitted to recordings, with what it takes to ask what is left and what a further column would explain.
+
+Further columns are fitted by bounded least squares through the columns' products: once these are summed, a fit costs
+microseconds, whatever the length of the recordings.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from homeward.diagnosis.fit.parameter_groups import Parameters
-from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Mask
-from homeward.physics import Robot
 
 if TYPE_CHECKING:
     from homeward.diagnosis.fit.refit import Refit
+
+_RIDGE = 1e-9  # of a column's norm: keeps collinear columns from blowing up
 
 
 class Fitted(Protocol):
@@ -27,8 +32,6 @@ class Fitted(Protocol):
     def beside(self) -> Array: ...  # (windows, sizes), derivative of the prediction by the sizes of effects
     @property
     def theta(self) -> Array: ...  # (5,), values of the parameters
-    @property
-    def robot(self) -> Robot: ...  # with these parameters, without effects
     @property
     def predicted(self) -> Array: ...  # (windows,), for the windows it was fitted to
     @property
@@ -44,19 +47,11 @@ class Fitted(Protocol):
 def excited(fit: Fitted, runs: Runs, share: float | Array = 1e-6) -> Mask:
     """Whether a plausible change of each number moves the prediction by this share, shape (columns,)."""
     norms = np.linalg.norm(fit.jacobian, axis=0)
-    moving: Mask = norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12)
-    return moving
+    return np.asarray(norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12))
 
 
 def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> Array:
-    """Prediction, shape (windows,), by a fit of a model to the chosen windows, with columns of any size beside it.
-
-    Args:
-        fit: The model.
-        chosen: Windows to fit to, shape (windows,).
-        observed: What was recorded, shape (windows,).
-        beside: The columns, shape (windows, any number).
-    """
+    """Prediction, (windows,), by a fit of a model to the chosen windows, with columns of any size beside it."""
     columns = np.column_stack([fit.jacobian, beside])
     low, high = fit.freedom()
     free = np.full(beside.shape[1], np.inf)
@@ -64,3 +59,24 @@ def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> A
     bounds = np.concatenate([low, -free]), np.concatenate([high, free])
     weights = bounded(part.T @ part, part.T @ (observed - fit.predicted)[chosen], *bounds)
     return np.asarray(fit.predicted + columns @ weights)
+
+
+def bounded(gram: Array, moment: Array, low: Array, high: Array) -> Array:
+    """Minimise x' gram x / 2 - moment' x within bounds.
+
+    >>> bounded(np.eye(2), np.array([2.0, -1.0]), np.zeros(2), np.full(2, np.inf))
+    array([2., 0.])
+    """
+    if len(moment) == 0:
+        return np.zeros(0)
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    size[size == 0.0] = 1.0
+    scaled = gram / np.outer(size, size) + _RIDGE * np.eye(len(moment))
+    solution = np.linalg.solve(scaled, moment / size) / size
+    if (solution < low).any() or (solution > high).any():
+        values, vectors = np.linalg.eigh(scaled)
+        root = np.sqrt(np.maximum(values, _RIDGE))
+        matrix, target = root[:, None] * vectors.T, (vectors.T @ (moment / size)) / root
+        found = lsq_linear(matrix, target, (low * size - 1e-12, high * size + 1e-12), method="bvls")
+        solution = np.clip(found.x / size, low, high)
+    return np.asarray(solution + 0.0)

@@ -1,16 +1,14 @@
 """Blocks and folds: stretches of a recording that count as independent, and those that are held out together."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.rules import FEWEST_BLOCKS
 
 _SHORTEST = 10  # windows
 _STRETCH = 4  # windows: two seconds, what a change of level is held to last at least
@@ -96,7 +94,7 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
     """
     memory = 0.0 if residual is None else correlation_windows(residual, run)
     length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_MEMORY_TIMES * memory)))
-    length = max(_SHORTEST, min(length, len(run) // (FEWEST_BLOCKS + len(np.unique(run)))))
+    length = max(_SHORTEST, min(length, len(run) // (rules.FEWEST_BLOCKS + len(np.unique(run)))))
     block = np.empty(len(run), dtype=np.intp)
     following = 0
     for one in np.unique(run):
@@ -105,6 +103,13 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
         block[inside] = following + np.arange(len(inside)) * count // len(inside)
         following += count
     return block
+
+
+def per_block(values: Array, block: Index) -> Array:
+    """Sums of columns over blocks, shape (blocks, columns)."""
+    sums = np.zeros((int(block.max()) + 1, values.shape[1]))
+    np.add.at(sums, block, values)
+    return sums
 
 
 def cut_stretches(run: Index) -> Index:

@@ -1,10 +1,7 @@
 """Arms of the comparison: how well each model predicts recordings it has not seen."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy.stats import norm
@@ -58,15 +55,9 @@ def black_box(
     channels: Collection[str] | None = None,
     beside: Sequence[Array] = (),
 ) -> Array:
-    """Prediction for all windows by boosted trees on the same channels: how much there is to gain from them.
+    """Prediction for all windows, (windows,), by boosted trees that are fitted to chosen ones, or a draw of very many.
 
-    Args:
-        runs: The runs.
-        nominal: What the refit predicts, one more feature, shape (windows,).
-        chosen: Windows to fit to, or to draw from where there are very many.
-        rng: Of the trees and of that draw.
-        channels: Those that may be used; all by default.
-        beside: Further features, shape (windows,) each.
+    Features are the channels (all by default), `nominal`, what the refit predicts, and those `beside`, (windows,) each.
     """
     used = [values for name, values in runs.context.items() if channels is None or name in channels]
     rows = np.flatnonzero(chosen)
@@ -74,9 +65,7 @@ def black_box(
         return nominal
     if len(rows) > _MOST_FOR_TREES:
         rows = np.sort(rng.choice(rows, _MOST_FOR_TREES, replace=False))
-    known = [
-        one for one in (*used, *beside) if np.isfinite(one[rows]).any()
-    ]  # a channel that these runs lack tells none
+    known = (one for one in (*used, *beside) if np.isfinite(one[rows]).any())  # what these runs lack tells none
     features = np.column_stack([nominal, *known])
     trees = HistGradientBoostingRegressor(
         max_iter=150, max_leaf_nodes=15, min_samples_leaf=30, early_stopping=False,
@@ -91,11 +80,7 @@ def black_box(
 def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) -> Gain:
     """Share of the squared held-out error that a prediction takes from another, its interval by bootstrap over blocks.
 
-    Args:
-        observed: What was recorded, shape (windows,).
-        before, after: Predicted of what was held out, by the plainer model and by the other.
-        block: Stretches that count as independent.
-        seed: Of the bootstrap.
+    All have shape (windows,); `before` is what the plainer model predicts of what was held out.
     """
     sums: Array = np.stack([np.bincount(block, (observed - one) ** 2) for one in (before, after)]).astype(np.float64)
     interval = bootstrap(sums, seed, lambda drawn: 1.0 - drawn[1] / np.maximum(drawn[0], 1e-300))
@@ -130,15 +115,12 @@ def range_accuracy_pct(predicted: Array, runs: Runs, fold: Index) -> float | Non
     return float(100.0 * np.mean(np.maximum(1.0 - off, 0.0)))
 
 
-def score(
-    predicted: Array, runs: Runs, block: Index, fold: Index, held_out_by: Literal["run", "block"], seed: int = 0
-) -> Arm:
-    """Errors of a prediction; intervals by bootstrap over blocks."""
+def score(predicted: Array, runs: Runs, block: Index, trip: Index, seed: int) -> Arm:
+    """Errors of a prediction, those of energy by trip, (windows,); intervals by bootstrap over blocks."""
     error = predicted - runs.observed
     squared = error**2
     spread = runs.observed - runs.observed.mean()
     variance = float(spread @ spread)
-    trip = runs.run if held_out_by == "run" else fold
     drawn_j, missed_j = (np.bincount(trip, power * runs.duration_s) for power in (runs.observed, error))
     counted = drawn_j > 0.0
     of_trips = runs.unit == "W" and counted.any()

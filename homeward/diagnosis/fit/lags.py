@@ -5,8 +5,6 @@ clock of power against that of motion is late, part of a run by part, by what ma
 of power that does not change stays: it is named as any other fault of an instrument.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -14,8 +12,9 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.refit import standard_errors
+from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.read.signals import WINDOW_S, Array, Signals, slope_of, usual_step_s, windows
+from homeward.diagnosis.read.signals import WINDOW_S, Signals, slope_of, usual_step_s, windows
 from homeward.physics import Robot
 
 _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel

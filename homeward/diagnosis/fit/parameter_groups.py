@@ -5,8 +5,6 @@ P_anc, C_rr m / Gamma, c / Gamma and m / Gamma; from motor current the last thre
 current at rest. Losses are therefore kept as the robot file has them and the rest is fitted.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis.fit.replay import Runs, predict, thrust_n_per_a
-from homeward.diagnosis.fit.replay import WithEffects as WithEffects
+from homeward.diagnosis import rules
+from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.rules import MOST_TIMES
 from homeward.physics import Robot
 from homeward.physics.model import rolling_force
 
@@ -131,7 +128,7 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     fastest_hz = max(float(np.max(runs.context.get("sensing_hz", np.zeros(1)), initial=0.0)), robot.max_sensing_hz)
     # Of a drag that is unknown all that was drawn ten times over is out of the question.
     most_force = most * (gamma / top_speed if runs.unit == "W" else per)
-    most_drag = MOST_TIMES * robot.drag_ns2_per_m2 or 10.0 * most_force / top_speed**2
+    most_drag = rules.MOST_TIMES * robot.drag_ns2_per_m2 or 10.0 * most_force / top_speed**2
     most = max(most, 2.0 * idle, 1e-6)
     most_sample = max(most / fastest_hz, 2.0 * sample)
     rolling = robot.rolling_resistance * robot.mass_kg
@@ -139,8 +136,8 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     scale = np.array([
         idle or most / 10, sample or most_sample / 10, rolling, robot.drag_ns2_per_m2 or most_drag / 100, robot.mass_kg
     ])  # fmt: skip
-    low = np.array([0.0, 0.0, 1e-3 * rolling, 0.0, robot.mass_kg / MOST_TIMES])
-    high = np.array([most, most_sample, robot.mass_kg, most_drag, robot.mass_kg * MOST_TIMES])
+    low = np.array([0.0, 0.0, 1e-3 * rolling, 0.0, robot.mass_kg / rules.MOST_TIMES])
+    high = np.array([most, most_sample, robot.mass_kg, most_drag, robot.mass_kg * rules.MOST_TIMES])
     groups = GROUPS[runs.unit]
     to_group = np.where([group.measured for group in groups], 1.0 / per, 1.0)
     return Parameters(robot, groups, start, low, high, scale, to_group, known)

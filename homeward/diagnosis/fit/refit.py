@@ -14,12 +14,13 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.doubt import reliability
 from homeward.diagnosis.fit.fitted import Fitted, excited
+from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
-from homeward.diagnosis.rules import COLLINEAR, GAIN_ERROR, NOISE_ONLY, RELIABLE
 from homeward.physics import Robot
 
 Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]
@@ -73,8 +74,7 @@ class Refit:
         problem, active = self.parameters, self.parameters.active()
         theta, scale = self.theta[active], 1e-9 * self.parameters.scale[active]
         low, high = problem.low[active], problem.high[active]
-        at_bound: Mask = (theta >= high - scale) | ((theta <= low + scale) & (low > 0.0))
-        return at_bound
+        return np.asarray((theta >= high - scale) | ((theta <= low + scale) & (low > 0.0)))
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest step from theta that is physical, in units of `scale`, each of shape (groups,)."""
@@ -143,13 +143,8 @@ def _fit(problem: Parameters, runs: Runs, held: Mask) -> Refit:
 
 
 def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
-    """Value and interval of each group, or why there is none.
-
-    Args:
-        model: The fit to all windows.
-        runs: The windows it was fitted to.
-        block: Block of each window, shape (windows,): residuals of different blocks count as independent.
-    """
+    """Value and interval of each group, or why there is none; residuals of different blocks, shape (windows,), count as
+    independent."""
     fit, beside = model.groups, model.beside
     problem, jacobian = fit.parameters, fit.jacobian
     active = problem.active()
@@ -159,7 +154,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
     errors *= problem.scale[active]
     freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
-    errors = np.hypot(errors, GAIN_ERROR * np.abs(fit.theta[active]))
+    errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(fit.theta[active]))
     widths = float(student.ppf(0.975, freedom)) * errors
     wide = float(student.ppf(1.0 - 0.025 / len(active), freedom)) * errors
     result = []
@@ -169,7 +164,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
         status, mixed = _status(fit, runs, j, moving)
         fitted, width = fit.theta[index] * problem.to_group[j], widths[j] * problem.to_group[j]
         if status == "fitted" and (
-            width > max(abs(assumed), abs(fitted)) or reliability(_RESTS_ON.get(group.name, ""), runs) < RELIABLE
+            width > max(abs(assumed), abs(fitted)) or reliability(_RESTS_ON.get(group.name, ""), runs) < rules.RELIABLE
         ):
             status = "too uncertain"
         elif status == "fitted" and fit.at_bound[j]:
@@ -193,20 +188,19 @@ def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tupl
     own = column - beside @ weights
     size = np.abs(weights) * np.linalg.norm(beside, axis=0)
     mixed = tuple(groups[o].symbol for o in others[size > 0.2 * np.linalg.norm(column)])
-    if own @ own < COLLINEAR * (column @ column):
+    if own @ own < rules.COLLINEAR * (column @ column):
         return "confounded", mixed
     same_run = runs.run[1:] == runs.run[:-1]
     if groups[j].measured and same_run.any():
         lagged = float((own[1:] * own[:-1])[same_run].mean() / (own * own).mean())
-        if lagged < NOISE_ONLY and own @ own < 0.01 * (column @ column):
+        if lagged < rules.NOISE_ONLY and own @ own < 0.01 * (column @ column):
             return "confounded", mixed
     return "fitted", ()
 
 
 def standard_errors(jacobian: Array, residual: Array, block: Index) -> Array:
     """Standard errors of the parameters, from their `covariance`."""
-    errors: Array = np.sqrt(np.maximum(np.diag(covariance(jacobian, residual, block)), 0.0))
-    return errors
+    return np.asarray(np.sqrt(np.maximum(np.diag(covariance(jacobian, residual, block)), 0.0)))
 
 
 def covariance(jacobian: Array, residual: Array, block: Index) -> Array:
@@ -215,8 +209,6 @@ def covariance(jacobian: Array, residual: Array, block: Index) -> Array:
     if count == 0:
         return np.zeros((0, 0))
     bread = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
-    scores = np.zeros((blocks, count))
-    np.add.at(scores, block, jacobian * residual[:, None])
-    n = len(residual)
+    scores, n = per_block(jacobian * residual[:, None], block), len(residual)
     small_sample = blocks / max(blocks - 1, 1) * (n - 1) / max(n - count, 1)
     return np.asarray(small_sample * bread @ (scores.T @ scores) @ bread)

@@ -1,7 +1,5 @@
 """Recorded runs replayed through the physics: what a robot file predicts, window by window."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

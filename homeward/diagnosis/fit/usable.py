@@ -1,12 +1,11 @@
 """Checks before any fitting: which runs can be used, and what to know about the rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.lags import late_slope, without_drift
 from homeward.diagnosis.fit.replay import average as average_runs
 from homeward.diagnosis.fit.replay import predict
@@ -15,7 +14,6 @@ from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.signals import Signals, gaps, known, signals, usual_step_s
-from homeward.diagnosis.rules import RIGHT_ROBOT
 from homeward.physics import Robot
 
 _SHORTEST_RUN_S = 5.0
@@ -87,7 +85,7 @@ def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) 
         text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is set right"
         said.append(Finding(name, text))
     ratio = _over_expected(runs, robot)
-    if not 1.0 / RIGHT_ROBOT < ratio < RIGHT_ROBOT:
+    if not 1.0 / rules.RIGHT_ROBOT < ratio < rules.RIGHT_ROBOT:
         text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
         said.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
     return runs, said

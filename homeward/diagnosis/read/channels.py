@@ -1,7 +1,5 @@
 """The channels a recording may have: names, units, what is physically possible, and what a wrong unit looks like."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

@@ -53,10 +53,7 @@ class Columns:
         return list(dict.fromkeys(column for source in self.sources.values() for column, _ in source.terms))
 
     def apply(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Turn a table of the file's columns into one of the schema's channels.
-
-        Args:
-            table: Columns of the file; its index counts the file's lines.
+        """Turn a table of the file's columns, whose index counts the file's lines, into one of the schema's channels.
 
         Raises:
             RecordingError: Stamps of whole seconds that are no times, go back or span less than two seconds.
@@ -76,13 +73,9 @@ def shipped(folder: Traversable) -> list[str]:
 
 
 def read_mapping(what: str, mapping: str | Path, folder: Traversable, known: set[str]) -> dict[str, Any]:
-    """What a mapping file holds, by shipped name or path.
+    """What a mapping file holds, by its path or a name that ships in `folder`.
 
-    Args:
-        what: Kind of mapping, for messages.
-        mapping: Name or path.
-        folder: Where those that ship are.
-        known: Entries that it may have, beside `description` and `source`.
+    Beside the entries that are `known` it may have `description` and `source`; `what` it maps is for messages.
 
     Raises:
         RecordingError: Unknown name, unreadable file or an unknown entry.
@@ -109,12 +102,8 @@ def _is_number(value: Any) -> bool:
 
 
 def source_of(where: str, entry: Any, key: str) -> Source:
-    """Source by an entry of a mapping file: one name, or a table of names, factors and an offset.
-
-    Args:
-        where: Place of the entry, for messages.
-        entry: The entry.
-        key: What the names are of: "column" or "field".
+    """Source by an entry of a mapping file: one name of a `key` ("column" or "field"), or a table of names, factors and
+    an offset.
 
     Raises:
         RecordingError: The entry is something else.

@@ -3,8 +3,6 @@
 Spikes of one sample, power that flows back while the robot stands, and readings that are held until the next one.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 
@@ -161,8 +159,7 @@ def _updates(values: Array) -> Index | None:
     between = [np.linspace(a, b, times, endpoint=False) for a, b, times in spans]
     before, after = np.arange(change[0], -1, -usual)[:0:-1], np.arange(change[-1], int(known.sum()), usual)
     fresh = np.rint(np.concatenate([before, *between, after])).astype(np.intp)
-    samples: Index = np.flatnonzero(known)[np.unique(fresh)]
-    return samples
+    return np.asarray(np.flatnonzero(known)[np.unique(fresh)])
 
 
 def _smooth(fresh: Array) -> bool:

@@ -6,16 +6,14 @@ What is taken for the channel then is its expectation given the recording. A reg
 one on the noisy channel is (regression calibration: Carroll et al., Measurement Error in Nonlinear Models, 2006).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 from scipy.optimize import minimize_scalar
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.read.channels import Array
-from homeward.diagnosis.rules import SMOOTHED_AT_ONCE
 
 _LOG_RATIOS = (-12.0, 26.0)  # of the noise's variance over that of the differences
 _PRECISE = 0.05  # of the logarithm of a ratio of variances: 5 %
@@ -77,12 +75,12 @@ def smoothed(
     """
     weight = np.ones(len(values)) if weight is None else weight
     stiffness = np.ones(len(values) - order) if breaks is None else breaks
-    part = slice(0, SMOOTHED_AT_ONCE)
-    head, its_weight, its_stiffness = values[part], weight[part], stiffness[: SMOOTHED_AT_ONCE - order]
+    part = slice(0, rules.SMOOTHED_AT_ONCE)
+    head, its_weight, its_stiffness = values[part], weight[part], stiffness[: rules.SMOOTHED_AT_ONCE - order]
     best, factor, found = _likeliest(head, its_weight, its_stiffness, order, np.arange(*_LOG_RATIOS, 2.0), noise)
     for _ in range(_SWEEPS if jumps else 0):
         stiffness = _stiffness(values, weight, stiffness, order, best, found)
-        its_stiffness = stiffness[: SMOOTHED_AT_ONCE - order]
+        its_stiffness = stiffness[: rules.SMOOTHED_AT_ONCE - order]
         grid = np.clip(best + np.arange(-2.0, 4.0, 2.0), *_LOG_RATIOS)
         best, factor, found = _likeliest(head, its_weight, its_stiffness, order, grid, noise)
     draws = _draws(factor, order, len(head), found)
@@ -112,7 +110,7 @@ def _stiffness(values: Array, weight: Array, stiffness: Array, order: int, log_r
     """Expected inverse variance of each difference, relative, if differences are from Student's t distribution."""
     factor = cholesky_banded(_with_weight(np.exp(log_ratio) * _penalty(stiffness, order, len(values)), weight))
     smooth = cho_solve_banded((factor, False), weight * values)
-    drawn = min(len(values), SMOOTHED_AT_ONCE)
+    drawn = min(len(values), rules.SMOOTHED_AT_ONCE)
     spread = np.mean(np.diff(_draws(factor[:, -drawn:], order, drawn, noise), order, axis=1) ** 2, axis=0)
     if drawn < len(values):
         spread = np.full(len(stiffness), spread.mean())
@@ -122,8 +120,7 @@ def _stiffness(values: Array, weight: Array, stiffness: Array, order: int, log_r
 
 def _draws(factor: Array, order: int, count: int, noise: float) -> Array:
     normal = np.random.default_rng(0).standard_normal((count, _DRAWS))
-    draws: Array = noise * solve_banded((0, order), factor, normal).T
-    return draws
+    return np.asarray(noise * solve_banded((0, order), factor, normal).T)
 
 
 def _penalty(breaks: Array, order: int, count: int) -> Array:

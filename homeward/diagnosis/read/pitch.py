@@ -2,16 +2,14 @@
 add up to nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Signals, gaps
-from homeward.diagnosis.rules import ALIKE, CLEAR_TILT, CLOSED
 
 _PLACES = 40  # along the way, compared out and home
 _FEWEST_PLACES = 20  # half of them, so that most of the way was driven both ways
@@ -26,12 +24,12 @@ def tilt(run: Signals) -> tuple[float, float] | None:
     if length_m == 0.0:
         return None
     slope = np.tan(run.grade_rad)
-    near = np.flatnonzero(run.base_distance_m <= CLOSED * length_m)
+    near = np.flatnonzero(run.base_distance_m <= rules.CLOSED * length_m)
     if len(near):
         # What is missing to a closed way, and the odometer's error, lie on ground of unknown slope.
         closed = slice(near[0], near[-1])
         onward_m = float(steps_m[closed].sum())
-        open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), CLOSED * length_m / 2.0)
+        open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), rules.CLOSED * length_m / 2.0)
         if abs(onward_m) > 0.5 * length_m:
             mean = float(slope[closed] @ steps_m[closed]) / onward_m
             return mean, float(np.std(slope)) * open_m / abs(onward_m)
@@ -53,7 +51,7 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
             sides.append(np.bincount(place[chosen], slope[chosen], _PLACES) / np.where(count > 0, count, np.nan))
     both = np.isfinite(sides[0]) & np.isfinite(sides[1])
     out, home = sides[0][both], sides[1][both]
-    if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -ALIKE:
+    if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -rules.ALIKE:
         return None
     middle = (out + home) / 2.0
     # A hill that is not quite mirrored is off the same way from place to place.
@@ -72,7 +70,7 @@ def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
     angle = float(np.average(angles, weights=weight))
     # Between runs it may vary by more than each one's error says.
     error = max(float(weight.sum() ** -0.5), float(np.std(angles)) / np.sqrt(len(angles)))
-    if abs(angle) <= CLEAR_TILT * error:
+    if abs(angle) <= rules.CLEAR_TILT * error:
         return list(runs), 0.0
     level = []
     for run in runs:

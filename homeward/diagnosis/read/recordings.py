@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from homeward.diagnosis.read.bags.files import is_bag, sha256
+from homeward.diagnosis.read.bags import is_bag, sha256
 from homeward.diagnosis.read.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
 from homeward.diagnosis.read.columns import Columns, RecordingError, load_columns
 

@@ -13,12 +13,11 @@ from typing import Any, Literal
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from homeward.diagnosis.read.channels import Array as Array
-from homeward.diagnosis.read.channels import Index, Mask
+from homeward.diagnosis import rules
+from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.slope import slope_along
-from homeward.diagnosis.rules import NEGLIGIBLE_NOISE, PLATEAUS, RELIABLE, RESET_M, SAME_ODOMETER, STRAIGHT
 from homeward.physics import Robot
 
 Unit = Literal["W", "A"]
@@ -153,12 +152,12 @@ def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> f
         return 0.0
     covered_m, driven_m = np.diff(kept["distance_m"]), np.abs(speed[:-1]) * steps_s(time_s)
     moving = driven_m > 0.0
-    if not moving.any() or not np.isfinite(covered_m).all() or (covered_m < -RESET_M).any():
+    if not moving.any() or not np.isfinite(covered_m).all() or (covered_m < -rules.RESET_M).any():
         return 0.0
     covered_m, driven_m = np.abs(covered_m[moving]), driven_m[moving]
     part = np.minimum((np.cumsum(driven_m) / driven_m.sum() * ODOMETER_PARTS).astype(np.intp), ODOMETER_PARTS - 1)
     by_part = np.bincount(part, driven_m) / np.maximum(np.bincount(part, covered_m), 1e-9) - 1.0
-    if not ((by_part > SAME_ODOMETER).all() or (by_part < -SAME_ODOMETER).all()):
+    if not ((by_part > rules.SAME_ODOMETER).all() or (by_part < -rules.SAME_ODOMETER).all()):
         return 0.0
     return float(driven_m.sum() / covered_m.sum() - 1.0)
 
@@ -211,7 +210,7 @@ def _straight(rate: Array, time_s: Array, error: float) -> Array:
     What turning costs rises steeply from none, and with the rate's size: noise about zero would cost as much as a bend.
     """
     size = max(1, round(WINDOW_S / usual_step_s(time_s)))
-    return np.where(np.abs(uniform_filter1d(rate, size)) < STRAIGHT * error, 0.0, rate)
+    return np.where(np.abs(uniform_filter1d(rate, size)) < rules.STRAIGHT * error, 0.0, rate)
 
 
 def slope_of(
@@ -248,9 +247,9 @@ def slope_of(
 def _rises(elevation_m: Array) -> bool:
     """Whether an elevation varies by more than its own steps, whose error is uniform, or its noise."""
     change = np.abs(np.diff(elevation_m))
-    stepped = 0 < np.count_nonzero(change) < PLATEAUS * len(change)
+    stepped = 0 < np.count_nonzero(change) < rules.PLATEAUS * len(change)
     variance = float(change[change > 0.0].min()) ** 2 / 12.0 if stepped else white_noise(elevation_m) ** 2
-    return variance <= (1.0 - RELIABLE) * float(np.var(elevation_m))
+    return variance <= (1.0 - rules.RELIABLE) * float(np.var(elevation_m))
 
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:
@@ -262,7 +261,7 @@ def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, flo
     means = uniform_filter1d(values, size)[::size]
     spread, change = float(np.var(means)), float(np.mean(np.diff(means) ** 2))
     # The rate of change of the speed is a channel of its own, and noisier.
-    if noise**2 / size <= NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
+    if noise**2 / size <= rules.NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
         error[name] = float(noise / np.sqrt(size))
         return values
     breaks = np.ones(len(values) - 2)

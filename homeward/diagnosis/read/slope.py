@@ -4,13 +4,11 @@ Elevation is smoothed over distance driven and not over time, so that standing s
 it as closely as its noise allows; it may bend freely where the robot turns back on its way.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.noise import smoothed
-from homeward.diagnosis.rules import PLATEAUS
 
 _STEEPEST = 1.0  # rise over run: no ground robot climbs it
 _FEWEST = 8  # heights, for a level, a slope, and how both vary
@@ -70,7 +68,7 @@ def _told_by_steps(elevation_m: Array, path_m: Array) -> tuple[Array, Array] | N
     known = np.flatnonzero(np.isfinite(elevation_m))
     moved = np.append(True, np.diff(path_m[known]) > 0.0)
     change = np.flatnonzero(np.diff(elevation_m[known]) != 0.0)
-    if not 0 < len(change) < PLATEAUS * int(moved.sum()):
+    if not 0 < len(change) < rules.PLATEAUS * int(moved.sum()):
         return None
     height, weight = np.full(len(elevation_m), np.nan), np.zeros(len(elevation_m))
     before, after = known[change], known[change + 1]

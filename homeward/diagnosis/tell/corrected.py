@@ -1,7 +1,5 @@
 """The corrected robot: fitted groups written back into a robot file, as far as recordings determine them."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,10 +8,11 @@ import numpy as np
 
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.fit.parameter_groups import IDLE, ROLLING, WithEffects, with_ancillary, with_effects_of
+from homeward.diagnosis.fit.parameter_groups import IDLE, ROLLING, with_ancillary, with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit
-from homeward.diagnosis.fit.replay import Runs, predict, thrust_n_per_a
-from homeward.diagnosis.read.signals import Array, Unit
+from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.read.signals import Unit
 from homeward.physics import Robot, d_max
 
 
@@ -81,7 +80,7 @@ def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Arr
     term = model.model.terms[index]
     switch = term.hypothesis.entry.switch
     assert term.at_work is not None
-    share = next(model.share(one) for one in model.model.unknowns if one.term == index)
+    share = model.share(index)
     rolls = 1.0 + np.clip(term.at_work @ model.sizes(index) * share, switch.low, switch.high)
     driven = np.abs(runs.context["speed_mps"]) > 0.0
     ends = (0.0, 1.0) if term.schedule is not None else _ENDS

@@ -3,10 +3,8 @@
 No string of a recording or robot file goes into a plot, which would read markup in it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,14 +18,14 @@ from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index
 
 _MOST_RUNS = 12  # in the time plot
 _MOST_POINTS = 2000  # of a line
 _MOST_DOTS = 800
 _SHOWN_S = 120.0  # of a long run at first
 _INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#9aa5b1", "#c92a2a", "#0b7285"
-_LINES = {
+_LINES: Mapping[str, Mapping[str, Any]] = {
     "recorded": {"color": _INK, "width": 1.2},
     "nominal": {"color": _NOMINAL, "width": 1.6},
     "refit": {"color": _REFIT, "width": 1.6},
@@ -39,33 +37,13 @@ Stretch = tuple[float, float]
 """Start and end, s."""
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A run that the time plot can show: the number its traces carry as `meta`, and the stretch to begin with."""
+def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[dict[str, Any]]]:
+    """Recorded against simulated before and after the correction, and the runs to choose from, the worst first.
 
-    number: int
-    name: str
-    start_s: float
-    end_s: float
-    length_s: float
-    low: float  # of the vertical axis
-    high: float
-
-
-@dataclass(frozen=True)
-class Condition:
-    """What is left against one channel, before (the refit) and, where effects were named, after (corrected)."""
-
-    dependence: Dependence
-    effects: tuple[str, ...]  # that the channel shows, by name; empty where none was named
-    before: Markup
-    after: Markup | None
-
-
-def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Shown]]:
-    """Recorded against simulated before and after the correction, and the runs to choose from, the worst first."""
+    Of a run: the number that its traces carry as `meta`, its name and length, where to begin, and the vertical axis.
+    """
     runs, predictions = evidence.runs, evidence.predictions
-    squared = (runs.observed - evidence.refit) ** 2
+    squared = (runs.observed - evidence.predictions["refit"]) ** 2
     order = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:_MOST_RUNS].tolist()
     panels = ["before: robot file and refit", "after: corrected"] if "corrected" in predictions else [""]
     figure = make_subplots(
@@ -77,8 +55,9 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Sh
         since_s = runs.time_s[here] - runs.time_s[here][0]
         lines = {name: _thinned(everything[name][here]) for name in _LINES if name in everything}
         limits = _limits(np.concatenate(list(lines.values())))
-        ends = _worst_stretch(since_s, squared[here])
-        choices.append(Shown(shown, runs.names[run], *ends, round(float(since_s[-1]), 1), *limits))
+        start_s, end_s = _worst_stretch(since_s, squared[here])
+        about = {"number": shown, "name": runs.names[run], "length_s": round(float(since_s[-1]), 1)}
+        choices.append({**about, "start_s": start_s, "end_s": end_s, "low": limits[0], "high": limits[1]})
         for row in range(1, len(panels) + 1):
             _add_places(figure, _places(analysis, evidence, run), limits, row, shown)
             for name, values in lines.items():
@@ -87,10 +66,10 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[Sh
                         x=_thinned(since_s), y=values, name=name, mode="lines", line=_LINES[name], visible=shown == 0,
                         meta=shown, showlegend=row == 1 or name == "corrected", legendgroup=name, row=row, col=1,
                     )  # fmt: skip
-    figure.update_xaxes(range=[choices[0].start_s, choices[0].end_s])
+    figure.update_xaxes(range=[choices[0]["start_s"], choices[0]["end_s"]])
     figure.update_xaxes(title_text="time in the run, s", row=len(panels))
     measured = "power, W" if runs.unit == "W" else "current, A"
-    figure.update_yaxes(title_text=measured, range=[choices[0].low, choices[0].high], fixedrange=True)
+    figure.update_yaxes(title_text=measured, range=[choices[0]["low"], choices[0]["high"]], fixedrange=True)
     return embedded(figure, "time", top=34), choices
 
 
@@ -155,8 +134,12 @@ def _thinned(values: Array) -> NDArray[np.float32]:
     return _rounded(means)
 
 
-def conditions(analysis: Analysis, evidence: Evidence) -> list[Condition]:
-    """What is left against the channel that shows each named effect, or that explains most where none was named."""
+def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
+    """What is left against the channel that shows each named effect, or that explains most where none was named.
+
+    Of a channel: the dependence, the names of the effects that it shows, and the figures before (the refit) and, where
+    effects were named, after (corrected).
+    """
     chosen: dict[int, list[str]] = {}
     for one in analysis.diagnosis.missing_physics:
         index = _telling(one.effect, evidence)
@@ -164,16 +147,16 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[Condition]:
             chosen.setdefault(index, []).append(one.name)
     if not chosen and evidence.dependences:
         chosen = {0: []}
-    left = {name: evidence.runs.observed - values for name, values in evidence.predictions.items()}
+    names = [name for name in ("refit", "corrected") if name in evidence.predictions]
+    left = [evidence.runs.observed - evidence.predictions[name] for name in names]
     found = []
     for index, effects in chosen.items():
         dependence = evidence.dependences[index]
-        pair = [left["refit"], left["corrected"]] if "corrected" in left else [left["refit"]]
-        figures = [
-            _condition_figure(residual, dependence, evidence, colour, f"{index}-{name}", pair)
-            for residual, colour, name in zip(pair, (_REFIT, _CORRECTED), ("refit", "corrected"), strict=False)
-        ]
-        found.append(Condition(dependence, tuple(effects), figures[0], figures[1] if len(figures) == 2 else None))
+        before, *after = (
+            _condition_figure(residual, dependence, evidence, _LINES[name]["color"], f"{index}-{name}", left)
+            for name, residual in zip(names, left, strict=True)
+        )
+        found.append({"dependence": dependence, "effects": effects, "before": before, "after": next(iter(after), None)})
     return found
 
 
@@ -241,7 +224,7 @@ def _rounded(values: Array | pd.Series) -> NDArray[np.float32]:
     return np.round(values, 4).astype(np.float32)
 
 
-def _means(values: Array, residual: Array, number: NDArray[np.intp], block: NDArray[np.intp]) -> pd.DataFrame:
+def _means(values: Array, residual: Array, number: Index, block: Index) -> pd.DataFrame:
     """For each bin the mean of a channel, in order, and that of the residual with its error clustered by block."""
     bins = pd.DataFrame({"centre": values, "mean": residual}).groupby(number).mean()
     off = pd.Series(residual - bins["mean"].to_numpy()[np.searchsorted(bins.index, number)])

@@ -1,12 +1,12 @@
 """How the report and the terminal write numbers, formulas and names."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from homeward.diagnosis import rules
 
 PAPER_ACCURACY = "66 to 91 %"
 """What the paper claims for the range that its model estimates."""
@@ -29,10 +29,16 @@ def templates(autoescape: bool = True) -> Environment:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {
-        "number": number, "decimal": decimal, "typeset": typeset, "as": format,
+        "number": number, "interval": interval, "decimal": decimal, "typeset": typeset, "as": format,
         "file_name": lambda path: PurePath(path).name, "percent": lambda share: f"{decimal(100.0 * share, 0)} %",
     }  # fmt: skip
+    environment.globals |= {"rules": rules, "arms": ARMS, "paper_accuracy": PAPER_ACCURACY}
     return environment
+
+
+def page(environment: Environment, template: str, **values: object) -> str:
+    """A page as text that can be written: names of files may hold bytes that are no text."""
+    return environment.get_template(template).render(**values).encode("utf-8", "replace").decode("utf-8")
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -48,6 +54,15 @@ def number(value: float | None, digits: int = 3) -> str:
     if abs(value) >= 10 ** (digits - 1):
         return decimal(value, 0)
     return f"{'−' if value < 0 else ''}{abs(value):#.{digits}g}"
+
+
+def interval(ci95: tuple[float, float] | None, digits: int = 3) -> str:
+    """The ends of an interval, a dash for none.
+
+    >>> interval((1.0, 2.5)), interval(None)
+    ('1.00 to 2.50', '–')
+    """
+    return "–" if ci95 is None else f"{number(ci95[0], digits)} to {number(ci95[1], digits)}"
 
 
 def decimal(value: float, places: int) -> str:

@@ -5,23 +5,21 @@ corrected.toml, and that file is replayed on what was held out. What a file cann
 what began once and stays, weather, faults of instruments, and the current at rest, which is added to the replay.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from homeward.diagnosis import rules
+from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
+from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Handed, Verdict
-from homeward.diagnosis.rules import ALIKE_COLUMNS
 from homeward.diagnosis.tell.corrected import can_be_said, replayed, said, written
 from homeward.physics import Robot
 
@@ -38,9 +36,7 @@ class Handover:
     handed: Handed
 
 
-def determined(
-    fit: Refit, corrected: Corrected | None, runs: Runs, block: NDArray[np.intp]
-) -> tuple[Refit, Corrected | None]:
+def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index) -> tuple[Refit, Corrected | None]:
     """The fits with each group that the recordings leave open held as the robot file has it.
 
     One group after the other is held, first that whose assumed value the recordings mind least: of two that cannot be
@@ -57,7 +53,7 @@ def determined(
 
 
 def sayable(
-    plain: Refit, corrected: Corrected | None, named: Sequence[Named], runs: Runs, block: NDArray[np.intp]
+    plain: Refit, corrected: Corrected | None, named: Sequence[Named], runs: Runs, block: Index
 ) -> Corrected | None:
     """The fit of all that a robot file can say, beside faults of instruments; None where it can say none of what is
     `named`.
@@ -98,9 +94,7 @@ def _may_be_misread(named: Named) -> bool:
     return any(one.misread for one in meant) and any(one.hypothesis.physical for one in meant)
 
 
-def _determined(
-    fit_holding: Callable[[NDArray[np.bool_]], Model], held: NDArray[np.bool_], runs: Runs, block: NDArray[np.intp]
-) -> Model:
+def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, block: Index) -> Model:
     model = fit_holding(held)
     while True:
         told = estimates(model, runs, block)
@@ -119,72 +113,51 @@ def _determined(
         model, held = min(fits, key=lambda fit: float(np.sum((runs.observed - fit[0].predicted) ** 2)))
 
 
-def _alike(model: Refit | Corrected, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
     """Groups that look much like one of those chosen: they may have taken what that lacks."""
     columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
-    alike: NDArray[np.bool_] = ((columns.T @ columns)[:, chosen] ** 2 > ALIKE_COLUMNS).any(axis=1)
-    return alike
+    return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.ALIKE_COLUMNS).any(axis=1))
 
 
-def hand_over(
-    robot: Robot,
-    verdict: Verdict,
-    models: tuple[Refit, Refit | Corrected | None],
-    arms: Mapping[str, Array],
-    runs: Runs,
-    fold: NDArray[np.intp],
-    trip: NDArray[np.intp],
-    seed: int,
-    reason: str = "",
-) -> Handover:
-    """Choose the robot that is handed over.
+def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
+    """Choose the robot that is handed over for one as its file has it.
 
     The effects must predict what was held out better than the refit, and the energy (the charge) of trips no worse; the
     fitted parameters better than the file that was given. What a verdict does not ask for is not changed: a difference
-    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement.
-
-    Args:
-        robot: The robot as its file has it.
-        verdict: What was concluded.
-        models: Refit, `determined`, and what is `sayable` of the corrected model.
-        arms: What `nominal` (where the file predicts what was recorded) and `refit` predict of what was held out.
-        runs: The runs.
-        fold: What is held out together, shape (windows,).
-        trip: What counts as one trip, for a bootstrap from `seed`, shape (windows,).
-        seed: Of that bootstrap.
-        reason: Why effects that power shows are not in the file, where some are not.
+    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement. The
+    seed is that of a bootstrap over trips.
     """
-    nominal, (plain, model) = arms.get("nominal"), models
-    kept = Handover(
-        robot, nominal, nominal, Handed("nominal", "the recordings ask for no change that a robot file can hold")
-    )
+    runs, nominal = evidence.runs, evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
-        return kept
+        why = "the recordings ask for no change that a robot file can hold"
+        return Handover(robot, nominal, nominal, Handed("nominal", why))
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, None, Handed("nominal", why))
+    reason = unsaid(evidence.naming.named)
     told = f"{reason}; " if reason else ""
     if verdict == "unknown_physics":
         told = "its parameters make up for what is unknown, as far as they can, and are no measurement; "
+    model = sayable(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
     if model is not None:
-        after = _held_out(robot, model, runs, fold)
-        worse = worse_than(arms["refit"], after, runs, trip, seed)
+        after = _held_out(robot, model, evidence)
+        worse = worse_than(evidence.predictions["refit"], after, runs, evidence.trip, seed)
         if not worse:
             why = "replayed as written it predicts what was held out better than the refit"
             why += f"; {reason}" if reason else ""
             changed, by_file = _filed(robot, model, runs)
             return Handover(changed, after, by_file, Handed("corrected", why))
         told = f"with what is missing, as far as a robot file can say it, {worse}; "
-    after = _held_out(robot, plain, runs, fold)
-    worse = worse_than(nominal, after, runs, trip, seed)
+    after = _held_out(robot, evidence.plain, evidence)
+    worse = worse_than(nominal, after, runs, evidence.trip, seed)
     if worse:
         return Handover(robot, nominal, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
     why = f"{told}replayed as written it predicts what was held out better than the file that was given"
-    changed, by_file = _filed(robot, plain, runs)
+    changed, by_file = _filed(robot, evidence.plain, runs)
     return Handover(changed, after, by_file, Handed("refit", why))
 
 
-def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], seed: int) -> str:
+def worse_than(before: Array, after: Array, runs: Runs, trip: Index, seed: int) -> str:
     """Why to prefer the prediction `before` of what was held out to `after`, shape (windows,) each, or nothing.
 
     The interval of what trips are off by is by bootstrap; `trip` says what counts as one, shape (windows,).
@@ -202,9 +175,10 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: NDArray[np.intp], 
     return ""
 
 
-def _held_out(robot: Robot, model: Refit | Corrected, runs: Runs, fold: NDArray[np.intp]) -> Array:
+def _held_out(robot: Robot, model: Refit | Corrected, evidence: Evidence) -> Array:
     """What the file of each fold's fit predicts of that fold, shape (windows,)."""
-    return held_out(lambda chosen: _filed(robot, model.refitted(chosen, runs), runs)[1], fold)
+    runs = evidence.runs
+    return held_out(lambda chosen: _filed(robot, model.refitted(chosen, runs), runs)[1], evidence.fold)
 
 
 def _filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:

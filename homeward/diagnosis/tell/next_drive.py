@@ -7,24 +7,21 @@ Experimental Designs, 1992). Before anything is recorded a candidate is known to
 within a plausible change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from homeward.diagnosis.explain.drive import Drive
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
-from homeward.diagnosis.explain.menu import MENU, Manoeuvre
+from homeward.diagnosis.explain.menu import MENU, Drive, Manoeuvre
 from homeward.diagnosis.explain.places import Location
+from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import noise_of
+from homeward.diagnosis.fit.parameter_groups import derivatives
 from homeward.diagnosis.fit.refit import Estimate, Refit
-from homeward.diagnosis.fit.regression import bounded
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.signals import Array
-from homeward.diagnosis.rules import MEASURES
+from homeward.diagnosis.read.channels import Array, Mask
 
 _SEPARATES = np.log(2.0)  # of the determinant: the variance of what is least known is halved
 
@@ -79,7 +76,7 @@ def gains(
     return found
 
 
-def _determinant(information: Array, of_interest: NDArray[np.bool_]) -> float:
+def _determinant(information: Array, of_interest: Mask) -> float:
     """Log-determinant of the information about some of the parameters when the others are unknown."""
     whole = np.linalg.slogdet(information)[1]
     return float(whole - np.linalg.slogdet(information[np.ix_(~of_interest, ~of_interest)])[1])
@@ -88,9 +85,9 @@ def _determinant(information: Array, of_interest: NDArray[np.bool_]) -> float:
 def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, candidates: Sequence[Candidate]) -> Array:
     """What the groups (per unit of `scale`) and the candidates add on a drive, shape (samples, groups + candidates)."""
     usual_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
-    drive = Drive(fit, manoeuvre.course(fit.parameters.nominal), runs.unit, usual_c)
+    drive = Drive(fit, manoeuvre, runs.unit, usual_c)
     added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in candidates]
-    return np.column_stack([*drive.by_group(), *added])
+    return np.column_stack([*derivatives(fit.parameters, fit.theta, drive.plain, drive.predict), *added])
 
 
 def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequence[Term]) -> str:
@@ -100,7 +97,7 @@ def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequ
     """
     candidates = [candidate(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, left, [one for one in candidates if one.size != 0.0]))
-    worthwhile = gain >= (_SEPARATES if rivals else MEASURES)
+    worthwhile = gain >= (_SEPARATES if rivals else rules.MEASURES)
     # Where a measurement has to tell: of a fault of the instrument before that of physics.
     measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
     advice = best.sentence if worthwhile else measured.measurement
@@ -127,14 +124,8 @@ def next_experiment(
 ) -> str | None:
     """The one thing to do next, or None where nothing is open.
 
-    Args:
-        fit: The refit.
-        runs: The recordings at hand.
-        left: What the best model leaves, shape (windows,).
-        estimates: Of each group.
-        named: Each effect with its rivals.
-        unexplained: Where the mismatch sits, if nothing explains it.
-        enough: Whether the recordings are long enough for a test.
+    `left` is what the best model leaves, shape (windows,); each effect that is `named` comes with its rivals; the
+    mismatch sits where it is `unexplained`; and there is `enough` where the recordings are long enough for a test.
     """
     for first, rivals in named:
         if rivals:
@@ -143,7 +134,7 @@ def next_experiment(
         return repeat(unexplained)
     open_groups = [one.group for one in estimates if one.fitted is None]
     best, gain = _best(gains(fit, runs, left, [], [group.name for group in open_groups]))
-    if open_groups and gain >= MEASURES:
+    if open_groups and gain >= rules.MEASURES:
         longer = "" if enough else ", for five minutes or more"
         return f"To determine {', '.join(group.symbol for group in open_groups)}, {best.sentence}{longer}."
     return None if enough else "Record the same drive for longer, at least five minutes."

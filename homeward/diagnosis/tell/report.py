@@ -1,10 +1,9 @@
 """What is written to the output folder: diagnosis.json, corrected.toml and a self-contained report.html."""
 
-from __future__ import annotations
-
 import hashlib
 import platform
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,28 +11,19 @@ from pathlib import Path
 import plotly.offline
 from markupsafe import Markup
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.describe import condition, total_share
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import Place
 from homeward.diagnosis.read.signals import WINDOW_S
-from homeward.diagnosis.rules import FALSE_ALARM_RATE, SMALLEST_GAIN, VERY_STRONG
 from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
-from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, labels, templates
+from homeward.diagnosis.tell.formats import labels, page, templates
 from homeward.files import write_whole
 
-_VERDICT_WORDS = {
-    "no_mismatch": "No mismatch",
-    "parameters_off": "Parameters off",
-    "missing_physics": "Missing physics",
-    "unknown_physics": "Unknown physics",
-    "not_testable": "Not testable",
-}
-_MOST_PLACES = 6  # of each effect
-_MOST_RANKED = 10
 _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
 
 
@@ -43,12 +33,17 @@ def write_outputs(analysis: Analysis, folder: Path) -> list[Path]:
     Raises:
         OSError: The folder cannot be written to.
     """
+    texts = {"diagnosis.json": analysis.diagnosis.to_json(), "corrected.toml": corrected_toml(analysis)}
+    return write_texts(folder, {**texts, "report.html": report_html(analysis)})
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write files of a folder by name, each whole or not at all.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
     check_writable(folder)
-    texts = {
-        "diagnosis.json": analysis.diagnosis.to_json(),
-        "corrected.toml": corrected_toml(analysis),
-        "report.html": report_html(analysis),
-    }
     for name, text in texts.items():
         write_whole(folder / name, text)
     return [folder / name for name in texts]
@@ -86,41 +81,31 @@ def report_html(analysis: Analysis) -> str:
     names = labels([one.path for one in diagnosis.recordings] + [one.recording for one in analysis.findings])
     environment = templates()
     environment.filters["label"] = lambda path: names.get(path, path)
-    shared = {
+    values: dict[str, object] = {
         "diagnosis": diagnosis,
-        "verdict": _VERDICT_WORDS[diagnosis.verdict],
+        "verdict": diagnosis.verdict.replace("_", " ").capitalize(),
         "findings": _by_text(analysis),
         "evidence": evidence,
         "where": _where(analysis),
         "condition": condition,
-        "most_places": _MOST_PLACES,
         "versions": _versions(),
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
-        "plotly": "" if evidence is None else Markup(plotly.offline.get_plotlyjs()),
     }
-    proof = {} if evidence is None else _proof(analysis, evidence)
-    page = environment.get_template("report.html").render(**shared, **proof)
-    return page.encode("utf-8", "replace").decode("utf-8")  # names of files may hold bytes that are no text
-
-
-def _proof(analysis: Analysis, evidence: Evidence) -> dict[str, object]:
-    """What the parts of the page need that rest on fitted models."""
-    figure, shown_runs = time_figure(analysis, evidence)
-    visible, invisible = _can_show(analysis, evidence)
-    return {
-        "time_figure": figure,
-        "shown_runs": shown_runs,
-        "conditions": conditions(analysis, evidence),
-        "ranking": ranking(evidence.naming),
-        "most_ranked": _MOST_RANKED,
-        "very_strong": VERY_STRONG,
-        "arms": ARMS,
-        "paper_accuracy": PAPER_ACCURACY,
-        "why_open": wording.why_open,
-        "visible": visible,
-        "invisible": invisible,
-        "constants": {"window_s": WINDOW_S, "false_alarm": FALSE_ALARM_RATE, "gain": SMALLEST_GAIN},
-    }
+    if evidence is not None:
+        figure, shown_runs = time_figure(analysis, evidence)
+        visible, invisible = _can_show(analysis, evidence)
+        values |= {
+            "plotly": Markup(plotly.offline.get_plotlyjs()),
+            "time_figure": figure,
+            "shown_runs": shown_runs,
+            "conditions": conditions(analysis, evidence),
+            "ranking": ranking(evidence.naming),
+            "why_open": wording.why_open,
+            "visible": visible,
+            "invisible": invisible,
+            "window_s": WINDOW_S,
+        }
+    return page(environment, "report.html", **values)
 
 
 def _by_text(analysis: Analysis) -> dict[tuple[bool, str], list[str]]:
@@ -170,7 +155,7 @@ def ranking(naming: Naming) -> list[RankRow]:
     named = {(one.term.effect, one.term.axis) for one in naming.named}
     for other in naming.ranking:
         kind, note = kinds.get((other.effect, other.axis), ("", ""))
-        if not rows and other.delta_bic > VERY_STRONG:
+        if not rows and other.delta_bic > rules.VERY_STRONG:
             note = "not named: its gain may be none, or placebos do as well"
         if (other.effect, other.axis) not in named:
             rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))

@@ -1,7 +1,5 @@
 """The verdict as the terminal shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from rich.console import Console
@@ -10,19 +8,14 @@ from rich.table import Table
 from rich.text import Text
 
 from homeward.diagnosis.evidence import Analysis
-from homeward.diagnosis.result import Fit, MissingPhysics, Range
-from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, decimal, number
+from homeward.diagnosis.result import Fit, MissingPhysics
+from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, decimal, interval, number
 
 _WIDE = 70  # columns that the table of all figures takes
 
 
 def show(analysis: Analysis, console: Console) -> None:
-    """Print the verdict, how well each model predicts, what is missing and what to do next.
-
-    Args:
-        analysis: What was found.
-        console: Where to; lines wrap at its width.
-    """
+    """Print the verdict, how well each model predicts, what is missing and what to do next; lines wrap at the width."""
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
     console.print(diagnosis.verdict, style="bold", highlight=False)
     say(console, diagnosis.summary)
@@ -40,14 +33,18 @@ def show(analysis: Analysis, console: Console) -> None:
         console.print()
         console.print("parameters off", style="bold", highlight=False)
     for off in diagnosis.parameters_off:
-        fitted = f"{number(off.fitted)} {off.unit} (95 %: {_interval(off.ci95)})"
+        fitted = f"{number(off.fitted)} {off.unit} (95 %: {interval(off.ci95)})"
         say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed", indent=2)
     for product in diagnosis.products:
-        value = f"{number(product.value.value)} {product.value.unit} (95 %: {_interval(product.value.ci95)})"
+        value = f"{number(product.value.value)} {product.value.unit} (95 %: {interval(product.value.ci95)})"
         say(console, f"{product.name}: {value}, known together only, neither by itself", indent=2)
-    if diagnosis.range is not None:
+    if found := diagnosis.range:
         console.print()
-        say(console, _range(diagnosis.range))
+        by_files = f"{number(found.file_m)} m by corrected.toml, {number(found.nominal_m)} m by the robot file"
+        recorded = f"recorded {number(found.recorded_m)} m (95 %: {interval(found.ci95)})"
+        d_max = f"{number(found.d_max_file_m)} m instead of {number(found.d_max_nominal_m)} m"
+        say(console, f"Range on one charge, driven as recorded: {by_files}; {recorded}. "
+                     f"d_max, at best speed on the level: {d_max}.")  # fmt: skip
     if diagnosis.next_experiment:
         console.print()
         say(console, f"Next experiment: {diagnosis.next_experiment}")
@@ -63,7 +60,7 @@ def _arms(fit: Fit, accuracy: Mapping[str, float | None], wide: bool) -> Table:
         if name in fit.arms:
             arm = fit.arms[name]
             r2 = "-" if arm.r2 is None else decimal(arm.r2, 3)
-            figures = [number(arm.rmse), *([_interval(arm.rmse_ci95)] if wide else []), r2]
+            figures = [number(arm.rmse), *([interval(arm.rmse_ci95)] if wide else []), r2]
             if energy:
                 figures += [_percent(arm.energy_error_pct), _percent(accuracy.get(name))]
             style = "bold" if name == "corrected" else None
@@ -75,22 +72,10 @@ def _show_effect(one: MissingPhysics, console: Console) -> None:
     console.print(one.name, style="bold", highlight=False)
     for name, value in one.parameters.items():
         unit = "" if value.unit == "1" else f" {value.unit}"
-        say(console, f"{name} = {number(value.value)}{unit} (95 %: {_interval(value.ci95)})", indent=2)
+        say(console, f"{name} = {number(value.value)}{unit} (95 %: {interval(value.ci95)})", indent=2)
     if one.confused_with:
         rivals = ", ".join(one.confused_with).replace("_", " ")
         say(console, f"could as well be: {rivals}. {one.to_tell_apart}", indent=2)
-
-
-def _range(one: Range) -> str:
-    return (
-        f"Range on one charge, driven as recorded: {number(one.file_m)} m by corrected.toml, {number(one.nominal_m)} m "
-        f"by the robot file; recorded {number(one.recorded_m)} m (95 %: {_interval(one.ci95)}). d_max, at best speed "
-        f"on the level: {number(one.d_max_file_m)} m instead of {number(one.d_max_nominal_m)} m."
-    )
-
-
-def _interval(ci95: tuple[float, float]) -> str:
-    return f"{number(ci95[0])} to {number(ci95[1])}"
 
 
 def _percent(value: float | None) -> str:

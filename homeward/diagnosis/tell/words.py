@@ -1,22 +1,17 @@
 """The sentences of a diagnosis, as a roboticist would say them: templates/summary.txt with what it needs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
+from homeward.diagnosis import rules
+from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.describe import condition, largest, total_share
-from homeward.diagnosis.explain.untold import Tells, lasts, unrecorded
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
+from homeward.diagnosis.fit.doubt import Tells, lasts, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
-from homeward.diagnosis.rules import EXPLAINS, FALSE_ALARM_RATE, FEWEST_BLOCKS
 from homeward.diagnosis.tell.formats import templates
-
-if TYPE_CHECKING:
-    from homeward.diagnosis.evidence import Evidence
 
 
 def nothing_usable(findings: Sequence[Finding]) -> str:
@@ -45,8 +40,7 @@ def summary(
             why_open=why_open, place=_place(evidence), excess=_excess(evidence),
             shares=[total_share(added, evidence.runs) for added in evidence.contributions],
             refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-            blocks=int(evidence.block.max()) + 1, fewest_blocks=FEWEST_BLOCKS, explains=EXPLAINS,
-            false_alarm=FALSE_ALARM_RATE, usable_energy=USABLE_ENERGY,
+            blocks=int(evidence.block.max()) + 1, usable_energy=USABLE_ENERGY,
         )
     )  # fmt: skip
     return " ".join(text.split())
@@ -54,9 +48,12 @@ def summary(
 
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Tells]:
     """What was not recorded, where the best model leaves much that lasts; nothing where all was."""
-    best, model = fit.arms.get("corrected", fit.arms["refit"]), evidence.predictions.get("corrected", evidence.refit)
+    best, model = (
+        fit.arms.get("corrected", fit.arms["refit"]),
+        evidence.predictions.get("corrected", evidence.predictions["refit"]),
+    )
     lacks = evidence.naming.unrecorded
-    if best.r2 is None or (best.r2 > EXPLAINS and not lacks):
+    if best.r2 is None or (best.r2 > rules.EXPLAINS and not lacks):
         return []
     return unrecorded(evidence.runs) if lacks or lasts(evidence.runs.observed - model, evidence.runs) else []
 
@@ -67,7 +64,7 @@ def _excess(evidence: Evidence) -> float | None:
         return float(evidence.remains.location.excess[evidence.remains.location.inside].mean())
     if evidence.location is None:
         return None
-    inside, error = evidence.location.inside, evidence.runs.observed - evidence.refit
+    inside, error = evidence.location.inside, evidence.runs.observed - evidence.predictions["refit"]
     return float(error[inside].mean()) - (float(error[~inside].mean()) if (~inside).any() else 0.0)
 
 

@@ -1,11 +1,18 @@
-"""Every effect is a hypothesis with words, a check and a test drive, and only its own file knows it by name."""
+"""Every effect is a hypothesis with words, a check and a test drive, and only the catalogue knows it by name."""
 
 import ast
 from pathlib import Path
 
 import pytest
 
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.hypotheses import (
+    CATALOGUE,
+    ancillaries,
+    battery,
+    drivetrain,
+    forces,
+    instruments,
+)
 from homeward.diagnosis.explain.hypothesis import CHECKS, Hypothesis
 from homeward.diagnosis.explain.residual_test import CHANNELS
 from homeward.physics.effects import EFFECTS, Effect, Parameter
@@ -36,9 +43,12 @@ def test_every_effect_of_the_physics_is_tried() -> None:
     assert [effect.id for effect in EFFECTS] == [name for name, one in CATALOGUE.items() if one.physical]
 
 
-def test_every_file_is_that_of_an_effect(root: Path) -> None:
-    files = {file.stem for file in (root / "homeward" / "diagnosis" / "explain" / "hypotheses").glob("*.py")}
-    assert files - set(CATALOGUE) == {"__init__", "temperatures"}
+def test_every_file_holds_effects_of_one_kind() -> None:
+    files = {"force": forces, "drive": drivetrain, "ancillary": ancillaries, "battery": battery}
+    for kind, file in {**files, "instrument": instruments}.items():
+        assert file.HYPOTHESES
+        for one in file.HYPOTHESES:
+            assert one.entry.kind == kind and CATALOGUE[one.id] is one
 
 
 def test_motor_current_shows_forces_at_the_wheels_and_the_clock() -> None:

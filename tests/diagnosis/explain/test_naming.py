@@ -13,14 +13,13 @@ import pytest
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose
-from homeward.diagnosis.explain.change_points import in_time
+from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import fit_model
 from homeward.diagnosis.fit.folds import cut_blocks
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import refit
-from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.replay import WithEffects, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from tests.diagnosis.tell.test_handover import replay_equals_fit
@@ -127,7 +126,7 @@ def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     fit = refit(runs, husky)
     left = runs.observed - fit.predicted
     setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, left)
-    found = in_time(np.ones(len(left)), left, runs, signed=False)
+    found = search("time", np.ones(len(left)), left, runs, signed=False)
     assert max(one.levels for one in found) > 2
     levels = {one.schedule.levels for one in CATALOGUE["intermittent_load"].forms(setting, True) if one.schedule}
     assert levels <= {2}

@@ -13,9 +13,8 @@ from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.proof import Base, Bench
 from homeward.diagnosis.fit.folds import cut_blocks
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import Refit, refit
-from homeward.diagnosis.fit.replay import Runs, average
+from homeward.diagnosis.fit.replay import Runs, WithEffects, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.rules import FALSE_ALARM_RATE
 

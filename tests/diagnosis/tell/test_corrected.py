@@ -12,9 +12,8 @@ from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.folds import cut_blocks
-from homeward.diagnosis.fit.parameter_groups import WithEffects
 from homeward.diagnosis.fit.refit import refit
-from homeward.diagnosis.fit.replay import Runs, average, predict
+from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.corrected import can_be_said, replayed, said, written
 from homeward.physics.effects import EFFECTS

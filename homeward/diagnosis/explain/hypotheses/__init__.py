@@ -1,41 +1,30 @@
 """Everything that can be named: each effect of the physics and each fault of an instrument, as a hypothesis.
 
-A file beside this one says what is particular to an effect; an effect without one is tried by the defaults.
+The files beside this one, one for each place where effects enter, say what is particular to an effect; one that they do
+not list is tried by the defaults.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from importlib import import_module
-from importlib.util import find_spec
 
 import numpy as np
 
+from homeward.diagnosis.explain.hypotheses import ancillaries, battery, drivetrain, forces, instruments
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Setting, Term
 from homeward.physics.effects import EFFECTS
 
-_INSTRUMENTS = ("sensor_offset", "sensor_gain", "clock_lag", "odometry_scale")
-
-
-def _with_file(name: str) -> Hypothesis:
-    found: Hypothesis = import_module(f"{__name__}.{name}").HYPOTHESIS
-    return found
-
+_OF_EFFECTS = {one.id: one for kind in (forces, drivetrain, ancillaries, battery) for one in kind.HYPOTHESES}
 
 CATALOGUE: Mapping[str, Hypothesis] = {
-    **{one.id: _with_file(one.id) if find_spec(f"{__name__}.{one.id}") else Hypothesis(one) for one in EFFECTS},
-    **{name: _with_file(name) for name in _INSTRUMENTS},
+    **{effect.id: _OF_EFFECTS.get(effect.id, Hypothesis(effect)) for effect in EFFECTS},
+    **{one.id: one for one in instruments.HYPOTHESES},
 }
 """Every hypothesis, by id."""
 
 
 def terms(setting: Setting, leave_out: tuple[str, ...] = (), schedules: bool = True) -> list[Term]:
-    """Every form of every hypothesis that the channels of these runs allow.
+    """Every form of every hypothesis that the channels of these runs allow, without effects that are in the model.
 
-    Args:
-        setting: What is known so far.
-        leave_out: Effects that are already in the model.
-        schedules: Whether those whose size changes for no recorded reason are among them.
+    Those whose size changes for no recorded reason are among them only if `schedules` are asked for.
     """
     found: list[Term] = []
     for effect, one in CATALOGUE.items():
@@ -43,8 +32,3 @@ def terms(setting: Setting, leave_out: tuple[str, ...] = (), schedules: bool = T
             forms = one.forms(setting, schedules)
             found += [term for term in forms if np.isfinite(term.columns).all() and term.columns.any()]
     return found
-
-
-def what_can_be_shown(absorbed: Mapping[str, float]) -> dict[str, float | None]:
-    """For every effect the share that the refit would absorb, None where a channel lacks or nothing excites it."""
-    return {effect: absorbed.get(effect) for effect in CATALOGUE}

@@ -5,8 +5,6 @@ up. What comes faster is averaged around each tick, halfway to its neighbours; w
 linear in between. Nothing is carried across a gap: there the value is missing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
@@ -60,5 +58,4 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     means[wide] = (integral(end[wide]) - integral(start[wide])) / (2.0 * half[wide])
     gap = np.concatenate(([0], np.cumsum(steps > _GAP * max(usual_step_s(time_s), tick_s))))
     first, last = (np.clip(np.searchsorted(time_s, at, side="right"), 1, len(steps)) for at in (start, end))
-    result: Array = np.where(inside & (gap[last] == gap[first - 1]), means, np.nan)
-    return result
+    return np.asarray(np.where(inside & (gap[last] == gap[first - 1]), means, np.nan))

@@ -1,7 +1,5 @@
 """Opening bags: ROS 1 files, ROS 2 folders and files (sqlite3, MCAP), whole or damaged."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -11,7 +9,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 
-from homeward.diagnosis.read.bags.files import storage_files
+from homeward.diagnosis.read.bags import storage_files
 from homeward.diagnosis.read.bags.salvage import Remains
 from homeward.diagnosis.read.columns import RecordingError
 

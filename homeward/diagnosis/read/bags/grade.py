@@ -12,8 +12,6 @@ An IMU that is not mounted level adds a constant. It is not removed: a route nee
 Axes as in REP 103: x forward, y left, z up.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

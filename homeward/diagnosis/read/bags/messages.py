@@ -1,7 +1,5 @@
 """Numbers out of messages: type definitions of the bag or of this package, and fields by path."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """From a bag to a table of channels: which topic gives what, on one clock, with notes on what was decided."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

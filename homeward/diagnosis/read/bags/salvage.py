@@ -6,8 +6,6 @@ records before are whole; these scanners read them without an index, and unpack 
 Sources: ROS bag format 2.0 (wiki.ros.org/Bags/Format/2.0), MCAP specification 1 (mcap.dev/spec).
 """
 
-from __future__ import annotations
-
 import bz2
 import contextlib
 import io

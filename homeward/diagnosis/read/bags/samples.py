@@ -6,8 +6,6 @@ stamps of another clock (more than `_CLOCKS_DIFFER_S` from the rest) is placed b
 receipt is late for the other topics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 

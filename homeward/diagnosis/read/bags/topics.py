@@ -1,7 +1,5 @@
 """Topic mappings: which fields of which topics are which channels, for stock robots and for any other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase

@@ -1,0 +1,89 @@
+"""Loads beside the drive: standby, computing, radio, heater, and devices that come and go."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from homeward.diagnosis.explain.change_points import Schedule
+from homeward.diagnosis.explain.hypothesis import Hypothesis, Numbers, Setting, Spread, everywhere, temperatures
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.channels import Array
+from homeward.physics.effects import compute, heater, intermittent_load, radio, standby
+
+_ON_BELOW_C = heater.EFFECT.parameters[1]
+_OFF_ABOVE_C = 15.0  # thermostats of outdoor enclosures switch on at 5 and off at 15 degC (Stego KTO 011, data sheet)
+
+
+def _while_cold(one: Hypothesis, setting: Setting) -> Array | None:
+    """Full power while it may be on, of the same mean power as a proportional one."""
+    temperature_c = setting.runs.context.get("temperature_c")
+    if temperature_c is None or not (temperature_c < _OFF_ABOVE_C).any():
+        return None
+    cold = temperature_c < _OFF_ABOVE_C
+    return np.asarray(cold * float(np.mean(_OFF_ABOVE_C - temperature_c[cold])))
+
+
+def _rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
+    """Mean period and share of time of what switches on and off, and their intervals over the cycles."""
+    on = schedule.level > 0
+    periods, duties = [], []
+    for run in np.unique(runs.run):
+        here = runs.run == run
+        starts = np.flatnonzero(np.diff(on[here].astype(int)) > 0) + 1
+        periods += np.diff(runs.time_s[here][starts]).tolist()
+        duties += [float(on[here][a:b].mean()) for a, b in pairwise(starts)]
+    if not periods:
+        periods, duties = [2.0 * float(runs.duration_s.sum()) / max(schedule.changes, 1)], [float(on.mean())]
+    found, spread = {}, {}
+    window_s = float(np.median(runs.duration_s))  # a moment is known within
+    for name, values, sure, low, high in (
+        ("period_s", periods, window_s, 1.0, 1e5),
+        ("duty", duties, window_s / float(np.mean(periods)), 0.01, 0.99),
+    ):
+        mean, wide = float(np.mean(values)), 2.0 * float(np.hypot(np.std(values), sure) / np.sqrt(len(values)))
+        found[name] = float(np.clip(mean, low, high))
+        spread[name] = (max(mean - wide, low), min(mean + wide, high))
+    return found, spread
+
+
+HYPOTHESES = (
+    # There from some moment on: what always is belongs to the idle power.
+    Hypothesis(
+        standby.EFFECT,
+        steady=None,
+        changes="once",
+        load=everywhere,
+        check="unplug one device after the other with a clamp meter on the battery lead",
+    ),
+    # The same at any sensing rate, with the rate, or rising with it in any way.
+    Hypothesis(
+        compute.EFFECT,
+        shapes=lambda setting: iter([{"base_share": 1.0}]),
+        rises_with="sensing_hz",
+        check="put a clamp meter on the lead of the computer",
+    ),
+    # With the distance the rate falls in steps, and the airtime rises; beyond what was recorded, it is taken to stay.
+    Hypothesis(
+        radio.EFFECT,
+        rises_with="base_distance_m",
+        reach=lambda runs: {radio.EFFECT.parameters[1].name: float(runs.context["base_distance_m"].max())},
+    ),
+    # Proportional to the cold, with it in any way, or switched by a thermostat while it is cold.
+    Hypothesis(
+        heater.EFFECT,
+        shapes=temperatures(_ON_BELOW_C),
+        rises_with="-temperature_c",
+        changes="repeatedly",
+        load=_while_cold,
+        searched=(_ON_BELOW_C,),
+    ),
+    Hypothesis(
+        intermittent_load.EFFECT,
+        steady=None,
+        changes="repeatedly",
+        load=everywhere,
+        rhythm=_rhythm,
+        otherwise="in stretches that repeat",
+        check="log a clamp meter on each device for the length of a drive",
+    ),
+)

@@ -1,0 +1,79 @@
+"""Effects on what the drive takes: turning, regeneration, losses of the windings, and motors that warm up."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from homeward.diagnosis.explain.hypothesis import Hypothesis, Numbers, Setting, Term, responses
+from homeward.physics.effects import Parameter, copper_loss, inertia, motor_heating, regeneration, turning
+
+_TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)
+_CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)
+_USUAL_RISE_K = 40.0  # of a winding at mean load
+_HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
+
+
+def _tracks(setting: Setting) -> Iterator[Numbers]:
+    """Several, where a robot's file has none."""
+    if setting.parameters.nominal.track_m > 0.0:
+        yield {}
+    else:
+        yield from ({"track_m": track_m} for track_m in _TRACKS_M)
+
+
+def _also_at_a_slip_angle(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+    """Cornering drag of steered wheels, F_y^2 / C_alpha (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6), W."""
+    yield from responses(one, setting)
+    speed, rate = (setting.runs.context.get(name) for name in ("speed_mps", "yaw_rate_radps"))
+    if speed is not None and rate is not None:
+        drag_w = np.abs(speed) * (speed * rate) ** 2
+        most_w = float(np.max(np.abs(setting.runs.observed)))
+        column = drag_w[:, None] / max(float(np.max(drag_w)), 1e-300)
+        yield Term(one, column, np.zeros(1), np.array([most_w]), fixed=True, flexible=True)
+
+
+def _time_constants(setting: Setting) -> Iterator[Numbers]:
+    work_w = float(np.mean(np.maximum(setting.runs.observed, 0.0)))
+    if work_w <= _USUAL_RISE_K / _HEATING["rise_k_per_w"].high:
+        return  # hardly any power: wrong signs, or nothing at work
+    longest_s = max(float(np.ptp(run.time_s)) for run in setting.runs.signals)
+    for constant_s in _CONSTANTS_S:
+        if constant_s <= 2.0 * longest_s:
+            # Rise and change per kelvin enter as a product, so that one of them can be as usual.
+            yield {"time_constant_s": constant_s, "rise_k_per_w": _USUAL_RISE_K / work_w}
+
+
+HYPOTHESES = (
+    Hypothesis(
+        turning.EFFECT,
+        shapes=_tracks,
+        steady=_also_at_a_slip_angle,
+        rises_with="yaw_rate_radps",
+        searched=(Parameter("track_m", "m", 0.02, 5.0, "distance between left and right wheels"),),
+        shown_by=("yaw_rate_radps", "wheel_difference_mps"),
+        otherwise="in turns",
+        check="tow the robot sideways with a spring balance",
+        at_wheels=True,
+    ),
+    # What brakes a robot on the level is its inertia: without it there is nothing to regenerate.
+    Hypothesis(
+        regeneration.EFFECT,
+        beside={inertia.EFFECT.id: {inertia.EFFECT.switch.name: 1.0}},
+        shown_by=("accel_mps2", "grade_rad"),
+        check="put a clamp meter on the battery lead while braking",
+    ),
+    Hypothesis(
+        copper_loss.EFFECT,
+        shown_by=("grade_rad", "accel_mps2"),
+        otherwise="at high load",
+        check="measure the resistance of the motor windings",
+    ),
+    Hypothesis(
+        motor_heating.EFFECT,
+        shapes=_time_constants,
+        searched=(_HEATING["time_constant_s"],),
+        shown_by=(),
+        otherwise="as the motors warm up",
+        check="put a thermometer on a motor for the length of a drive",
+    ),
+)

@@ -1,0 +1,146 @@
+"""Effects on the force at the wheels: inertia, friction that grows with speed, wind, ground, load, slope and slip."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from homeward.diagnosis.explain.hypothesis import CHECKS, Hypothesis, Numbers, Setting, Term, level_name
+from homeward.diagnosis.explain.menu import Drive
+from homeward.diagnosis.fit.parameter_groups import DRAG, ROLLING
+from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.read.channels import Array
+from homeward.physics.effects import hidden_grade, inertia, payload, slip, surface, viscous, wind
+
+_CHANGE = 1e-3
+_STORM_MPS = 40.0  # no wind is stronger
+_EXPOSED = {"exposure": 1.0}
+
+
+def _rougher(one: Hypothesis, setting: Setting) -> Array:
+    theta = setting.theta.copy()
+    theta[ROLLING] += _CHANGE * setting.rolling_kg
+    return (setting.parameters.predict(setting.runs, theta, setting.present) - setting.predicted) / _CHANGE
+
+
+def _rougher_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
+    rougher = drive.fit.theta.copy()
+    rougher[ROLLING] *= 1.0 + max(size, -0.9)
+    return drive.there(one.lies_in) * (drive.predict(rougher) - drive.plain)
+
+
+def _from_one_direction(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+    """A steady wind, from ahead and from the left."""
+    headings = [run.context["heading_rad"] for run in setting.runs.signals]
+    if all(np.isfinite(heading).all() for heading in headings):
+        parts = [_blowing(setting, [part(heading) for heading in headings]) for part in (np.cos, np.sin)]
+        yield Term(one, np.column_stack(parts), *one.limits(2))
+
+
+def _against_the_way(one: Hypothesis, setting: Setting) -> Array | None:
+    """Without a heading, a wind that changes on the way."""
+    runs = setting.runs
+    if "heading_rad" in runs.context:
+        return None
+    return _blowing(setting, [np.ones(len(run.time_s)) for run in runs.signals])
+
+
+def _blowing(setting: Setting, along: Sequence[Array]) -> Array:
+    """What a wind of 1 m/s against the way adds, where `along` is its component, an array per run."""
+    theta, present, predict = setting.theta.copy(), setting.present, setting.parameters.predict
+    theta[DRAG] = max(theta[DRAG], setting.parameters.start[DRAG])  # what a refit without wind took away from it
+    speed_mps = 1e-3
+    windy = _blown(present, [speed_mps * one for one in along])
+    change = predict(setting.runs, theta, windy) - predict(setting.runs, theta, present)
+    return np.asarray(change / speed_mps)
+
+
+def _blown(so_far: WithEffects, headwind_mps: Sequence[Array]) -> WithEffects:
+    return replace(so_far, effects={**so_far.effects, wind.EFFECT.id: _EXPOSED}, headwind_mps=headwind_mps)
+
+
+def _wind_names(term: Term) -> list[tuple[str, str]]:
+    if term.axis == "steady":
+        return [("from_ahead_mps", "m/s"), ("from_left_mps", "m/s")]
+    sizes = term.columns.shape[1]
+    return [(level_name("headwind_mps", size, sizes), "m/s") for size in range(sizes)]
+
+
+def _in_the_wind(one: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
+    ahead, left = numbers.values()
+    headings = [run.context["heading_rad"] for run in runs.signals]
+    return _blown(so_far, [ahead * np.cos(heading) + left * np.sin(heading) for heading in headings])
+
+
+def _windy_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
+    exposed = drive.fit.theta.copy()
+    exposed[DRAG] = max(exposed[DRAG], drive.fit.parameters.start[DRAG])
+    windy = _blown(WithEffects(), [size * np.cos(drive.runs.signals[0].context["heading_rad"])])
+    return drive.predict(exposed, windy) - drive.predict(exposed)
+
+
+HYPOTHESES = (
+    Hypothesis(
+        inertia.EFFECT,
+        shown_by=("accel_mps2",),
+        otherwise="when speeding up",
+        check="let the robot coast to a stop on level ground and log its speed",
+    ),
+    # Of the bearings, or of ground that changes on the way.
+    Hypothesis(viscous.EFFECT, changes="moving", by_place=True, check=CHECKS["drive"]),
+    Hypothesis(
+        wind.EFFECT,
+        steady=_from_one_direction,
+        changes="moving",
+        signed=True,
+        load=_against_the_way,
+        bounds=(-_STORM_MPS, _STORM_MPS),
+        size_names=_wind_names,
+        within=_in_the_wind,
+        of_the_day=True,
+        shown_by=("heading_rad",),
+        check="measure the wind with an anemometer, or repeat the drive on a calm day",
+        on_drive=_windy_drive,
+    ),
+    # Ground that rolls harder or easier from some place or moment on: of the rolling resistance a share.
+    Hypothesis(
+        surface.EFFECT,
+        steady=None,
+        changes="moving",
+        signed=True,
+        by_place=True,
+        map_channel="grade_rad",
+        of_rolling=True,
+        load=_rougher,
+        shown_by=("base_distance_m",),
+        lies_in="ground",
+        on_drive=_rougher_drive,
+    ),
+    # A load is put on where the robot stands: mostly, so that this is a preference between equals.
+    Hypothesis(
+        payload.EFFECT,
+        steady=None,
+        changes="standing",
+        shown_by=(),
+        check="weigh the robot as it drove",
+        lies_in="load",
+    ),
+    # A slope that the map lacks: on the route where it was met, and not on level ground that one chooses.
+    Hypothesis(
+        hidden_grade.EFFECT,
+        changes="moving",
+        signed=True,
+        by_place=True,
+        weather=0,
+        map_channel="grade_rad",
+        shown_by=("base_distance_m",),
+        check="survey the slope of the route with a level",
+        lies_in="route",
+    ),
+    Hypothesis(
+        slip.EFFECT,
+        shown_by=("grade_rad", "accel_mps2"),
+        otherwise="at high load",
+        check="compare wheel revolutions with the distance along a tape measure on a slope",
+    ),
+)

@@ -1,0 +1,136 @@
+"""Faults of instruments: a power reading that is shifted, scaled or late, and odometers that disagree."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from homeward.diagnosis import rules
+from homeward.diagnosis.explain.hypotheses.battery import share_of_the_drive
+from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
+from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.read.signals import usual_step_s
+from homeward.physics.effects import Parameter
+
+_LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
+_FIX_S = 5.0
+
+
+def _also_creeping(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+    """Through all runs, taken in their order: per unit of what it comes to in the end."""
+    yield from levels(one, setting)
+    passed = np.cumsum(setting.runs.duration_s)
+    yield Term(one, (passed / passed[-1])[:, None], *one.limits(1), axis="time")
+
+
+def _lags(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+    for lag_s in _LAGS_S:
+        shape = {"lag_s": lag_s}
+        late = one.within(one, setting.present, shape, setting.runs)
+        change = setting.parameters.predict(setting.runs, setting.theta, late) - setting.predicted
+        low, high = sorted((0.5 * lag_s, 1.5 * lag_s))
+        yield Term(one, change[:, None] / lag_s, np.array([low]), np.array([high]), 1, shape)
+
+
+def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+    """A speed reading that a position fix contradicts: its scale follows from the fix, not the power."""
+    ratios = _ratios(setting.runs)
+    if min(ratios) <= 0.0:
+        return  # it moves without driving
+    scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
+    scale[np.abs(scale) < rules.SAME_ODOMETER] = 0.0
+    if not scale.any() or (scale <= -1.0).any():
+        return
+    off = replace(setting.present, speed_factors=(1.0 / (1.0 + scale)).tolist())
+    change = setting.parameters.predict(setting.runs, setting.theta, off) - setting.predicted
+    usual = float(np.mean(scale[scale != 0.0]))
+    low, high = sorted((0.7 * usual, 1.3 * usual))
+    yield Term(one, change[:, None] / usual, np.array([low]), np.array([high]), fixed=True)
+
+
+def _ratios(runs: Runs) -> list[float]:
+    """Path by the odometer over path by the fix, a number per run."""
+    ratios = []
+    for run in runs.signals:
+        # Over some seconds: the noise of a position would add up to a way of its own.
+        every = max(1, round(_FIX_S / usual_step_s(run.time_s)))
+        path_m = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * np.diff(run.time_s))))[::every]
+        straight = np.abs(np.diff(run.base_distance_m[::every]))
+        away = straight > 0.5 * np.diff(path_m)  # not round a bend, where the distance from base says little
+        covered_m = float(straight[away].sum())
+        ratios.append(float(np.diff(path_m)[away].sum()) / covered_m if covered_m > 0.0 else 1.0)
+    return ratios
+
+
+ODOMETRY_SCALE = Hypothesis(
+    Instrument(
+        "odometry_scale",
+        (Parameter("scale", "1", -0.5, 1.0, "relative error of the speed reading"),),
+        "The odometer reads too much or too little: an instrument, not physics.",
+        "speed reading = (1 + scale) speed",
+        "worn or swapped wheels",
+        ("speed_mps", "base_distance_m"),
+        ("viscous",),
+    ),
+    steady=_by_run,
+    shown_by=(),
+    check="drive along a tape measure and compare the distance with the log",
+    on_drive=lambda one, drive, size, shape: (
+        drive.predict(drive.fit.theta, WithEffects(speed_factors=[1.0 / (1.0 + size)])) - drive.plain
+    ),
+)
+
+HYPOTHESES = (
+    Hypothesis(
+        Instrument(
+            "sensor_offset",
+            (Parameter("offset", "W", -10000.0, 10000.0, "added to every reading"),),
+            "The power reading is shifted by a constant from some moment on: an instrument, not physics.",
+            "reading = power + offset",
+            "zero drift of a current sensor",
+            ("power_w",),
+            ("standby", "intermittent_load"),
+        ),
+        steady=None,
+        changes="once",
+        signed=True,
+        load=everywhere,
+        scheduled=_also_creeping,
+        check="read a clamp meter on the battery lead with the robot switched off: the log must show the same",
+        on_drive=lambda one, drive, size, shape: np.full(len(drive.plain), size),  # also when everything is off
+    ),
+    Hypothesis(
+        Instrument(
+            "sensor_gain",
+            (Parameter("gain", "1", -0.9, 10.0, "relative error of every reading"),),
+            "The power reading is scaled by a constant factor from some moment on: an instrument, not physics.",
+            "reading = (1 + gain) power",
+            "scale error of a current or voltage sensor",
+            ("power_w",),
+            ("ageing",),
+        ),
+        steady=None,
+        changes="once",
+        signed=True,
+        load=lambda one, setting: setting.predicted,
+        check="read a clamp meter on the battery lead, standing and at top speed, beside the log",
+        on_drive=share_of_the_drive,
+    ),
+    Hypothesis(
+        Instrument(
+            "clock_lag",
+            (Parameter("lag_s", "s", -5.0, 5.0, "time by which the power reading is late"),),
+            "The clocks of power and motion disagree: an instrument, not physics.",
+            "reading(t) = power(t - lag)",
+            "unsynchronised loggers",
+            ("time_s",),
+            ("inertia",),
+        ),
+        steady=_lags,
+        within=lambda one, so_far, numbers, runs: replace(so_far, lag_s=numbers["lag_s"]),
+        otherwise="wherever the power changes",
+        check="start sharply a few times and compare when wheels and power move in the logs with one clock for both",
+        at_wheels=True,
+    ),
+    ODOMETRY_SCALE,
+)
