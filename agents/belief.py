@@ -24,10 +24,13 @@ _ANY_RISK = 1e-3  # where no quantile is used
 _MODEL_ERROR = 0.006
 """Error of a decision's energy that is always reckoned with, as a share: of 0.001 to 0.01 the one with which intervals
 of the way home hold about as often as they say, at `uncertain` with its meter."""
+_LEAST_ERROR = 0.001  # the same where nothing is hidden
 _FAR = 1.5
 """Decisions at cruise from home from which it is worth it."""
 _ON_BORDER = 1e-4
-"""Share of a place within which a robot is taken to be on its border, where rounding says which place is shown."""
+"""Share of a place within which a robot is taken to be on its border."""
+_AHEAD = 1e-6
+"""Share of a place by which it then is taken to be in the next one."""
 
 
 def prior_of(known: Known, missed: float) -> Prior:
@@ -66,7 +69,7 @@ def prior_of(known: Known, missed: float) -> Prior:
         slope_noise=i.grade_noise,
         slope_within_place=0.0,
         model_knows_slopes=0.0,
-        model_error=_MODEL_ERROR,
+        model_error=_MODEL_ERROR if hides else _LEAST_ERROR,
     )
 
 
@@ -119,7 +122,11 @@ class Belief:
             self.estimator.begin(begun, east, north)
             self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
         outwards = feature(observations, "outbound")
-        position_m = feature(observations, "distance") * s["reach_m"]
+        at = feature(observations, "distance") * s["reach_m"] / s["place_m"]
+        on_border = np.abs(at - np.rint(at)) < _ON_BORDER
+        # On a border the place ahead is shown: on the way out the next one.
+        at = np.where(on_border & (outwards > 0.0), np.rint(at) + _AHEAD, at)
+        position_m = at * s["place_m"]
         modelled = feature(observations, "modelled")
         readings = np.zeros(len(begun), READING_DTYPE)
         self._decisions = np.rint(feature(observations, "time") * s["max_decisions"]).astype(np.int64)
@@ -134,12 +141,11 @@ class Belief:
         readings["speed_mps"] = np.where(arrives, np.nan, speed_mps)
         readings["east"] = outwards * feature(observations, "east")
         readings["north"] = outwards * feature(observations, "north")
-        at = position_m / s["place_m"]
-        place = (at + _ON_BORDER).astype(np.int64)
+        place = at.astype(np.int64)
         # What is read of a slope belongs to the place: to read it twice tells nothing new.
-        new = (place != self._place) & (np.abs(at - np.rint(at)) > _ON_BORDER)
+        new = (place != self._place) & ~(on_border & (outwards < 0.0))
         readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
-        self._place = np.where(new, place, self._place)
+        self._place = np.where(new & ~begun, place, self._place)  # where it begins, nothing is taken in
         self.estimator.update(readings, ~begun)
         self._modelled, self._position_m = modelled, position_m
 
