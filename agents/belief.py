@@ -143,9 +143,9 @@ class Belief:
         readings["north"] = outwards * feature(observations, "north")
         place = at.astype(np.int64)
         # What is read of a slope belongs to the place: to read it twice tells nothing new.
-        new = (place != self._place) & ~(on_border & (outwards < 0.0))
+        new = (place != self._place) & ~(on_border & (outwards < 0.0)) & (self._decisions > 0)
         readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
-        self._place = np.where(new & ~begun, place, self._place)  # where it begins, nothing is taken in
+        self._place = np.where(new, place, self._place)
         self.estimator.update(readings, ~begun)
         self._modelled, self._position_m = modelled, position_m
 

@@ -294,3 +294,13 @@ def test_observations_that_cannot_be_leave_numbers(mission: str, difficulty: str
         belief.learn(observations, np.full(64, decision == 0))
         total = belief.margin(belief.plans(observations), RISK).total
         assert all(np.isfinite(total[name]).all() for name in MARGIN_DTYPE.names or ())
+
+
+def test_what_is_shown_twice_at_the_start_is_read_none_the_less() -> None:
+    """Nothing is taken in where a mission begins; the slope there must be read by the next decision."""
+    once, twice = Drive(8), Drive(8)
+    twice.belief.learn(twice.observations, np.zeros(8, np.bool_))
+    for drive in (once, twice):
+        drive.go(3)
+    np.testing.assert_array_equal(once.belief.estimator.state["places"], twice.belief.estimator.state["places"])
+    assert (once.belief.estimator.state["places"]["readings"][:, 0] == 1.0).all()
