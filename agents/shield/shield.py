@@ -14,7 +14,7 @@ from homeward.envs.options import Known
 from homeward.envs.state import RETURN
 from homeward.physics import ancillary_power
 
-RISKS = {0.999: 1e-8}
+RISKS = {0.999: 1e-9}
 """Risk of each decision that is taken, for each confidence that can be asked for; see docs/evaluation.md."""
 _SHARE = 0.01
 """Share of a plan's cost kept back beside it: chosen with it, on the same missions."""
