@@ -152,8 +152,8 @@ class Belief:
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
         """Whether the next decision should be driven towards home and then out again, shape (n,).
 
-        So the wind comes from the other side: what then changes is the wind, and what does not is the robot. A return
-        is not final after one decision.
+        So the wind comes from the other side: what then changes is the wind, and what does not is the robot. Where one
+        decision makes a return final, it never is.
         """
         due = self._decisions % _LOOKS_BACK_EVERY == _LOOKS_BACK_AT
         if due.any():
@@ -163,7 +163,8 @@ class Belief:
             due &= unsure | (self._decisions < _LOOKS_BACK_EVERY)
         far = self._position_m > _FAR * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
         out = feature(observations, "outbound") > 0.0
-        return np.asarray(due & far & out & (not self._known.difficulty.route_is_known))
+        may = not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1
+        return np.asarray(due & far & out & may)
 
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""

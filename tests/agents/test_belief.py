@@ -304,3 +304,11 @@ def test_what_is_shown_twice_at_the_start_is_read_none_the_less() -> None:
         drive.go(3)
     np.testing.assert_array_equal(once.belief.estimator.state["places"], twice.belief.estimator.state["places"])
     assert (once.belief.estimator.state["places"]["readings"][:, 0] == 1.0).all()
+
+
+def test_it_never_looks_back_where_one_decision_makes_a_return_final() -> None:
+    drive = Drive(8, decision_s=120.0)
+    assert drive.known.shared["return_decisions"][0] == 1
+    for _ in range(20):
+        assert not drive.belief.looks_back(drive.observations).any()
+        drive.go(1)

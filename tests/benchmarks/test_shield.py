@@ -38,10 +38,10 @@ def test_other_episodes_are_run_anew(tmp_path: Path) -> None:
 
 
 def test_what_scores_are_compared_with_strands_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    options, seeds = Options("OutAndBack", route="hidden_wind"), episode_seeds(0, 16)
+    options, seeds = Options("OutAndBack", route="hidden_wind"), episode_seeds(0, 64)
     monkeypatch.setattr(shield, "MOST_STRANDED", 1.0)
     least = reference_of(options, seeds)
-    monkeypatch.setattr(shield, "MOST_STRANDED", (least["stranded"] - 0.5) / 16)
+    monkeypatch.setattr(shield, "MOST_STRANDED", (least["stranded"] - 0.5) / 64)
     fewer = reference_of(options, seeds)
     assert fewer["stranded"] < least["stranded"] and fewer["deviations"] > least["deviations"]
     monkeypatch.setattr(shield, "MOST_STRANDED", -1.0)

@@ -42,7 +42,6 @@ def test_a_shield_keeps_back_the_least_that_is_safe_everywhere() -> None:
 def test_what_a_shield_keeps_back_is_tried_and_put_back() -> None:
     before, seeds, options = (dict(shield.RISKS), shield._SHARE), range(16), Options("OutAndBack")
     careful, bold = (run_trial((Trial("shield", options, one), seeds)) for one in ((1e-6, 0.2), (0.3, 0.0)))
-    assert careful.score < bold.score
     assert careful.stranded == 0 < bold.stranded
     assert (dict(shield.RISKS), shield._SHARE) == before
 

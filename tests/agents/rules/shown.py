@@ -38,7 +38,7 @@ def under_way(known: Known, **features: float) -> Observations:
 
 def begun(policy: Policy, missions: int = 1) -> Policy:
     """The policy, after it was shown the start of missions."""
-    policy.act(np.repeat(observed(), missions, axis=0), np.ones(missions, np.bool_))
+    policy.act(np.repeat(observed(margin=1.0), missions, axis=0), np.ones(missions, np.bool_))
     return policy
 
 
