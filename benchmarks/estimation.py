@@ -1,4 +1,4 @@
-"""How well a robot that estimates itself and the wind knows its way home: the tables of docs/identification.md.
+"""How well a robot that estimates itself and the wind knows its way home: the tables of docs/estimation.md.
 
 `python benchmarks/estimation.py` drives missions out for some decisions, asks two for the distribution of the way home,
 and drives home to see what it takes, as a share of a full battery: `belief`, from `homeward.agents.belief`, and
