@@ -15,7 +15,7 @@ from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, Outlook
 from homeward.agents.rules.tuned import PACES, RESERVES
-from homeward.envs.actions import LEVELS
+from homeward.envs.actions import LEVELS, decode_actions
 from homeward.envs.options import Known
 from homeward.envs.state import STOP
 
@@ -43,7 +43,7 @@ class Guide:
     """
 
     def __init__(self, known: Known, deviations: float, pace: Pace | None) -> None:
-        self._pace, self._deviations = pace, deviations
+        self._known, self._pace, self._deviations = known, pace, deviations
         self._policy: Planner | AdaptiveDmaxRule
         if pace is None:
             self._policy = Planner(known, deviations)
@@ -72,7 +72,9 @@ class Guide:
         outlook = self._rule.look(observations, again)
         spare = self._rule.spare_by(outlook)
         beliefs = _beliefs(outlook)
-        returning = _agreeing(np.clip(-spare / self._rule.sharp, -1.0, 1.0), returns)
+        # The planner also heads home for a decision to look back.
+        back = decode_actions(self._known, actions).returns
+        returning = _agreeing(np.clip(-spare / self._rule.sharp, -1.0, 1.0), back)
         propose = self._choices if self._discrete else self._commands
         return np.concatenate((observations, beliefs, propose(actions, returning)), axis=1, dtype=np.float32)
 

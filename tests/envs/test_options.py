@@ -57,7 +57,7 @@ OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"dificulty": "known"}, "unknown keyword 'dificulty' (did you mean 'difficulty'?)"),
     (
         {"colour": "red"},
-        "unknown keyword 'colour'; allowed: robot, route, difficulty, instruments, action_type",
+        "unknown keyword 'colour'; allowed: robot, route, difficulty, instruments, weather, action_type",
     ),
     ({"robot": "rusty"}, "presets: f1tenth, husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean"),
     ({"robot": "no/such.toml"}, "presets: f1tenth, husky, jackal"),
@@ -104,7 +104,8 @@ def test_a_decision_a_second_is_allowed_for_every_preset(robot: str) -> None:
 
 def test_a_wrong_keyword_lists_the_right_ones() -> None:
     options = (
-        "robot, route, difficulty, instruments, action_type, shaping, discount, decision_s, true_robot, scaled_for, "
+        "robot, route, difficulty, instruments, weather, action_type, shaping, discount, decision_s, true_robot, "
+        "scaled_for, "
     )
     with pytest.raises(OptionError, match=options + "render_mode$"):
         gym.make(IDS["Patrol"], rute="box")

@@ -100,10 +100,15 @@ def test_a_forecast_is_the_wind_of_the_start_with_an_error() -> None:
 
 
 def test_no_forecast_tells_of_a_hidden_wind() -> None:
-    envs = HomewardVectorEnv(50, mission="OutAndBack", route="hidden_wind", difficulty="uncertain")
+    """It is that of another wind, as strong as those of other routes."""
+    envs = HomewardVectorEnv(2000, mission="OutAndBack", route="hidden_wind", difficulty="uncertain")
     envs.reset(seed=0)
-    assert not envs.batch.records["forecast_east_mps"].any() and not envs.batch.records["forecast_north_mps"].any()
-    assert (envs.batch.records["wind_mps"] >= 3.0).all()
+    m = envs.batch.records
+    for part in ("east", "north"):
+        forecast_mps = m[f"forecast_{part}_mps"]
+        assert forecast_mps.std() == pytest.approx(np.hypot(1.5, 1.0), rel=0.06)
+        assert abs(np.corrcoef(forecast_mps, m[f"mean_{part}_mps"])[0, 1]) < 0.07
+    assert (m["wind_mps"] >= 3.0).all()
 
 
 def test_where_nothing_is_hidden_the_weather_stays_and_is_known(tmp_path: Path) -> None:
