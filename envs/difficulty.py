@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -81,16 +81,8 @@ DIFFICULTY: dict[str, Difficulty] = {
         route_is_known=False,
         weather_changes=True,
     ),
-    "harsh": Difficulty(
-        instruments="gauge",
-        health=Uniform(0.8, 1.0),
-        rolling=Uniform(0.8, 1.3),
-        payload=Uniform(0.0, 0.2),
-        surface=Uniform(0.2, 1.0),
-        route_is_known=False,
-        weather_changes=True,
-    ),
 }
+DIFFICULTY["harsh"] = replace(DIFFICULTY["uncertain"], instruments="gauge", surface=Uniform(0.2, 1.0))
 """Difficulties by name."""
 
 DIFFICULTIES = tuple(DIFFICULTY)

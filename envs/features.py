@@ -11,6 +11,7 @@ import numpy as np
 
 from homeward.envs.sensing import fading
 from homeward.envs.state import AHEAD, IN_SIGHT
+from homeward.physics import model
 from homeward.physics.jit import inline
 
 GAINS = (10.0, 40.0, 100.0)
@@ -135,8 +136,8 @@ def observe(m: Any, shared: Any, cost_j: float, out: Any) -> None:
     out.interest = min(0.5 * place.interest, LIMIT)
     out.backlog = m.backlog * shared.per_backlog
     out.link = 1.0 / fading(m.position_m, shared.per_link_m)
-    against = m.forecast_east_mps * place.east + m.forecast_north_mps * place.north
-    out.headwind = _cut(0.1 * m.direction * against, LIMIT)
+    against_mps = model.headwind(m.forecast_east_mps, m.forecast_north_mps, place.east, place.north)
+    out.headwind = _cut(0.1 * m.direction * against_mps, LIMIT)
     out.forecast_east = _cut(0.1 * m.forecast_east_mps, LIMIT)
     out.forecast_north = _cut(0.1 * m.forecast_north_mps, LIMIT)
     out.east = m.direction * place.east

@@ -8,6 +8,7 @@ import numpy as np
 
 from homeward.envs.draws import GUST_EAST, GUST_NORTH, normal
 from homeward.envs.routes import LIMITS, WIND_SCALE_MPS
+from homeward.physics import model
 from homeward.physics.jit import inline
 
 GUSTINESS = 0.3
@@ -65,4 +66,5 @@ def change(m: Any) -> None:
 @inline
 def headwind(m: Any, place: Any) -> Any:
     """Wind against the way out at a place, m/s."""
-    return (m.mean_east_mps + m.gust_east_mps) * place.east + (m.mean_north_mps + m.gust_north_mps) * place.north
+    east_mps, north_mps = m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps
+    return model.headwind(east_mps, north_mps, place.east, place.north)

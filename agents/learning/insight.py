@@ -57,8 +57,9 @@ class Insight:
         batch, robot = self._batch, self._batch.known.robot
         m, p = batch.records[begun], batch.robots[begun]
         places = batch.routes[begun]["places"][:, : self._places]
-        wind = m["wind_mps"][:, None], m["wind_from_rad"][:, None]
-        headwind_mps = model.headwind(*wind, places["east"], places["north"])
+        from_rad = m["wind_from_rad"]
+        east_mps, north_mps = (m["wind_mps"] * part(from_rad) for part in (np.cos, np.sin))
+        headwind_mps = model.headwind(east_mps[:, None], north_mps[:, None], places["east"], places["north"])
         along = (places["sin_grade"], places["interest"], headwind_mps)
         self._until[begun, :, 1:] = np.cumsum(np.stack(along, axis=1), axis=2)
         hidden = (

@@ -11,6 +11,7 @@ from homeward.envs.actions import LEVELS
 from homeward.envs.driving import decide, map_place
 from homeward.envs.reward import score
 from homeward.envs.state import GO, RETURN, STOP
+from homeward.physics import model
 from homeward.physics.jit import compiled
 
 _HAIR_M = 1e-6
@@ -127,8 +128,8 @@ def _headwinds(winds: Any, place: Any) -> Any:
     """Least and most wind against the way out at a place, of all that blow during the mission."""
     least, most = np.inf, -np.inf
     for n in range(len(winds)):
-        headwind = winds[n, 0] * place.east + winds[n, 1] * place.north
-        least, most = min(least, headwind), max(most, headwind)
+        headwind_mps = model.headwind(winds[n, 0], winds[n, 1], place.east, place.north)
+        least, most = min(least, headwind_mps), max(most, headwind_mps)
     return least, most
 
 

@@ -123,7 +123,8 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
     """
     full = s.way_m / v.full_j
     roll, climb = rolling(v, s.sine) * full, climbing(v, s.sine) * full
-    headwind_mps = (x[EAST] + s.stays * x[GUST_EAST]) * s.east + (x[NORTH] + s.stays * x[GUST_NORTH]) * s.north
+    east_mps, north_mps = x[EAST] + s.stays * x[GUST_EAST], x[NORTH] + s.stays * x[GUST_NORTH]
+    headwind_mps = model.headwind(east_mps, north_mps, s.east, s.north)
     air_mps = s.speed_mps + headwind_mps
     part[:] = 0.0
     part[GAIN], part[WEIGHT] = drag(v, s.speed_mps, headwind_mps) * full, climb

@@ -50,9 +50,9 @@ def drag_force(robot: Any, speed_mps: Any) -> Any:
 
 
 @inline
-def headwind(wind_mps: Any, wind_from_rad: Any, east: Any, north: Any) -> Any:
+def headwind(from_east_mps: Any, from_north_mps: Any, east: Any, north: Any) -> Any:
     """Part of a wind that blows against a direction of travel, given as a unit vector, m/s; negative from behind."""
-    return wind_mps * (np.cos(wind_from_rad) * east + np.sin(wind_from_rad) * north)
+    return from_east_mps * east + from_north_mps * north
 
 
 @inline

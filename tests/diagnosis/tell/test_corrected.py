@@ -61,7 +61,7 @@ def runs(drive: Drive, robot: Robot) -> Runs:
 def met(runs: Runs) -> WithEffects:
     """A wind of 2 m/s on all drives, and rough ground far from base."""
     headings = [run.context["heading_rad"] for run in runs.signals]
-    winds = [np.asarray(headwind(2.0, 0.4, np.cos(one), np.sin(one))) for one in headings]
+    winds = [np.asarray(headwind(2.0 * np.cos(0.4), 2.0 * np.sin(0.4), np.cos(one), np.sin(one))) for one in headings]
     place_m = runs.context["place_m"]
     return WithEffects(headwind_mps=winds, roughness=(place_m > np.median(place_m)).astype(float))
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from benchmarks import estimation
-from benchmarks.estimation import Args, Mixture, covered, drive, main, top_up, way_home
+from benchmarks import identification
+from benchmarks.identification import Args, Mixture, covered, drive, main, top_up, way_home
 from homeward.agents.belief import Belief
 from homeward.agents.evaluation import episode_seeds
 from homeward.envs.options import Options
@@ -36,7 +36,7 @@ def test_a_calibrated_forecast_covers_what_it_says_and_a_sure_one_does_not() -> 
     component = rng.choice(3, count, p=MIXTURE.weight[0])
     values = rng.normal(MIXTURE.mean[0][component], MIXTURE.sd[0][component])
     forecast = Mixture(*(np.repeat(part, count, axis=0) for part in MIXTURE))
-    assert covered(forecast, values).mean() == pytest.approx(estimation.COVERED, abs=0.01)
+    assert covered(forecast, values).mean() == pytest.approx(identification.COVERED, abs=0.01)
     assert covered(forecast._replace(sd=0.5 * forecast.sd), values).mean() < 0.85
 
 
