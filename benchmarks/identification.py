@@ -1,7 +1,7 @@
 """How well a robot that estimates itself and the wind knows its way home: the tables of docs/estimation.md.
 
-`python benchmarks/identification.py` drives missions out for some decisions, asks two for the distribution of the way home,
-and drives home to see what it takes, as a share of a full battery: `belief`, from `homeward.agents.belief`, and
+`python benchmarks/identification.py` drives missions out for some decisions, asks two for the distribution of the way
+home, and drives home to see what it takes, as a share of a full battery: `belief`, from `homeward.agents.belief`, and
 `ratio`, from `dmax_adaptive`, which scales the map by measured over modelled consumption. Once they have answered, the
 battery is given more than the way home can take, so that the missions that would strand count as well.
 """
