@@ -138,7 +138,7 @@ def test_once_it_overrules_it_brings_home(mission: str) -> None:
     overruled, safe, looks_back = 0, np.array([4, 0, RETURN]), np.array([0, 0, RETURN])
     for observations, wanted, actions in driven(Onward(known_of(options)), options, 12):
         # One decision of a look back is none: it goes on then.
-        returning = observations[:, INDEX["returning"]] > (0.0 if mission == "Patrol" else 0.5)
+        returning = observations[:, INDEX["returning"]] > 0.5
         overruled += int((wanted[:, 2] != actions[:, 2]).sum())
         assert (actions[returning] == safe).all()
         known = (actions == safe).all(axis=1) | (actions == looks_back).all(axis=1)
