@@ -19,10 +19,10 @@ _LOOKS_BACK_EVERY, _LOOKS_BACK_AT = 20, 10
 """Decisions of which one is driven towards home, as slowly as it goes, and which: of 10, 20 and 40 by trial on
 OutAndBack. At cruise it would cost 3 % of the planner's score. Without it a quarter of the planner's missions strand in
 winds that no forecast told of, with it 3 %."""
-_MODEL_ERRORS, _HOME_ERRORS = (0.001, 0.003, 0.006), (0.001, 0.0015, 0.006)
+_MODEL_ERRORS = 0.001, 0.003, 0.006
 """Errors that are always reckoned with, as shares of a decision's energy and of that of the way home: where nothing is
-hidden, where the weather stays, and where it changes. Of 0.001 to 0.01 those with which intervals of the way home hold
-about as often as they say (`uncertain` with its meter), and those with the highest score in weather that stays."""
+hidden, where the weather stays, and where it changes. Of 0.001 to 0.01, the last is that with which intervals of the way
+home hold about as often as they say (`uncertain` with its meter), the second the one with the highest score."""
 _FAR = 1.5
 """Decisions at cruise from home from which it is worth it."""
 _ON_BORDER = 1e-4
@@ -69,7 +69,6 @@ def prior_of(known: Known, missed: float) -> Prior:
         slope_within_place=0.0,
         model_knows_slopes=0.0,
         model_error=_MODEL_ERRORS[conditions],
-        home_error=_HOME_ERRORS[conditions],
     )
 
 

@@ -191,4 +191,4 @@ def _cost(
     cost += x[GAIN] * rest_j / v.full_j
     to_come = max(2.0 / course * (1.0 - stays) - stays * stays, 0.0) * gusts
     variance += (slope[EAST] ** 2 + slope[NORTH] ** 2) * to_come
-    return cost, variance + (prior.home_error * cost) ** 2
+    return cost, variance + (prior.model_error * cost) ** 2

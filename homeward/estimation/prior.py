@@ -43,7 +43,6 @@ class Prior(NamedTuple):
         1.0  # whether modelled energies are by the slopes as they are (1) or as they are read (0)
     )
     model_error: float = 0.001  # of a decision's energy, a share: what the model leaves out
-    home_error: float = 0.001  # the same of the way home
 
 
 STATES = 12
