@@ -21,8 +21,8 @@ OutAndBack. At cruise it would cost 3 % of the planner's score. Without it a qua
 winds that no forecast told of, with it 3 %."""
 _MODEL_ERRORS = 0.001, 0.003, 0.006
 """Errors that are always reckoned with, as shares of a decision's energy and of that of the way home: where nothing is
-hidden, where the weather stays, and where it changes. Of 0.001 to 0.01, the last is that with which intervals of the way
-home hold about as often as they say (`uncertain` with its meter), the second the one with the highest score."""
+hidden, where the weather stays, and where it changes. Of 0.001 to 0.01 the last is that with which intervals of the way
+home hold about as often as they say, at `uncertain` with its meter, and the second that with the highest score."""
 _FAR = 1.5
 """Decisions at cruise from home from which it is worth it."""
 _ON_BORDER = 1e-4
