@@ -22,6 +22,6 @@ RESERVES = {
     "dmax_mapped": {"OutAndBack": 0.22, "Survey": 0.16, "Patrol": 0.02},
     "dmax_adaptive": {"OutAndBack": 2.0, "Survey": 1.75, "Patrol": 0.0},
     "dmax_belief": {"OutAndBack": 3.0, "Survey": 3.0, "Patrol": 3.0},
-    "planner": {"OutAndBack": 3.25, "Survey": 3.25, "Patrol": 1.75},
+    "planner": {"OutAndBack": 5.0, "Survey": 5.0, "Patrol": 1.75},
 }
 """Shares of the usable energy kept back; for `dmax_adaptive`, `dmax_belief` and `planner`, standard deviations."""
