@@ -30,10 +30,10 @@ from homeward.agents.evaluation.margins import Curve, curve_of, margins_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
-from homeward.agents.learning.policy_file import DESCRIPTION, NetworkPolicy
-from homeward.agents.learning.provenance import differences
 from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
+from homeward.agents.trained.policy_file import DESCRIPTION, NetworkPolicy
+from homeward.agents.trained.provenance import differences
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError
@@ -51,8 +51,8 @@ class Args:
     """What to compare, and where to write it."""
 
     agents: tuple[str, ...] = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
-    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo (as it ships, or ppo=FOLDER;
-    for several training seeds ppo=FOLDER,FOLDER or a folder of them), each also as NAME+shield."""
+    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo, ppo_scratch (the last two as
+    they ship, or ppo=FOLDER; for several training seeds ppo=FOLDER,FOLDER or a folder of them), also NAME+shield."""
     env: str = "homeward/Survey-v0"
     """Environment id."""
     episodes: int = 500

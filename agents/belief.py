@@ -20,7 +20,6 @@ speed, as was tried before and beside it, adds nothing."""
 _SURE = 0.004
 """Standard deviation of the margin, as a share of the battery, below which it is not worth it after the first time: of
 0 to 0.01 the one that costs nothing where instruments are exact and gives up nothing where they are not."""
-_ANY_RISK = 1e-3  # where no quantile is used
 _MODEL_ERROR = 0.006
 """Error of a decision's energy that is always reckoned with, as a share: of 0.001 to 0.01 the one with which intervals
 of the way home hold about as often as they say, at `uncertain` with its meter."""
@@ -107,12 +106,15 @@ class Belief:
         self._modelled, self._position_m = np.zeros((2, count))
         self._place, self._decisions = np.full(count, -1), np.zeros(count, np.int64)
 
-    def learn(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
+    def learn(
+        self, observations: Observations, begun: NDArray[np.bool_], asked: NDArray[np.bool_] | None = None
+    ) -> None:
         """Take in observations of missions; one that is shown twice counts once.
 
         Args:
             observations: Shape (n, features).
             begun: Missions that have just begun, shape (n,).
+            asked: Missions that still want to know, shape (n,): of the others nothing is learned; all if left out.
         """
         s = self._known.shared[0]
         if len(begun) != len(self._place):
@@ -146,7 +148,7 @@ class Belief:
         new = (place != self._place) & ~(on_border & (outwards < 0.0)) & (self._decisions > 0)
         readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
         self._place = np.where(new, place, self._place)
-        self.estimator.update(readings, ~begun)
+        self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
         self._modelled, self._position_m = modelled, position_m
 
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
@@ -156,15 +158,15 @@ class Belief:
         decision makes a return final, it never is.
         """
         due = self._decisions % _LOOKS_BACK_EVERY == _LOOKS_BACK_AT
+        due &= self._position_m > _FAR * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
+        due &= feature(observations, "outbound") > 0.0
+        due &= not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1
         if due.any():
-            unsure = (
-                self.margin(self.plans(observations), _ANY_RISK).total["margin_sd_j"] > _SURE * self._vehicle.full_j
-            )
+            plans = self.plans(observations)
+            plans["home_cost_j"][~due] = np.nan
+            unsure = self.margin(plans, 0.0).total["margin_sd_j"] > _SURE * self._vehicle.full_j
             due &= unsure | (self._decisions < _LOOKS_BACK_EVERY)
-        far = self._position_m > _FAR * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
-        out = feature(observations, "outbound") > 0.0
-        may = not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1
-        return np.asarray(due & far & out & may)
+        return np.asarray(due)
 
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""
@@ -173,7 +175,7 @@ class Belief:
         return plans
 
     def margin(self, plans: NDArray[np.void], risk: float) -> Margin:
-        """What plans leave, see `homeward.estimation.Estimator.margin`."""
+        """What plans leave, see `homeward.estimation.Estimator.margin`; without the quantile where the risk is 0."""
         return self.estimator.margin(plans, risk)
 
     def estimate(self) -> Estimate:

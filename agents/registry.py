@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from homeward.agents.base import Policy
+from homeward.agents.learning.settings import DMAX, SCRATCH
 from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax import DmaxRule
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
@@ -68,15 +69,23 @@ def _reserve(name: str, request: Request) -> float:
     return RESERVES[name][request.known.mission] if request.reserve is None else request.reserve
 
 
-def _ppo(request: Request) -> Policy:
-    from homeward.agents.learning.policy_file import PolicyFileError, load_policy
+def _trained(start: str) -> Callable[[Request], Policy]:
+    def load(request: Request) -> Policy:
+        from homeward.agents.trained.policy_file import PolicyFileError, load_policy
 
-    try:
-        policy = load_policy(request.file or SHIPPED / request.known.mission, request.known)
-        policy.check_spaces(observation_space(), action_space(bool(request.known.shared["discrete"][0])))
-    except PolicyFileError as error:
-        raise AgentError(str(error)) from None
-    return policy
+        try:
+            policy = load_policy(request.file or shipped(request.known.mission, start), request.known)
+            policy.check_spaces(observation_space(), action_space(bool(request.known.shared["discrete"][0])))
+        except PolicyFileError as error:
+            raise AgentError(str(error)) from None
+        return policy
+
+    return load
+
+
+def shipped(mission: str, start: str) -> Path:
+    """Folder of the policy that ships for a mission, by what its training started from: `dmax` or `scratch`."""
+    return SHIPPED / (mission if start == DMAX else f"{mission}_{start}")
 
 
 AGENTS: dict[str, Callable[[Request], Policy]] = {
@@ -87,7 +96,8 @@ AGENTS: dict[str, Callable[[Request], Policy]] = {
     "dmax_adaptive": _tuned("dmax_adaptive", AdaptiveDmaxRule),
     "dmax_belief": _tuned("dmax_belief", BeliefDmaxRule),
     "planner": _planner,
-    "ppo": _ppo,
+    "ppo": _trained(DMAX),
+    "ppo_scratch": _trained(SCRATCH),
 }
 """Loader of each agent."""
 
@@ -102,11 +112,11 @@ SWEPT: dict[str, tuple[float, ...]] = {
 }
 """Reserves that are tried of the agents that have one, as many of each; the same are tried in tuning."""
 
-FROM_FILES = frozenset({"ppo"})
+FROM_FILES = frozenset({"ppo", "ppo_scratch"})
 """Agents that take a file."""
 
 SHIPPED = Path(__file__).parent / "policies"
-"""Trained policies by mission, for where no file is given; each with the card that says how it was trained."""
+"""Trained policies, for where no file is given, see `shipped`; each with the card that says how it was trained."""
 
 
 def make_policy(

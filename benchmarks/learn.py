@@ -30,10 +30,10 @@ from homeward import cli
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import stratified_means, wilson
 from homeward.agents.learning.curve import EPISODES, SEED, Point, read_curve
-from homeward.agents.learning.policy_file import load_policy
 from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.agents.oracle import solve
 from homeward.agents.registry import AGENTS, Request
+from homeward.agents.trained.policy_file import load_policy
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.files import write_whole

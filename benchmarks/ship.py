@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 from homeward import cli
 from homeward.agents.learning.curve import EPISODES, Point, read_curve
 from homeward.agents.learning.folder import CURVE
-from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, PolicyFileError, load_policy
 from homeward.agents.registry import SHIPPED
+from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, PolicyFileError, load_policy
 from homeward.files import write_whole
 
 CARD = "card.md"

@@ -23,9 +23,9 @@ from homeward import cli
 from homeward.agents import AgentError, make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import Bootstrap, interval
-from homeward.agents.learning.policy_file import WEIGHTS
-from homeward.agents.learning.provenance import made_with
 from homeward.agents.registry import SHIPPED
+from homeward.agents.trained.policy_file import WEIGHTS
+from homeward.agents.trained.provenance import made_with
 from homeward.envs.options import MISSIONS, OptionError, Options
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.files import write_whole

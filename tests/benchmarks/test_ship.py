@@ -10,7 +10,7 @@ import pytest
 from benchmarks.ship import Args, main
 from homeward.agents.learning.curve import Point, read_curve, write_curve
 from homeward.agents.learning.guide import make_guide
-from homeward.agents.learning.policy_file import PolicyFileError, load_policy, save_policy
+from homeward.agents.trained.policy_file import PolicyFileError, load_policy, save_policy
 from homeward.envs.actions import action_space
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, known_of

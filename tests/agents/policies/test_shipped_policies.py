@@ -8,9 +8,9 @@ from scipy import stats
 from homeward.agents import make_policy
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
 from homeward.agents.learning.curve import read_curve
-from homeward.agents.learning.policy_file import NetworkPolicy
-from homeward.agents.learning.provenance import differences
 from homeward.agents.registry import SHIPPED
+from homeward.agents.trained.policy_file import NetworkPolicy
+from homeward.agents.trained.provenance import differences
 from homeward.envs import IDS
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv

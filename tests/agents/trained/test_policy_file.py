@@ -18,7 +18,7 @@ from safetensors.numpy import save
 import homeward  # noqa: F401 - registers the environments
 from homeward.agents import AgentError, make_policy
 from homeward.agents.learning.guide import BELIEFS, make_guide
-from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, Layer, PolicyFileError, load_policy, save_policy
+from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, Layer, PolicyFileError, load_policy, save_policy
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, known_of
 
@@ -101,7 +101,7 @@ def test_an_agent_is_made_from_the_folder(folder: Path) -> None:
 
 
 def test_reading_needs_no_torch(folder: Path) -> None:
-    code = "import sys, pathlib; from homeward.agents.learning.policy_file import load_policy\n"
+    code = "import sys, pathlib; from homeward.agents.trained.policy_file import load_policy\n"
     code += "load_policy(pathlib.Path(sys.argv[1])); print('torch' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code, folder], capture_output=True, text=True)
     assert (run.returncode, run.stdout.strip()) == (0, "False"), run.stderr
