@@ -1,8 +1,9 @@
 """Compare agents on the same episodes.
 
 `python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive+shield ppo=FOLDER --out DIR` writes
-DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and four pictures: scores.png,
-profiles.png, and one episode over time (episode.png) and over the route (route.png).
+DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and pictures: scores.png,
+profiles.png, one episode over time (episode.png) and over the route (route.png), and learning.png where an agent comes
+with its learning curve.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.episode_plots import episode_png, route_png
+from homeward.agents.evaluation.learning_plot import learning_png
 from homeward.agents.evaluation.margins import LEVELS as EQUAL
 from homeward.agents.evaluation.margins import Curve, curve_of, margins_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
+from homeward.agents.learning.curve import Point, read_curve
 from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
 from homeward.agents.trained.policy_file import DESCRIPTION, NetworkPolicy
@@ -121,6 +124,9 @@ def main(args: Args) -> Evaluation:
         "route.png": route_png(evaluation),
         "evaluation.json": evaluation.to_json(summary),
     }
+    learned = _learning_curves(asked)
+    if learned:
+        files["learning.png"] = learning_png(evaluation, summary, learned)
     if args.margins:
         curves = _margins(args, asked, env, seeds)
         title = f"{args.env}, {args.difficulty}: {args.episodes} episodes, seed {args.seed}, by reserve"
@@ -215,6 +221,15 @@ def _training_seeds(folder: str) -> list[str]:
     if Path(folder).is_dir() and not (Path(folder) / DESCRIPTION).is_file():
         return [str(file.parent) for file in sorted(Path(folder).glob(f"*/{DESCRIPTION}"))] or [folder]
     return [folder]
+
+
+def _learning_curves(asked: Mapping[str, Asked]) -> dict[str, list[list[Point]]]:
+    """Learning curves of the policies that were given as folders, by label."""
+    curves = {
+        label: [curve for file in one.files if file and (curve := read_curve(Path(file)))]
+        for label, one in asked.items()
+    }
+    return {label: own for label, own in curves.items() if own}
 
 
 def _check_optimum(options: Options) -> None:

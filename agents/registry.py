@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,6 +120,17 @@ SHIPPED = Path(__file__).parent / "policies"
 """Trained policies, for where no file is given, see `shipped`; each with the card that says how it was trained."""
 
 
+def _of_factory(path: str, known: Known) -> Policy:
+    module, _, name = path.partition(":")
+    try:
+        policy = getattr(importlib.import_module(module), name)(known)
+    except (ImportError, AttributeError) as error:
+        raise AgentError(f"{path}: {error}; give package.module:factory, from a folder that Python looks in") from None
+    if not isinstance(policy, Policy):
+        raise AgentError(f"{path} answers a {type(policy).__name__}, not a homeward.agents.Policy")
+    return policy
+
+
 def make_policy(
     name: str, env: Any, file: str | Path | None = None, seed: int = 0, reserve: float | None = None
 ) -> Policy:
@@ -127,7 +139,8 @@ def make_policy(
     Args:
         name: One of `AGENTS`.
         env: A `homeward` environment, scalar or vector, wrapped or not; only what its robot can know is used.
-        file: Where a trained policy lies, if not the one that ships for the mission is wanted.
+        file: Where a trained policy lies, if not the one that ships for the mission is wanted; of another name
+            `package.module:factory`, which is called with the environment's `Known` and answers a `Policy`.
         seed: Seed of agents that draw.
         reserve: What an agent of `SWEPT` keeps back, in its own measure, instead of what was tuned.
 
@@ -140,9 +153,13 @@ def make_policy(
     >>> make_policy("dmax", env).act(observations, begun=np.ones(2, np.bool_)).tolist()  # top speed, no sensing, go
     [[4, 0, 1], [4, 0, 1]]
     """
+    batch = getattr(env, "unwrapped", env).batch
+    if name not in AGENTS and file is not None and ":" in str(file):
+        return _of_factory(str(file), batch.known)
     if name not in AGENTS:
-        raise AgentError(f"unknown agent {name!r}; choose from {', '.join(AGENTS)}")
+        raise AgentError(
+            f"unknown agent {name!r}; choose from {', '.join(AGENTS)}, or give NAME=package.module:factory"
+        )
     if file is not None and name not in FROM_FILES:
         raise AgentError(f"{name} takes no file, but {str(file)!r} was given")
-    batch = getattr(env, "unwrapped", env).batch
     return AGENTS[name](Request(batch.known, None if file is None else Path(file), seed, reserve))
