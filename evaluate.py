@@ -33,6 +33,7 @@ from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
 from homeward.agents.learning.curve import Point, read_curve
+from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
 from homeward.agents.trained.policy_file import DESCRIPTION, NetworkPolicy
@@ -93,7 +94,7 @@ def main(args: Args) -> Evaluation:
     """Run all agents, write the files and print the table.
 
     Raises:
-        AgentError, OptionError, RobotError, RouteError: An argument cannot be used.
+        AgentError, TrainingError, OptionError, RobotError, RouteError: An argument cannot be used.
         ClusterError: The cluster cannot be used.
         TaskError: An agent failed.
         OSError: The output folder cannot be written to.
@@ -315,7 +316,7 @@ def _with_interval(value: float, ends: list[float] | None, write: Callable[[floa
 
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
-    refused = (AgentError, OptionError, RobotError, RouteError, TaskError, ClusterError)
+    refused = (AgentError, TrainingError, OptionError, RobotError, RouteError, TaskError, ClusterError)
     return cli.run(main, Args, __doc__, refused)
 
 

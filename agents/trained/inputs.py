@@ -33,7 +33,7 @@ COLUMNS: tuple[tuple[str, str], ...] = (
     *((f"margin_{gain:g}", f"the same times {gain:g}, cut at -1 and 1") for gain in GAINS),
     ("deviation", "twenty times the standard deviation of the margin"),
     ("margin_in_deviations", "a quarter of the margin over its standard deviation, cut at -1 and 2"),
-    ("way", "believed energy of going on and home over that of the way home by the robot's own model, minus 1"),
+    ("way", "believed energy of going on and home over that by the robot's own model, minus 1, cut at -1 and 1"),
     ("rolling", "believed energy of rolling over the model's, both of a full battery, minus 1"),
     ("weight", "the same of climbing"),
     ("rest", "the same of all else"),
@@ -51,10 +51,9 @@ _NO_SENSING_ON_SURVEYS = 1.0
 _AGAIN = 12.0
 """Of the share of the decisions that make a return final. Without it, one that is tried is hardly ever followed by the
 others, and nobody learns what a return is good for."""
-_CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 5.0, 6.0, -4.0, 10.0, 3.0
-_HALF, _INTEREST, _FEW, _HOME = 2.0, 3.0, 0.2, 20.0
-"""On surveys by the rule: of half of the sensing rate, of the observed interest beyond the next number, and against
-sensing and stopping on the way home."""
+_CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 4.0, 6.0, -3.0, 10.0, 3.0
+_HALF, _HOME = 2.0, 20.0
+"""On surveys by the rule: of half of the sensing rate, and against sensing and stopping on the way home."""
 
 
 class BeliefInputs:
@@ -128,7 +127,7 @@ class BeliefInputs:
             *(np.clip(gain * margin, -1.0, 1.0) for gain in GAINS),
             20.0 * deviation,
             np.clip(0.25 * margin / np.maximum(deviation, 1e-6), -1.0, 2.0),
-            way / (modelled + 0.01) - 1.0,
+            np.clip(way / (modelled + self._rule.cost_of_going_on(observations)) - 1.0, -1.0, 1.0),
             *ratios.T,
             0.1 * headwind_mps,
             belief.looks_back(observations),
@@ -157,7 +156,7 @@ def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.
     """Weight (outputs, inputs) and bias (outputs,) of the policy that training starts from.
 
     With `inputs` it turns back as the d_max rule does, where `rule_spare` is negative; on a survey it senses at half of
-    the rate where the interest is not low. Without, it knows nothing of energy: it cruises, mostly without sensing, now
+    the rate all the way out. Without, it knows nothing of energy: it cruises, mostly without sensing, now
     and then tries a return or a stop, and goes on with a return that it has begun.
 
     Args:
@@ -174,7 +173,7 @@ def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[
     weight, bias = np.zeros((2 * LEVELS + len(MODES), columns)), np.zeros(2 * LEVELS + len(MODES))
     cruise = int(encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, 0])
     stop, go, back = (2 * LEVELS + mode for mode in (STOP, GO, RETURN))
-    returning, interest = INDEX["returning"], INDEX["interest"]
+    returning = INDEX["returning"]
     if not by_rule:
         bias[cruise], bias[LEVELS] = _CRUISE, _NO_SENSING_ON_SURVEYS if survey else _NO_SENSING
         bias[stop], bias[go], bias[back], weight[back, returning] = _STOP, _GO, _RETURN, _AGAIN
@@ -183,8 +182,7 @@ def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[
     weight[back, _SPARE], weight[back, returning] = -_RETURN_BY_RULE, _AGAIN_BY_RULE
     if survey:
         none, half = LEVELS, LEVELS + LEVELS // 2
-        weight[half, interest], weight[none, interest] = _INTEREST, -_INTEREST
-        bias[half], bias[none] = _HALF - _INTEREST * _FEW, _INTEREST * _FEW
+        bias[half], bias[none] = _HALF, 0.0
         weight[none + 1 : 2 * LEVELS, returning] = weight[stop, returning] = -_HOME
     return weight, bias
 
@@ -196,5 +194,5 @@ def _continuous(known: Known, columns: int, survey: bool, by_rule: bool) -> tupl
         # Each mode has a third of [-1, 1]: stop, go and return.
         weight[2, _SPARE], weight[2, INDEX["returning"]], bias[2] = -1.0 / 3.0, 1.0, 1.0 / 3.0
         if survey:
-            weight[1, INDEX["interest"]], weight[1, INDEX["returning"]], bias[1] = _INTEREST, -_HOME, -_INTEREST * _FEW
+            weight[1, INDEX["returning"]], bias[1] = -_HOME, 0.0
     return weight, bias
