@@ -33,6 +33,7 @@ from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
 from homeward.agents.learning.curve import Point, read_curve
+from homeward.agents.learning.folder import RUN
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
@@ -219,7 +220,7 @@ def _named(given: tuple[str, ...]) -> dict[str, Asked]:
 
 def _training_seeds(folder: str) -> list[str]:
     """The folder of a policy, or those of the policies that lie in it."""
-    if Path(folder).is_dir() and not (Path(folder) / DESCRIPTION).is_file():
+    if Path(folder).is_dir() and not any((Path(folder) / name).is_file() for name in (DESCRIPTION, RUN)):
         return [str(file.parent) for file in sorted(Path(folder).glob(f"*/{DESCRIPTION}"))] or [folder]
     return [folder]
 

@@ -1,6 +1,6 @@
 """Does it learn? Train over missions, starts and seeds, and compare: the tables and the picture of docs/learning.md.
 
-`python benchmarks/learn.py` trains as train.py does, on fewer decisions where they are enough, and prints how the first
+`python benchmarks/learn.py` trains as train.py does, for as long as each mission needs, and prints how the first
 policy and the best one of the learning curve, greedy and sampled, do on unseen episodes, beside rules and the planner.
 Finished runs and driven episodes are kept, and a killed run goes on from its last checkpoint. OUT/learn.json holds the
 figures, OUT/learn.png the learning curves.
@@ -44,8 +44,8 @@ from homeward.files import write_whole
 
 RULES = ("dmax", "dmax_mapped", "dmax_adaptive")
 OTHERS = ("dmax_belief", "planner")
-STEPS = {"OutAndBack": 2_000_000, "Survey": 3_000_000, "Patrol": 1_000_000}
-"""Decisions to train on, where no other number is given."""
+STEPS = {"OutAndBack": (2_000_000, 2_000_000), "Survey": (3_000_000, 5_000_000), "Patrol": (1_000_000, 1_000_000)}
+"""Decisions to train on from scratch and from dmax, where no other number is given."""
 _RESAMPLES = 2000
 _WIDTH = 170  # columns of the table
 _CHECKPOINT_S = 60.0
@@ -66,7 +66,7 @@ class Args:
     seeds: int = 5
     """Training seeds: 0, 1, ..."""
     steps: int | None = None
-    """Decisions to train on; by default 2 million for OutAndBack, 3 for Survey and 1 for Patrol."""
+    """Decisions to train on; by default 2 million for OutAndBack, 3 or, from dmax, 5 for Survey, and 1 for Patrol."""
     episodes: int = 2000
     """Unseen episodes to compare on."""
 
@@ -173,10 +173,11 @@ def trained(args: Args, mission: str, start: str, seed: int) -> Path:
     """Train one policy, or find it trained, and return its folder."""
     name = f"{mission}-{args.difficulty}-{start}-{seed}"
     Console(stderr=True).print(f"{name}: training", markup=False, highlight=False)
+    steps = args.steps or STEPS[mission][STARTS.index(start)]
     return train.main(
         train.Args(
-            env=IDS[mission], out=args.out / name, difficulty=args.difficulty, seed=seed, resume=True,
-            steps=args.steps or STEPS[mission], checkpoint_s=_CHECKPOINT_S, ppo=PPOSettings(start=start),
+            env=IDS[mission], out=args.out / name, difficulty=args.difficulty, seed=seed, steps=steps, resume=True,
+            checkpoint_s=_CHECKPOINT_S, ppo=PPOSettings(start=start),
         )
     )  # fmt: skip
 

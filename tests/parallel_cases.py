@@ -64,4 +64,5 @@ def write_recording(path: Path, payload: float, seed: int = 0) -> None:
 
 def policies(folder: Path) -> dict[str, bytes]:
     """Contents of all trained policies by their paths in a folder."""
-    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("policy.safetensors"))}
+    files = sorted(folder.rglob("seed_*/policy.safetensors"))
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
