@@ -6,24 +6,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
+from homeward.envs.actions import encode_actions
 from homeward.envs.options import Known
 from homeward.envs.routes import KNOTS, NEW_PATCH, WIND_SCALE_MPS
+from homeward.envs.state import RETURN
 from homeward.envs.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
 from homeward.estimation import READING_DTYPE, Estimate, Estimator, Margin, Prior, Vehicle
 from homeward.physics import ancillary_power
 
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
-_LOOKS_BACK_EVERY, _LOOKS_BACK_AT = 40, 10
-"""Decisions of which one is driven towards home, and which: chosen by trial on OutAndBack. It is worth a tenth of the
-shield's score and most of the missions that it would strand in hidden winds; to drive every eighth decision at half
-speed, as was tried before and beside it, adds nothing."""
-_SURE = 0.004
-"""Standard deviation of the margin, as a share of the battery, below which it is not worth it after the first time: of
-0 to 0.01 the one that costs nothing where instruments are exact and gives up nothing where they are not."""
-_MODEL_ERROR = 0.006
-"""Error of a decision's energy that is always reckoned with, as a share: of 0.001 to 0.01 the one with which intervals
-of the way home hold about as often as they say, at `uncertain` with its meter."""
-_LEAST_ERROR = 0.001  # the same where nothing is hidden
+_LOOKS_BACK_EVERY, _LOOKS_BACK_AT = 20, 10
+"""Decisions of which one is driven towards home, as slowly as it goes, and which: of 10, 20 and 40 by trial on
+OutAndBack. At cruise it would cost 3 % of the planner's score. Without it a quarter of the planner's missions strand in
+winds that no forecast told of, with it 3 %."""
+_MODEL_ERRORS = 0.001, 0.003, 0.006
+"""Errors that are always reckoned with, as shares of a decision's energy and of that of the way home: where nothing is
+hidden, where the weather stays, and where it changes. Of 0.001 to 0.01 the last is that with which intervals of the way
+home hold about as often as they say, at `uncertain` with its meter, and the second that with the highest score."""
 _FAR = 1.5
 """Decisions at cruise from home from which it is worth it."""
 _ON_BORDER = 1e-4
@@ -41,6 +40,7 @@ def prior_of(known: Known, missed: float) -> Prior:
     """
     d, i, s = known.difficulty, known.instruments, known.shared[0]
     hides = not d.route_is_known
+    conditions = 2 if d.weather_changes else int(hides)
     surface = d.surface
     # Roughness after a change is 0 in one of two cases and else U(0, 1), times the gain of the surface.
     gain_square, mean = surface.mean**2 + surface.deviation**2, surface.mean / 4.0
@@ -68,7 +68,23 @@ def prior_of(known: Known, missed: float) -> Prior:
         slope_noise=i.grade_noise,
         slope_within_place=0.0,
         model_knows_slopes=0.0,
-        model_error=_MODEL_ERROR if hides else _LEAST_ERROR,
+        model_error=_MODEL_ERRORS[conditions],
+    )
+
+
+def vehicle_of(known: Known) -> Vehicle:
+    """The robot's own model, from the constants of an environment."""
+    robot, s = known.robot, known.shared[0]
+    nominal = robot.record()[0]
+    return Vehicle(
+        full_j=float(s["usable_j"]),
+        rolling_resistance=robot.rolling_resistance,
+        mass_kg=float(nominal["mass_kg"] + nominal["payload_mass_kg"]),
+        drag_ns2_per_m2=robot.drag_ns2_per_m2,
+        per_efficiency=1.0 / robot.traction_efficiency,
+        cruise_mps=float(s["cruise_mps"]),
+        idle_w=float(ancillary_power(robot, 0.0)),
+        place_m=float(s["place_m"]),
     )
 
 
@@ -81,22 +97,13 @@ class Belief:
 
     Attributes:
         estimator: It holds what is believed.
+        back_action: That of a decision that looks back.
     """
 
     def __init__(self, known: Known, missed: float) -> None:
-        robot, s = known.robot, known.shared[0]
-        nominal = robot.record()[0]
-        self._known, self._prior = known, prior_of(known, missed)
-        self._vehicle = Vehicle(
-            full_j=float(s["usable_j"]),
-            rolling_resistance=robot.rolling_resistance,
-            mass_kg=float(nominal["mass_kg"] + nominal["payload_mass_kg"]),
-            drag_ns2_per_m2=robot.drag_ns2_per_m2,
-            per_efficiency=1.0 / robot.traction_efficiency,
-            cruise_mps=float(s["cruise_mps"]),
-            idle_w=float(ancillary_power(robot, 0.0)),
-            place_m=float(s["place_m"]),
-        )
+        s = known.shared[0]
+        self._known, self._prior, self._vehicle = known, prior_of(known, missed), vehicle_of(known)
+        self.back_action = encode_actions(known, s["min_speed_mps"], 0.0, RETURN)[0]
         # In shorter pit stops, turns pass unseen: how far the robot went is not known, and nothing is learned from it.
         self._sees_turns = bool(s["pit_stop_s"] == 0.0 or s["pit_stop_s"] >= s["decision_s"])
         self._forget(0)
@@ -158,15 +165,10 @@ class Belief:
         decision makes a return final, it never is.
         """
         due = self._decisions % _LOOKS_BACK_EVERY == _LOOKS_BACK_AT
-        due &= self._position_m > _FAR * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
-        due &= feature(observations, "outbound") > 0.0
-        due &= not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1
-        if due.any():
-            plans = self.plans(observations)
-            plans["home_cost_j"][~due] = np.nan
-            unsure = self.margin(plans, 0.0).total["margin_sd_j"] > _SURE * self._vehicle.full_j
-            due &= unsure | (self._decisions < _LOOKS_BACK_EVERY)
-        return np.asarray(due)
+        far = self._position_m > _FAR * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
+        out = feature(observations, "outbound") > 0.0
+        may = not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1
+        return np.asarray(due & far & out & may)
 
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""

@@ -143,6 +143,9 @@ def drive(options: Options, seeds: list[int], count: int) -> Drive:
     observations, _ = env.reset(seed=seeds)
     belief, ratio = Belief(batch.known, MISSED), AdaptiveDmaxRule(batch.known, NO_SENSING, 0.0)
     begun, update_s = np.ones(len(seeds), np.bool_), 0.0
+    out_action, home_action = (
+        encode_actions(batch.known, batch.known.shared["cruise_mps"][0], 0.0, mode) for mode in (GO, RETURN)
+    )
     for decision in range(count + 1):
         start = time.perf_counter()
         belief.learn(observations, begun)
@@ -150,9 +153,9 @@ def drive(options: Options, seeds: list[int], count: int) -> Drive:
         outlook = ratio.look(observations, begun)
         begun = np.zeros(len(seeds), np.bool_)
         if decision < count:
-            mode = np.where(belief.looks_back(observations), RETURN, GO)
-            _step(batch, encode_actions(batch.known, batch.known.shared["cruise_mps"][0], 0.0, mode), observations)
-    home_action = encode_actions(batch.known, batch.known.shared["cruise_mps"][0], 0.0, RETURN)
+            actions = np.repeat(out_action, len(seeds), axis=0)
+            actions[belief.looks_back(observations)] = belief.back_action
+            _step(batch, actions, observations)
     plans = belief.plans(observations, float(decode_actions(batch.known, home_action).speed_mps[0]))
     low_j = belief.margin(plans, RISK).total["margin_low_j"]
     home_cost = feature(observations, "home_cost")

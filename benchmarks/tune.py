@@ -8,8 +8,8 @@ nor evaluation meets; the robot is the default one, and who strands scores 0.
 * The planner has one reserve for OutAndBack and Survey: that with the highest sum of scores at `uncertain` and `harsh`,
   each relative to the best there, of those with which at most 0.3 % strand at `uncertain`; and, found in the same way,
   another for Patrol, where it goes by another rule.
-* The shield has the risk of a decision and the share of the cost with which a robot that never turns back scores most,
-  of those with which at most 0.05 % of its missions strand in every setting.
+* The shield has the risk of a decision with which a robot that never turns back scores most on OutAndBack, of those
+  with which at most 0.1 % of its missions strand, at `uncertain` and `harsh`, in forecast and in hidden winds.
 
 Finished trials are kept in OUT/tune.json, so that a run that was killed goes on.
 """
@@ -45,7 +45,6 @@ from homeward.agents.rules.soc50 import StateOfChargeRule
 from homeward.agents.rules.tuned import PACES
 from homeward.agents.shield import shield as guard
 from homeward.agents.shield.reckless import Onward
-from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
 from homeward.envs.routes import GENERATED, HIDDEN_WIND
 from homeward.files import write_whole
@@ -56,10 +55,10 @@ CANDIDATES = [
     Pace(rate, interest, full)
     for rate, interest, full in itertools.product((0.5, 0.75, 1.0), (0.0, 0.4, 0.5, 0.6, 0.8), (0.5, 0.7, 0.9, 0.95))
 ]
-SHARES = (0.0, 0.02, 0.04, 0.07, 0.1, 0.13, 0.16, 0.19, 0.22, 0.25, 0.28, 0.32)
-DEVIATIONS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0)
-KEPT_BACK = tuple(itertools.product((1e-3, 1e-4, 1e-5, 1e-6), (0.0, 0.01, 0.02)))
-"""Risks of a decision and shares of its cost that the shield keeps back."""
+SHARES = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.32)
+DEVIATIONS = (0.0, 1.0, 2.0, 3.0, 3.5, 4.0, 5.0, 6.0)
+DECISION_RISKS = (1e-4, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-9)
+"""Reserves of rules and planner, and risks of the shield: as many of each."""
 RULES: dict[str, tuple[Callable[..., Policy], tuple[float, ...]]] = {
     "dmax": (DmaxRule, SHARES),
     "dmax_mapped": (MappedDmaxRule, SHARES),
@@ -70,7 +69,7 @@ RULES: dict[str, tuple[Callable[..., Policy], tuple[float, ...]]] = {
 PACED_BY = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
 """Rules whose scores choose the pace; the reserve of `soc50` is in its name."""
 NAMES = (*RULES, "planner", "shield")
-PLANNER_STRANDS, SHIELD_STRANDS = 0.003, 0.0005
+PLANNER_STRANDS, SHIELD_STRANDS = 0.003, 0.001
 """Shares of missions that may strand."""
 _FIRST_SEED, _SEEDS_APART = 1 << 62, 1 << 32  # training has smaller ones, evaluation larger
 
@@ -107,7 +106,7 @@ class Trial:
     Attributes:
         name: A rule, `planner` or `shield`.
         options: Of the environment.
-        numbers: Reserve; of the shield risk and share.
+        numbers: Reserve; of the shield the risk.
         pace: Of rules.
     """
 
@@ -131,14 +130,13 @@ def run_trial(task: tuple[Trial, range]) -> Outcome:
     """Mean score and strandings of a trial."""
     trial, seeds = task
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
-    confidence, kept = max(guard.RISKS), (dict(guard.RISKS), guard._SHARE)
+    confidence, kept = max(guard.RISKS), dict(guard.RISKS)
     try:
         if trial.name == "shield":
-            guard.RISKS[confidence], guard._SHARE = trial.numbers
+            (guard.RISKS[confidence],) = trial.numbers
         episodes = run_episodes(trial.policy(known_of(trial.options)), trial.options, seeds).episodes
     finally:
-        guard.RISKS.update(kept[0])
-        guard._SHARE = kept[1]
+        guard.RISKS.update(kept)
     return Outcome(float(episodes.score.mean()), int(episodes.stranded.sum()))
 
 
@@ -244,28 +242,28 @@ def choose_for_planner(grids: Mapping[str, Grid], episodes: int) -> float:
     return _choose(grids, stranded, PLANNER_STRANDS)
 
 
-def tune_shield(trials: Trials) -> tuple[dict[str, dict[tuple[float, float], Outcome]], tuple[float, float]]:
-    """Run the shield around a robot that never turns back with all that it may keep back, and choose."""
+def tune_shield(trials: Trials) -> tuple[dict[str, Grid], float]:
+    """Run the shield around a robot that never turns back with each risk, and choose."""
     grids = {}
-    for mission, difficulty, route in itertools.product(MISSIONS, DIFFICULTIES, (GENERATED, HIDDEN_WIND)):
-        options = Options(mission, difficulty=difficulty, route=route)
-        name = f"{mission}, {difficulty}, {route}"
-        outcomes = trials.run((Trial("shield", options, one) for one in KEPT_BACK), f"shield, {name}")
-        grids[name] = dict(zip(KEPT_BACK, outcomes, strict=True))
+    for difficulty, route in itertools.product(("uncertain", "harsh"), (GENERATED, HIDDEN_WIND)):
+        options = Options("OutAndBack", difficulty=difficulty, route=route)
+        name = f"{difficulty}, {route}"
+        tried = (Trial("shield", options, (one,)) for one in DECISION_RISKS)
+        grids[name] = _grid(DECISION_RISKS, trials.run(tried, f"shield, {name}"))
     return grids, choose_for_shield(grids, trials.episodes)
 
 
-def choose_for_shield(grids: Mapping[str, Mapping[tuple[float, float], Outcome]], episodes: int) -> tuple[float, float]:
-    """Risk and share with the most relative score, of those with which few enough strand in every setting.
+def choose_for_shield(grids: Mapping[str, Grid], episodes: int) -> float:
+    """Risk with the most relative score, of those with which few enough strand in every setting.
 
-    Where there are none, those with which the fewest do.
+    Where there are none, that with which the fewest do.
     """
     first = next(iter(grids.values()))
     stranded = {one: max(grid[one].stranded for grid in grids.values()) / episodes for one in first}
     return _choose(grids, stranded, SHIELD_STRANDS)
 
 
-def _choose(grids: Mapping[str, Mapping[Choice, Outcome]], stranded: Mapping[Choice, float], most: float) -> Choice:
+def _choose(grids: Mapping[str, Grid], stranded: Mapping[float, float], most: float) -> float:
     allowed = [one for one, share in stranded.items() if share <= max(most, min(stranded.values()))]
     scales = {name: max(outcome.score for outcome in grid.values()) for name, grid in grids.items()}
     # Where nothing is scored, as by a survey that senses nothing, there is nothing to compare.
@@ -285,7 +283,7 @@ def pace_table(mission: str, totals: Mapping[Pace, float]) -> Table:
 
 
 def outcome_table(
-    title: str, heading: str, grids: Mapping[str, Mapping[Any, Outcome]], chosen: Mapping[str, Any], episodes: int
+    title: str, heading: str, grids: Mapping[str, Grid], chosen: Mapping[str, float], episodes: int
 ) -> Table:
     """Score and stranding rate of each agent or setting by the number that is chosen."""
     table = Table(title=title, box=box.SIMPLE_HEAD)
@@ -295,10 +293,12 @@ def outcome_table(
         for number, outcome in grid.items():
             low, high = wilson(outcome.stranded, episodes)
             table.add_row(
-                name, ", ".join(f"{one:g}" for one in (number if isinstance(number, tuple) else (number,))),
-                f"{outcome.score:.4g}", f"{outcome.stranded / episodes:.2%} ({low:.2%} to {high:.2%})",
+                name,
+                f"{number:g}",
+                f"{outcome.score:.4g}",
+                f"{outcome.stranded / episodes:.2%} ({low:.2%} to {high:.2%})",
                 style="bold" if number == chosen[name] else "",
-            )  # fmt: skip
+            )
     return table
 
 
@@ -339,10 +339,10 @@ def main(args: Args) -> None:
         rows = "".join(f'    "{name}": {json.dumps(by_mission)},\n' for name, by_mission in reserves.items())
         console.print(f"RESERVES = {{\n{rows}}}", highlight=False, soft_wrap=True)
     if "shield" in chosen:
-        by_setting, kept_back = tune_shield(trials)
-        kept = dict.fromkeys(by_setting, kept_back)
-        console.print(outcome_table("shield around onward", "risk, share", by_setting, kept, args.episodes))
-        console.print(f"RISKS = {{{max(guard.RISKS)}: {kept_back[0]:g}}}\n_SHARE = {kept_back[1]:g}", highlight=False)
+        by_setting, risk = tune_shield(trials)
+        risks = dict.fromkeys(by_setting, risk)
+        console.print(outcome_table("shield around onward", "risk", by_setting, risks, args.episodes))
+        console.print(f"RISKS = {{{max(guard.RISKS)}: {risk:g}}}", highlight=False)
 
 
 if __name__ == "__main__":

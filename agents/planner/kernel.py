@@ -11,6 +11,7 @@ from homeward.envs.actions import LEVELS
 from homeward.envs.state import AHEAD
 from homeward.estimation.drive import climbing, drag, modelled_driving, rolling
 from homeward.physics.jit import compiled
+from homeward.physics.model import headwind
 
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
 """Prices of energy that are tried, over what it buys on average ground, all of it sensed at the middle rate."""
@@ -32,7 +33,7 @@ BELIEF_DTYPE = np.dtype(
                 "wind_east_mps",
                 "wind_north_mps",
                 "reserve",  # share of the way home kept beyond it
-                "spare",  # energy beyond the way home and the reserve; energies are shares of the usable energy
+                "spare",  # energy beyond the slowest next decision, the way home and the reserve
                 "left_s",  # until the time limit
                 "position_m",
                 "backlog",  # samples
@@ -99,6 +100,28 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
                 if found > best:
                     best, joule, sample = found, energy_price, sample_price
         _command(b, model, s, drives[0], joule, sample, commands[n])
+
+
+@compiled
+def thriftiest(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: Any, speeds_mps: Any) -> None:
+    """Choose the speed with the longest range where robots are, of those that there is energy for.
+
+    Args:
+        beliefs: See `plan`, as the next three.
+        vehicle: Numbers of the robot's own model.
+        models: Shape (1,).
+        constants: Shape (1,).
+        ahead: 1 for who drives out and -1 for who drives home, shape (n,).
+        speeds_mps: Written, shape (n,).
+    """
+    s, model = constants[0], models[0]
+    for n in range(len(beliefs)):
+        least, home, b = np.inf, np.zeros(LEVELS + 1), beliefs[n]
+        _drive(b, vehicle, model, s, b.sine_here, home)
+        for speed in range(LEVELS):
+            cost = _cost(b, vehicle, model, s, speed, b.sine_here, ahead[n])
+            if cost < least and (ahead[n] < 0.0 or _fits(b, model, s, home, speed)):
+                least, speeds_mps[n] = cost, model.speeds_mps[speed]
 
 
 @compiled
@@ -201,18 +224,28 @@ def _way(
 @compiled
 def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
     """Energy of a metre's driving out at each speed and, last, home at the fastest: at least a little."""
-    for level in range(LEVELS + 1):
-        speed, ahead = (level, 1.0) if level < LEVELS else (LEVELS - 1, -1.0)
-        speed_mps, headwind_mps = (
-            model.speeds_mps[speed],
-            ahead * (b.wind_east_mps * b.east + b.wind_north_mps * b.north),
-        )
-        more_j = b.rolling * rolling(v, sine) + b.weight * climbing(v, ahead * sine)
-        more_j = max(more_j + b.gain * drag(v, speed_mps, headwind_mps), 0.0)
-        more_j -= b.gain * modelled_driving(v, ahead * sine, speed_mps)
-        modelled = _metre(model, speed, ahead * sine)
-        drive[level] = max(b.gain * modelled + more_j / s.usable_j, _LEAST_RATIO * modelled)
-    drive[LEVELS] *= 1.0 + b.reserve
+    for speed in range(LEVELS):
+        drive[speed] = _cost(b, v, model, s, speed, sine, 1.0)
+    drive[LEVELS] = (1.0 + b.reserve) * _cost(b, v, model, s, LEVELS - 1, sine, -1.0)
+
+
+@compiled
+def _cost(b: Any, v: Any, model: Any, s: Any, speed: int, sine: float, ahead: float) -> float:
+    """Energy of a metre's driving, out (`ahead` 1) or home (-1), on a slope of the way out."""
+    speed_mps = model.speeds_mps[speed]
+    against_mps = ahead * headwind(b.wind_east_mps, b.wind_north_mps, b.east, b.north)
+    more_j = b.rolling * rolling(v, sine) + b.weight * climbing(v, ahead * sine)
+    more_j = max(more_j + b.gain * drag(v, speed_mps, against_mps), 0.0)
+    more_j -= b.gain * modelled_driving(v, ahead * sine, speed_mps)
+    modelled = _metre(model, speed, ahead * sine)
+    return float(max(b.gain * modelled + more_j / s.usable_j, _LEAST_RATIO * modelled))
+
+
+@compiled
+def _fits(b: Any, model: Any, s: Any, drive: Any, speed: int) -> bool:
+    """Whether there is energy for a decision's driving at a speed, and home from there; at the least there is."""
+    more_m = (model.speeds_mps[speed] - model.speeds_mps[0]) * s.decision_s
+    return bool(more_m * (drive[speed] + drive[LEVELS]) <= max(b.spare, 0.0))
 
 
 @compiled
@@ -231,6 +264,8 @@ def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample
         # What is taken now must be sent from here.
         speed, rate = _best_way(b.gain, model, drive, interest, energy_price, max(sample_price, standing / radio_hz))
         pays = pays or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
+    while not _fits(b, model, s, drive, speed):
+        speed -= 1
     command[0], command[1], command[2] = model.speeds_mps[speed], model.rates_hz[rate], 1.0 if pays else 0.0
     if pays:
         command[1] = 0.0

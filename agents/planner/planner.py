@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, Policy, feature
-from homeward.agents.belief import Belief
+from homeward.agents.belief import Belief, vehicle_of
 from homeward.agents.planner import kernel
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import BeliefDmaxRule
@@ -67,10 +67,11 @@ class Planner(Policy):
         pace = Pace(float(self._survey), 0.0, 1.0)
         self.rule: BelievingRule
         self._belief: Belief | None = None
+        self._vehicle = vehicle_of(known)
         if s["mission"] == PATROL:
             self.rule = (LapRule if sees_posts(known) else AdaptiveDmaxRule)(known, pace, deviations)
         else:
-            self.rule = rule = BeliefDmaxRule(known, pace, deviations)
+            self.rule = rule = BeliefDmaxRule(known, pace, deviations, float(s["min_speed_mps"]))
             self._belief = rule.belief
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
@@ -88,7 +89,6 @@ class Planner(Policy):
             for speed_mps in model["speeds_mps"]
         ]
         model["spread"] = [_spread(last - first) for first, last in AHEAD]
-        self._sines = sines
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
@@ -99,46 +99,43 @@ class Planner(Policy):
 
         `rule.turns` must have been called with the same observations before: it updates the beliefs.
         """
-        turns = homebound & (feature(observations, "outbound") > 0.0)
-        speed_mps = self._thriftiest(0.1 * feature(observations, "grade") * np.where(turns, -1.0, 1.0))
-        sensing_hz, stops = np.zeros(len(observations)), np.zeros(len(observations), np.bool_)
-        if self._survey and self._belief:
+        s, beliefs = self._known.shared[0], self._beliefs(observations)
+        outwards = feature(observations, "outbound") if s["mission"] == PATROL else 1.0
+        speed_mps, sensing_hz, stops = np.zeros((3, len(observations)))
+        numbers = self._vehicle, self._model, self._known.shared
+        kernel.thriftiest(beliefs, *numbers, np.where(homebound, -1.0, outwards), speed_mps)
+        if self._survey:
             out = ~homebound
-            beliefs = self._beliefs(observations, self._belief)[out]
-            commands = np.empty((len(beliefs), 3))
-            kernel.plan(beliefs, self._belief.estimator.vehicle, self._model, self._known.shared, commands)
-            speed_mps[out], sensing_hz[out], stops[out] = commands[:, 0], commands[:, 1], commands[:, 2] > 0.0
-        s, back = self._known.shared[0], np.zeros(len(observations), np.bool_)
+            commands = np.empty((out.sum(), 3))
+            kernel.plan(beliefs[out], *numbers, commands)
+            speed_mps[out], sensing_hz[out], stops[out] = commands.T
+        mode = np.where(homebound, RETURN, np.where(stops > 0.0, STOP, GO))
+        actions = encode_actions(self._known, speed_mps, sensing_hz, mode)
         if self._belief:
-            back = self._belief.looks_back(observations) & ~homebound
-            speed_mps, sensing_hz = np.where(back, s["cruise_mps"], speed_mps), np.where(back, 0.0, sensing_hz)
-        mode = np.where(homebound | back, RETURN, np.where(stops, STOP, GO))
-        return encode_actions(self._known, speed_mps, sensing_hz, mode)
+            actions[self._belief.looks_back(observations) & ~homebound] = self._belief.back_action
+        return actions
 
-    def _thriftiest(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Speed with the longest range at each grade."""
-        model = self._model[0]
-        nearest = np.abs(self._sines - sine[:, None]).argmin(axis=1)
-        return np.asarray(model["speeds_mps"][model["per_m"][:, nearest].argmin(axis=0)])
-
-    def _beliefs(self, observations: Observations, belief: Belief) -> NDArray[np.void]:
-        s = self._known.shared[0]
-        outlook = self.rule.look(observations, np.zeros(len(observations), np.bool_))
+    def _beliefs(self, observations: Observations) -> NDArray[np.void]:
+        s, outlook = self._known.shared[0], self.rule.outlook
         beliefs = np.zeros(len(observations), kernel.BELIEF_DTYPE)
-        believed = belief.estimate().mean
-        for name, state in (("gain", GAIN), ("rolling", ROLLING), ("weight", WEIGHT)):
-            beliefs[name] = believed[:, state] * believed[:, PER_CAPACITY]
-        beliefs["wind_east_mps"] = believed[:, EAST] + believed[:, GUST_EAST]
-        beliefs["wind_north_mps"] = believed[:, NORTH] + believed[:, GUST_NORTH]
+        if self._belief:
+            believed = self._belief.estimate().mean
+            for name, state in (("gain", GAIN), ("rolling", ROLLING), ("weight", WEIGHT)):
+                beliefs[name] = believed[:, state] * believed[:, PER_CAPACITY]
+            beliefs["wind_east_mps"] = believed[:, EAST] + believed[:, GUST_EAST]
+            beliefs["wind_north_mps"] = believed[:, NORTH] + believed[:, GUST_NORTH]
+        else:
+            beliefs["gain"] = beliefs["rolling"] = beliefs["weight"] = 1.0
         reserve = self.rule.deviations * outlook.deviation
         beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
-        beliefs["spare"] = self.rule.spare_by(outlook)
+        beliefs["spare"] = self.rule.spare_by(outlook) if self._belief else np.inf  # of a lap, nothing is left out
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
+        outwards = feature(observations, "outbound")
         for name in ("east", "north"):
-            beliefs[name] = feature(observations, name)
-        beliefs["sine_here"] = 0.1 * feature(observations, "grade") * feature(observations, "outbound")
+            beliefs[name] = outwards * feature(observations, name)
+        beliefs["sine_here"] = 0.1 * outwards * feature(observations, "grade")
         beliefs["interest_here"] = 2.0 * feature(observations, "interest")
         for stretch, (first, _) in enumerate(AHEAD):
             beliefs["sine_ahead"][:, stretch] = 0.1 * feature(observations, f"grade_{first}")

@@ -27,6 +27,7 @@ class BeliefDmaxRule(BelievingRule):
         known: Constants of the environment.
         pace: Speed and sensing rate.
         deviations: Standard deviations k kept back, 0 or above.
+        step_mps: Speed of the next decision that there must be energy for, but on patrols; cruise if left out.
 
     Attributes:
         belief: What it believes.
@@ -34,8 +35,12 @@ class BeliefDmaxRule(BelievingRule):
 
     chances = 1.0  # it knows what the next one takes
 
-    def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
+    def __init__(self, known: Known, pace: Pace, deviations: float, step_mps: float | None = None) -> None:
         super().__init__(known, pace, deviations)
+        s = known.shared[0]
+        self._onwards_mps = float(s["cruise_mps"])
+        if step_mps is not None and not self._patrol:
+            self._onwards_mps, self._outward_m = step_mps, step_mps * float(s["decision_s"])
         self.belief = Belief(known, MISSED)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
@@ -44,7 +49,8 @@ class BeliefDmaxRule(BelievingRule):
         s = self._known.shared[0]
         home = self.belief.plans(observations)
         onwards = home.copy()
-        onwards["onwards_m"], onwards["onwards_s"] = self._outward_m, self._outward_m / s["cruise_mps"]
+        onwards["onwards_m"], onwards["onwards_s"] = self._outward_m, self._outward_m / self._onwards_mps
+        onwards["speed_mps"] = self._onwards_mps
         onwards["onwards_j"] = self._extra_share * s["usable_j"]
         onwards["onwards_j"] += self.belief.estimator.vehicle.idle_w * onwards["onwards_s"]
         now, then = (self.belief.margin(plan, 0.0).total for plan in (home, onwards))

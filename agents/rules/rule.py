@@ -135,6 +135,9 @@ class BelievingRule(TurnBackRule):
         known: Constants of the environment.
         pace: Speed and sensing rate.
         deviations: Standard deviations k kept back, 0 or above.
+
+    Attributes:
+        outlook: What it believed when it last decided.
     """
 
     sharp = 0.01
@@ -143,10 +146,12 @@ class BelievingRule(TurnBackRule):
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
         super().__init__(known, pace)
         self.deviations = deviations
+        self.outlook: Outlook
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Energy beyond the corrected way home and the reserve, see `TurnBackRule.spare`."""
-        return self.spare_by(self.look(observations, begun))
+        self.outlook = self.look(observations, begun)
+        return self.spare_by(self.outlook)
 
     def spare_by(self, outlook: Outlook) -> NDArray[np.float64]:
         """The same, by what it believes."""

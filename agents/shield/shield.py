@@ -14,10 +14,8 @@ from homeward.envs.options import Known
 from homeward.envs.state import RETURN
 from homeward.physics import ancillary_power
 
-RISKS = {0.999: 1e-9}
+RISKS = {0.999: 3e-7}
 """Risk of each decision that is taken, for each confidence that can be asked for; see docs/evaluation.md."""
-_SHARE = 0.01
-"""Share of a plan's cost kept back beside it: chosen with it, on the same missions."""
 _MISSED = 0.2
 """Probability that a forecast of the wind says nothing, as on the routes `hidden_wind`: a shield reckons with them."""
 _SPARE_DECISIONS = 3.0
@@ -68,7 +66,7 @@ class Shield(Policy):
         # What the shield would do needs no leave.
         unsafe &= ~(wanted.returns & (wanted.driven_mps == self._home_mps) & (wanted.sensing_hz == 0.0))
         self._overruled |= unsafe & ~returning
-        actions[self._belief.looks_back(observations) & ~returning & ~wanted.returns] = self._safe_action
+        actions[self._belief.looks_back(observations) & ~returning & ~wanted.returns] = self._belief.back_action
         actions[unsafe | self._overruled | self._late(observations, wanted)] = self._safe_action
         return actions
 
@@ -94,8 +92,7 @@ class Shield(Policy):
         plans["onwards_j"] = ancillary_power(self._known.robot, wanted.sensing_hz) * plans["onwards_s"]
         plans["onwards_j"] += self._belief.estimator.vehicle.idle_w * waits_s
         plans["onwards_s"] += waits_s
-        total = self._belief.margin(plans, self._risk).total
-        return np.asarray(total["margin_low_j"] - _SHARE * total["cost_j"])
+        return np.asarray(self._belief.margin(plans, self._risk).total["margin_low_j"])
 
     def _asked_s(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
         """How long after a decision the return has to be asked for until it is final, shape (n,)."""

@@ -8,6 +8,7 @@ together are what was read, an update of the wind goes along a curve, not a tang
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,7 @@ _ADAPT = 0.15
 _UNEVEN = 0.3
 """Error of the rolling of one place on the way home, over the standard deviation of a change of the ground."""
 _ROLLS = 0.01  # energy over that of rolling on the flat below which it rolled by itself
+_LEAST_CHANCE = 1e-3  # of that: a slope may have been misread
 _DOUBT = 9.0  # squared standard deviations from which a state of charge counts less, and errors say no more of gusts
 _LEAST_ERROR = 1e-5  # of a state of charge: single precision and what sums leave
 _STUCK_STEPS, _STUCK_NOISE, _STUCK = 3.0, 5.0, 0.005
@@ -278,16 +280,22 @@ def _learn(
         spread(p, jump, change * prior.patch_sd**2)
         return
     variance += (prior.power_noise * read) ** 2
-    if left > 0.0 and read - predicted + drive < _ROLLS * rolls:
-        # It rolls by itself, as it was known that it may: from that nothing is learned again at every reading.
-        x[USED] += read - predicted
-        for a in range(STATES):
-            if a != USED:
-                p[USED, a], p[a, USED] = 0.0, 0.0
-        return
+    coasts = read - predicted + drive < _ROLLS * rolls
+    if coasts:
+        # All hypotheses are asked the same, whether it may: a density of one would outweigh the probability of another.
+        may = 0.5 * math.erfc((drive - _ROLLS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
+        h.log_weight += _TEMPER * np.log(max(may, _LEAST_CHANCE))
+        if left > 0.0:
+            # As it was known that it may, nothing is learned again at every reading.
+            x[USED] += read - predicted
+            for a in range(STATES):
+                if a != USED:
+                    p[USED, a], p[a, USED] = 0.0, 0.0
+            return
     east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
     log_likelihood, misfit = take_in(x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read)
-    h.log_weight += _TEMPER * log_likelihood
+    if not coasts:
+        h.log_weight += _TEMPER * log_likelihood
     # Larger errors than expected are gusts that change faster.
     gust_s = h.gust_s * np.exp(-_ADAPT * (min(misfit, _DOUBT) - 1.0))
     h.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)

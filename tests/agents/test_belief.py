@@ -44,8 +44,9 @@ class Drive:
         """Go on for some decisions; each observation is shown so often."""
         for _ in range(decisions):
             s = self.known.shared[0]
-            back = self.belief.looks_back(self.observations) & self._looks_back
-            actions = encode_actions(self.known, s["cruise_mps"], sensing_hz, np.where(back, RETURN, mode))
+            actions = encode_actions(self.known, s["cruise_mps"], sensing_hz, np.full(self.count, mode))
+            if self._looks_back:
+                actions[self.belief.looks_back(self.observations)] = self.belief.back_action
             self.observations, *_ = self.env.step(actions)
             for _ in range(looks):
                 self.belief.learn(self.observations, np.zeros(self.count, np.bool_))
@@ -280,7 +281,9 @@ def test_to_stand_still_is_learned_from_and_breaks_nothing() -> None:
     total = drive.now()
     assert all(np.isfinite(total[name]).all() for name in MARGIN_DTYPE.names or ())
     error = drive.way_home_j() / drive.env.batch.records["capacity_j"] - total["cost_share"]
-    assert (np.abs(error) < 4.0 * total["cost_share_sd"]).all()
+    size = np.abs(error) / total["cost_share_sd"]
+    assert np.quantile(size, 0.9) < 2.5
+    assert (size < 7.0).all()
 
 
 @pytest.mark.parametrize("mission", ["OutAndBack", "Survey", "Patrol"])

@@ -69,6 +69,8 @@ def test_an_id_imports_the_package_by_itself(root: Path) -> None:
         "import sys, gymnasium\n"
         "assert 'homeward' not in sys.modules\n"
         "env = gymnasium.make('homeward:homeward/Survey-v0', difficulty='harsh')\n"
+        "import homeward; gymnasium.register_envs(homeward)\n"
+        "gymnasium.make('homeward/OutAndBack-v0').reset(seed=0)\n"
         "observation, info = env.reset(seed=0)\n"
         "print(observation.shape, env.step(env.action_space.sample())[1] != 0.0)\n"
         "envs = gymnasium.make_vec('homeward:homeward/Patrol-v0', 3, vectorization_mode='vector_entry_point')\n"
