@@ -454,7 +454,7 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
     args = tiny(tmp_path, env="homeward/OutAndBack-v0", steps=1, ppo=dataclasses.replace(TINY, start="dmax"))
     options = Options("OutAndBack", decision_s=120.0)
     first = load_policy(main(args) / FIRST, known_of(options))
-    rule = AGENTS["dmax_mapped"](Request(known_of(options)))
+    rule = AGENTS["dmax_belief"](Request(known_of(options)))
     ours, theirs = (measure(policy, options, 0, 0.0) for policy in (first, rule))
     assert ours.score == pytest.approx(theirs.score, rel=0.05)
     assert len(load_policy(tmp_path / LAST).layers[0][0].T) == len(NAMES) + len(COLUMNS)

@@ -1,12 +1,11 @@
 """What a policy that starts from d_max sees beside the observation, and the first policies.
 
-The columns are worked out outside the network, by the rule's formula and by what the robot has estimated of itself and
-the wind (`homeward.agents.belief`); none of them says what another agent would do.
+The columns are worked out outside the network, by what the robot has estimated of itself and the wind
+(`homeward.agents.belief`); none of them says what another agent would do.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,7 +16,7 @@ from homeward.agents.base import Observations, feature
 from homeward.agents.belief import Belief
 from homeward.agents.rules.dmax_belief import MISSED
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
-from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.pace import NO_SENSING
 from homeward.agents.rules.rule import sees_posts
 from homeward.agents.rules.tuned import PACES, RESERVES
 from homeward.envs.actions import LEVELS, MODES, encode_actions
@@ -28,7 +27,7 @@ from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, 
 from homeward.physics import ancillary_power
 
 COLUMNS: tuple[tuple[str, str], ...] = (
-    ("rule_spare", "ten times the energy that the d_max rule has to spare, its reserve taken off, cut at -1 and 1"),
+    ("spare", "thirty times the margin less the reserve of `dmax_belief`, cut at -1 and 1; less where time is short"),
     ("margin", "believed energy left, less what going on to the next chance to turn and then home takes"),
     *((f"margin_{gain:g}", f"the same times {gain:g}, cut at -1 and 1") for gain in GAINS),
     ("deviation", "twenty times the standard deviation of the margin"),
@@ -43,7 +42,6 @@ COLUMNS: tuple[tuple[str, str], ...] = (
 """Name and meaning of each column; energies are shares of the usable energy. From a final return on there is nothing to
 decide about it, and all are 0, which saves half of the time."""
 _SPARE = len(NAMES)
-_BELIEVED = len(NAMES) + 1  # index of the first of the belief
 
 # Logits of the first policies: other choices are to be tried now and then, but so that the trials do not cost much.
 _CRUISE, _NO_SENSING, _STOP, _GO, _RETURN = 4.0, 3.0, -3.0, 2.0, -2.2
@@ -61,13 +59,13 @@ class BeliefInputs:
 
     Args:
         known: Constants of the environment.
-        pace: Of the d_max rule: from what interest it senses, and from what share of the memory it stops.
-        reserve: Of the d_max rule, a share of the usable energy.
+        deviations: Standard deviations of the margin that the rule keeps back.
     """
 
-    def __init__(self, known: Known, pace: Pace, reserve: float) -> None:
-        self._known, self._pace, self._reserve = known, pace, reserve
-        self._rule, self._belief = MappedDmaxRule(known, pace, reserve), Belief(known, MISSED)
+    def __init__(self, known: Known, deviations: float) -> None:
+        self._known, self._deviations = known, deviations
+        # By the file, with nothing sensed.
+        self._rule, self._belief = MappedDmaxRule(known, NO_SENSING, 0.0), Belief(known, MISSED)
         s = known.shared[0]
         idle_w = float(ancillary_power(known.robot, 0.0))
         self._patrol, self._sees_posts = bool(s["mission"] == PATROL), sees_posts(known)
@@ -80,8 +78,7 @@ class BeliefInputs:
     @property
     def description(self) -> dict[str, Any]:
         """JSON that `inputs_from` makes equal inputs from."""
-        columns = [name for name, _ in COLUMNS]
-        return {"columns": columns, "reserve": self._reserve, "pace": dataclasses.asdict(self._pace)}
+        return {"columns": [name for name, _ in COLUMNS], "deviations": self._deviations}
 
     def __call__(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Inputs, float32, shape (n, features + columns); arguments as in `homeward.agents.base.Policy.act`.
@@ -91,19 +88,18 @@ class BeliefInputs:
         going = feature(observations, "returning") < 1.0
         inputs = np.zeros((len(observations), len(NAMES) + len(COLUMNS)), np.float32)
         inputs[:, : len(NAMES)] = observations
-        inputs[:, _SPARE] = np.where(going, np.clip(10.0 * self._spare_by_rule(observations, begun), -1.0, 1.0), 0.0)
         self._belief.learn(observations, begun, going)
-        inputs[going, _BELIEVED:] = self._believed(observations, going)[going]
+        inputs[going, _SPARE:] = self._believed(observations, going)[going]
         return inputs
 
-    def _spare_by_rule(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy that the rule has to spare; less where the time is short, and nothing at the end of the route."""
+    def _spare(self, observations: Observations, spare: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Energy to spare; less where the time is short, nothing at the end of the route, and plenty between posts."""
         s = self._known.shared[0]
         distance_m = feature(observations, "distance") * s["reach_m"]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         # A quarter more, for the nearest speed level may lie below cruise.
         decisions_left = (left_s - 1.25 * (distance_m / s["cruise_mps"] + self._round_s)) / s["decision_s"]
-        spare = np.minimum(self._rule.spare(observations, begun), 0.01 * decisions_left)
+        spare = np.minimum(spare, 0.01 * decisions_left)
         if self._sees_posts:
             return np.where(distance_m <= 0.0, spare, 1.0)
         ends = np.asarray(distance_m >= (1.0 - 1e-6) * s["length_m"]) & (not self._patrol)
@@ -123,6 +119,7 @@ class BeliefInputs:
         headwind_mps = (mean[:, EAST] + mean[:, GUST_EAST]) * feature(observations, "east")
         headwind_mps += (mean[:, NORTH] + mean[:, GUST_NORTH]) * feature(observations, "north")
         columns = (
+            np.clip(30.0 * self._spare(observations, margin - self._deviations * deviation), -1.0, 1.0),
             margin,
             *(np.clip(gain * margin, -1.0, 1.0) for gain in GAINS),
             20.0 * deviation,
@@ -136,8 +133,8 @@ class BeliefInputs:
 
 
 def make_inputs(known: Known) -> BeliefInputs:
-    """Inputs with the tuned numbers of the rule `dmax_mapped` (`homeward.agents.rules.tuned`)."""
-    return BeliefInputs(known, PACES[known.mission], RESERVES["dmax_mapped"][known.mission])
+    """Inputs with the reserve of the rule `dmax_belief` (`homeward.agents.rules.tuned`)."""
+    return BeliefInputs(known, RESERVES["dmax_belief"][known.mission])
 
 
 def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
@@ -148,16 +145,15 @@ def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
     """
     if description["columns"] != [name for name, _ in COLUMNS]:
         raise ValueError("other columns than this version has")
-    pace = Pace(**{name: float(value) for name, value in description["pace"].items()})
-    return BeliefInputs(known, pace, float(description["reserve"]))
+    return BeliefInputs(known, float(description["deviations"]))
 
 
 def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Weight (outputs, inputs) and bias (outputs,) of the policy that training starts from.
 
-    With `inputs` it turns back as the d_max rule does, where `rule_spare` is negative; on a survey it senses at half of
-    the rate all the way out. Without, it knows nothing of energy: it cruises, mostly without sensing, now
-    and then tries a return or a stop, and goes on with a return that it has begun.
+    With `inputs` it turns back as the d_max rule does, by what is believed: where `spare` is negative; on a survey it
+    senses at half of the rate all the way out. Without, it knows nothing of energy: it cruises, mostly without sensing,
+    now and then tries a return or a stop, and goes on with a return that it has begun.
 
     Args:
         known: Constants of the environment.

@@ -32,7 +32,7 @@ def driven(policy: Policy, options: Options) -> tuple[float, float]:
 def test_out_and_back_the_first_policy_is_the_rule(action_type: str) -> None:
     options = Options("OutAndBack", action_type=action_type, decision_s=90.0)
     ours, _ = driven(first(options, by_rule=True), options)
-    theirs, _ = driven(AGENTS["dmax_mapped"](Request(known_of(options))), options)
+    theirs, _ = driven(AGENTS["dmax_belief"](Request(known_of(options))), options)
     assert ours == pytest.approx(theirs, rel=0.05)
 
 
@@ -41,7 +41,7 @@ def test_out_and_back_the_first_policy_is_the_rule(action_type: str) -> None:
 def test_the_first_policy_comes_home_by_the_rule(mission: str, action_type: str) -> None:
     options = Options(mission, action_type=action_type, decision_s=90.0)
     score, stranded = driven(first(options, by_rule=True), options)
-    theirs, strandings = driven(AGENTS["dmax_mapped"](Request(known_of(options))), options)
+    theirs, strandings = driven(AGENTS["dmax_belief"](Request(known_of(options))), options)
     assert score > 0.6 * theirs
     assert stranded < strandings + 0.05
 
@@ -70,7 +70,7 @@ def test_nothing_is_believed_once_the_return_is_final() -> None:
     np.testing.assert_array_equal(seen[:, : len(NAMES)], observations)
     assert (seen[:2, len(NAMES) :] == 0.0).all()
     assert (seen[2:, AT["deviation"]] > 0.0).all()
-    assert (np.abs(seen[:, AT["rule_spare"]]) <= 1.0).all()
+    assert (np.abs(seen[:, AT["spare"]]) <= 1.0).all()
 
 
 def test_a_description_makes_equal_inputs() -> None:
