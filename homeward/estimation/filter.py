@@ -77,6 +77,7 @@ _ADAPT = 0.15
 _UNEVEN = 0.3
 """Error of the rolling of one place on the way home, over the standard deviation of a change of the ground."""
 _ROLLS = 0.01  # energy over that of rolling on the flat below which it rolled by itself
+_UNKNOWN = -1
 _LEAST_CHANCE = 1e-3  # of that: a slope may have been misread
 _DOUBT = 9.0  # squared standard deviations from which a state of charge counts less, and errors say no more of gusts
 _LEAST_ERROR = 1e-5  # of a state of charge: single precision and what sums leave
@@ -110,9 +111,11 @@ def update(
             continue
         _see(v, robot, reading, places[i])
         used_before = mean_of(hypotheses[i], USED)
-        for k in range(hypotheses.shape[1]):
+        coasts, first = _UNKNOWN, np.argmax(hypotheses[i]["log_weight"])
+        for place in range(hypotheses.shape[1]):
+            k = (first + place) % hypotheses.shape[1]
             if hypotheses[i, k].log_weight > -np.inf:
-                _drive(
+                coasts = _drive(
                     v,
                     prior,
                     robot,
@@ -125,6 +128,7 @@ def update(
                     moved,
                     jump,
                     bend,
+                    coasts,
                 )
         _weigh(hypotheses[i])
         used = mean_of(hypotheses[i], USED)
@@ -174,10 +178,11 @@ def _speed(robot: Any, reading: Any, dt_s: float) -> float:
 @compiled
 def _drive(
     v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any,
-    slope: Any, shared: Any, jump: Any, bend: Any,
-) -> None:  # fmt: skip
+    slope: Any, shared: Any, jump: Any, bend: Any, coasts: int,
+) -> int:  # fmt: skip
     """Move a hypothesis on to a reading, and take in the power that was read.
 
+    Returns `coasts`: whether the robot rolled by itself, as the likeliest hypothesis, which comes first, has found.
     `slope` is how the energy depends on the states before, `shared` the covariance of the reading with the states.
     """
     x, p = h.mean, h.covariance
@@ -244,7 +249,7 @@ def _drive(
         h.bend_here[0, a] += bend[a] if outwards else 0.0
         h.bend_here[1, a] = fades * h.bend_here[1, a] + (bend[a] if outwards else 0.0)
     h.rolls_here += rolls if outwards else 0.0
-    _learn(
+    coasts = _learn(
         prior,
         reading.power_w * dt_s / v.full_j,
         took + x[OFFSET] * dt_s,
@@ -256,8 +261,10 @@ def _drive(
         shared,
         jump,
         change,
+        coasts,
     )
     _map(v, robot, reading, h, places, rollings, rolls)
+    return coasts
 
 
 @inline
@@ -273,14 +280,16 @@ def _learn(
     shared: Any,
     jump: Any,
     change: float,
-) -> None:
-    """Take in an energy that was read, over the file's usable energy."""
+    coasts: int,
+) -> int:
+    """Take in an energy that was read, over the file's usable energy; returns `coasts`."""
     x, p = h.mean, h.covariance
     if not np.isfinite(read):
         spread(p, jump, change * prior.patch_sd**2)
-        return
+        return coasts
     variance += (prior.power_noise * read) ** 2
-    coasts = read - predicted + drive < _ROLLS * rolls
+    if coasts == _UNKNOWN:
+        coasts = int(read - predicted + drive < _ROLLS * rolls and rolls > 0.0)
     if coasts:
         # All hypotheses are asked the same, whether it may: a density of one would outweigh the probability of another.
         may = 0.5 * math.erfc((drive - _ROLLS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
@@ -291,7 +300,7 @@ def _learn(
             for a in range(STATES):
                 if a != USED:
                     p[USED, a], p[a, USED] = 0.0, 0.0
-            return
+            return coasts
     east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
     log_likelihood, misfit = take_in(x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read)
     if not coasts:
@@ -308,6 +317,7 @@ def _learn(
         h.bend_here[0, a] *= 1.0 - change
         h.bend_here[1, a] *= 1.0 - change
     h.rolls_here *= 1.0 - change
+    return coasts
 
 
 @inline
