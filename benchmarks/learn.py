@@ -44,8 +44,8 @@ from homeward.files import write_whole
 
 RULES = ("dmax", "dmax_mapped", "dmax_adaptive")
 OTHERS = ("dmax_belief", "planner")
-STEPS = {"OutAndBack": (2_000_000, 2_000_000), "Survey": (3_000_000, 5_000_000), "Patrol": (1_000_000, 1_000_000)}
-"""Decisions to train on from scratch and from dmax, where no other number is given."""
+STEPS = {"OutAndBack": 2_000_000, "Survey": 3_000_000, "Patrol": 1_000_000}
+"""Decisions to train on, where no other number is given."""
 _RESAMPLES = 2000
 _WIDTH = 170  # columns of the table
 _CHECKPOINT_S = 60.0
@@ -66,7 +66,7 @@ class Args:
     seeds: int = 5
     """Training seeds: 0, 1, ..."""
     steps: int | None = None
-    """Decisions to train on; by default 2 million for OutAndBack, 3 or, from dmax, 5 for Survey, and 1 for Patrol."""
+    """Decisions to train on; by default 2 million for OutAndBack, 3 for Survey and 1 for Patrol."""
     episodes: int = 2000
     """Unseen episodes to compare on."""
 
@@ -173,7 +173,7 @@ def trained(args: Args, mission: str, start: str, seed: int) -> Path:
     """Train one policy, or find it trained, and return its folder."""
     name = f"{mission}-{args.difficulty}-{start}-{seed}"
     Console(stderr=True).print(f"{name}: training", markup=False, highlight=False)
-    steps = args.steps or STEPS[mission][STARTS.index(start)]
+    steps = args.steps or STEPS[mission]
     return train.main(
         train.Args(
             env=IDS[mission], out=args.out / name, difficulty=args.difficulty, seed=seed, steps=steps, resume=True,
