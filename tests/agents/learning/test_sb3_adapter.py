@@ -147,8 +147,8 @@ def test_the_inputs_of_a_mission_begin_anew_with_it(mission: str) -> None:
     twin = make_inputs(env.env.batch.known)
     np.testing.assert_array_equal(twin(inputs[:, : len(NAMES)], np.ones(COUNT, np.bool_)), inputs)
     for _ in range(60):
-        inputs, rewards, over, infos = env.step(draw_actions(rng, "discrete"))
-        np.testing.assert_array_equal(twin(np.asarray(inputs)[:, : len(NAMES)], over), inputs)
+        seen, rewards, over, infos = env.step(draw_actions(rng, "discrete"))
+        np.testing.assert_array_equal(twin(np.asarray(seen)[:, : len(NAMES)], over), np.asarray(seen))
         assert np.isfinite(rewards).all() and not any(info.get("TimeLimit.truncated") for info in infos)
         ended += int(over.sum())
     assert ended
