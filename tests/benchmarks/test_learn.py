@@ -6,12 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import learn
 from benchmarks.learn import Args, Driven, Result, Sampled, interval, main, summary
 from homeward.agents.learning.curve import Point
 from homeward.agents.learning.settings import TrainingError
+from homeward.agents.registry import AGENTS, Request
 from homeward.agents.trained.policy_file import NetworkPolicy
 from homeward.envs.actions import action_space
 from homeward.envs.features import NAMES
+from homeward.envs.options import Options, known_of
 
 CURVE = [Point(0, 0.0, 90.0, 0.1, 0.0), Point(10, 1.0, 101.0, 0.0, 0.0), Point(20, 2.0, 110.0, 0.0, 0.0)]
 
@@ -28,6 +31,15 @@ def test_a_run_trains_compares_and_is_kept(tmp_path: Path) -> None:
     (row,) = json.loads((tmp_path / "learn.json").read_text())
     assert (row["mission"], row["start"], row["seeds"], row["episodes"]) == ("Patrol", "scratch", 1, 8)
     assert (tmp_path / "learn.png").stat().st_size > 1000
+
+
+def test_what_is_kept_of_one_mission_is_not_taken_for_another(tmp_path: Path) -> None:
+    scores = []
+    for mission in ("OutAndBack", "Patrol"):
+        options = Options(mission)
+        policy = AGENTS["dmax"](Request(known_of(options)))
+        scores.append(learn.driven(Args(out=tmp_path), options, policy, b"dmax", [1, 2, 3]).score.mean())
+    assert scores[0] > 10.0 * scores[1]
 
 
 def driven(score: object, stranded: object) -> Driven:
