@@ -1,8 +1,9 @@
 """Compare agents on the same episodes.
 
 `python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive+shield ppo=FOLDER --out DIR` writes
-DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and four pictures: scores.png,
-profiles.png, and one episode over time (episode.png) and over the route (route.png).
+DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and pictures: scores.png,
+profiles.png, one episode over time (episode.png) and over the route (route.png), and learning.png where an agent comes
+with its learning curve.
 """
 
 from __future__ import annotations
@@ -25,15 +26,19 @@ from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.episode_plots import episode_png, route_png
+from homeward.agents.evaluation.learning_plot import learning_png
 from homeward.agents.evaluation.margins import LEVELS as EQUAL
 from homeward.agents.evaluation.margins import Curve, curve_of, margins_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
-from homeward.agents.learning.policy_file import DESCRIPTION, NetworkPolicy
-from homeward.agents.learning.provenance import differences
+from homeward.agents.learning.curve import Point, read_curve
+from homeward.agents.learning.folder import RUN
+from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
+from homeward.agents.trained.policy_file import DESCRIPTION, NetworkPolicy
+from homeward.agents.trained.provenance import differences
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError
@@ -51,8 +56,8 @@ class Args:
     """What to compare, and where to write it."""
 
     agents: tuple[str, ...] = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
-    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo (as it ships, or ppo=FOLDER;
-    for several training seeds ppo=FOLDER,FOLDER or a folder of them), each also as NAME+shield."""
+    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo, ppo_scratch (the last two as
+    they ship, or ppo=FOLDER; for several training seeds ppo=FOLDER,FOLDER or a folder of them), also NAME+shield."""
     env: str = "homeward/Survey-v0"
     """Environment id."""
     episodes: int = 500
@@ -90,7 +95,7 @@ def main(args: Args) -> Evaluation:
     """Run all agents, write the files and print the table.
 
     Raises:
-        AgentError, OptionError, RobotError, RouteError: An argument cannot be used.
+        AgentError, TrainingError, OptionError, RobotError, RouteError: An argument cannot be used.
         ClusterError: The cluster cannot be used.
         TaskError: An agent failed.
         OSError: The output folder cannot be written to.
@@ -121,6 +126,9 @@ def main(args: Args) -> Evaluation:
         "route.png": route_png(evaluation),
         "evaluation.json": evaluation.to_json(summary),
     }
+    learned = _learning_curves(asked)
+    if learned:
+        files["learning.png"] = learning_png(evaluation, summary, learned)
     if args.margins:
         curves = _margins(args, asked, env, seeds)
         title = f"{args.env}, {args.difficulty}: {args.episodes} episodes, seed {args.seed}, by reserve"
@@ -212,9 +220,18 @@ def _named(given: tuple[str, ...]) -> dict[str, Asked]:
 
 def _training_seeds(folder: str) -> list[str]:
     """The folder of a policy, or those of the policies that lie in it."""
-    if Path(folder).is_dir() and not (Path(folder) / DESCRIPTION).is_file():
+    if Path(folder).is_dir() and not any((Path(folder) / name).is_file() for name in (DESCRIPTION, RUN)):
         return [str(file.parent) for file in sorted(Path(folder).glob(f"*/{DESCRIPTION}"))] or [folder]
     return [folder]
+
+
+def _learning_curves(asked: Mapping[str, Asked]) -> dict[str, list[list[Point]]]:
+    """Learning curves of the policies that were given as folders, by label."""
+    curves = {
+        label: [curve for file in one.files if file and (curve := read_curve(Path(file)))]
+        for label, one in asked.items()
+    }
+    return {label: own for label, own in curves.items() if own}
 
 
 def _check_optimum(options: Options) -> None:
@@ -300,7 +317,7 @@ def _with_interval(value: float, ends: list[float] | None, write: Callable[[floa
 
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
-    refused = (AgentError, OptionError, RobotError, RouteError, TaskError, ClusterError)
+    refused = (AgentError, TrainingError, OptionError, RobotError, RouteError, TaskError, ClusterError)
     return cli.run(main, Args, __doc__, refused)
 
 

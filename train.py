@@ -21,8 +21,8 @@ from rich.console import Console
 
 from homeward import cli
 from homeward.agents.learning.folder import RunState, extended_from, locked, open_run
-from homeward.agents.learning.provenance import made_with
 from homeward.agents.learning.settings import PPOSettings, TrainingError
+from homeward.agents.trained.provenance import made_with
 from homeward.envs import IDS
 from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.routes import RouteError
@@ -37,7 +37,7 @@ class Args:
     """Environment id."""
     out: Path = Path("runs/ppo")
     """Folder of the run."""
-    steps: int = 1_000_000
+    steps: int = 3_000_000
     """Decisions to train on, made up to whole updates."""
     seed: int = 0
     """Seed of all that is drawn."""
@@ -94,10 +94,9 @@ def main(args: Args) -> Path:
 def _train(args: Args, options: Options, known: Known, settings: Mapping[str, Any]) -> Path:
     code = made_with(options)
     try:  # before an older run may be removed
-        from homeward.agents.learning.ppo import check_device, train
+        from homeward.agents.learning.ppo import train
     except ModuleNotFoundError as error:
         raise TrainingError(f"training needs {error.name}: pip install 'homeward[train]'") from None
-    check_device(args.ppo)
     state = open_run(args.out, settings, code, resume=args.resume, replace=args.replace)
     console = Console(stderr=True)
     if state is RunState.FINISHED:

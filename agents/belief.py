@@ -113,12 +113,15 @@ class Belief:
         self._modelled, self._position_m = np.zeros((2, count))
         self._place, self._decisions = np.full(count, -1), np.zeros(count, np.int64)
 
-    def learn(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
+    def learn(
+        self, observations: Observations, begun: NDArray[np.bool_], asked: NDArray[np.bool_] | None = None
+    ) -> None:
         """Take in observations of missions; one that is shown twice counts once.
 
         Args:
             observations: Shape (n, features).
             begun: Missions that have just begun, shape (n,).
+            asked: Missions that still want to know, shape (n,): of the others nothing is learned; all if left out.
         """
         s = self._known.shared[0]
         if len(begun) != len(self._place):
@@ -152,7 +155,7 @@ class Belief:
         new = (place != self._place) & ~(on_border & (outwards < 0.0)) & (self._decisions > 0)
         readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
         self._place = np.where(new, place, self._place)
-        self.estimator.update(readings, ~begun)
+        self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
         self._modelled, self._position_m = modelled, position_m
 
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
@@ -174,7 +177,7 @@ class Belief:
         return plans
 
     def margin(self, plans: NDArray[np.void], risk: float) -> Margin:
-        """What plans leave, see `homeward.estimation.Estimator.margin`."""
+        """What plans leave, see `homeward.estimation.Estimator.margin`; without the quantile where the risk is 0."""
         return self.estimator.margin(plans, risk)
 
     def estimate(self) -> Estimate:

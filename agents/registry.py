@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from homeward.agents.base import Policy
+from homeward.agents.learning.settings import DMAX, SCRATCH
 from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax import DmaxRule
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
@@ -68,15 +70,23 @@ def _reserve(name: str, request: Request) -> float:
     return RESERVES[name][request.known.mission] if request.reserve is None else request.reserve
 
 
-def _ppo(request: Request) -> Policy:
-    from homeward.agents.learning.policy_file import PolicyFileError, load_policy
+def _trained(start: str) -> Callable[[Request], Policy]:
+    def load(request: Request) -> Policy:
+        from homeward.agents.trained.policy_file import PolicyFileError, load_policy
 
-    try:
-        policy = load_policy(request.file or SHIPPED / request.known.mission, request.known)
-        policy.check_spaces(observation_space(), action_space(bool(request.known.shared["discrete"][0])))
-    except PolicyFileError as error:
-        raise AgentError(str(error)) from None
-    return policy
+        try:
+            policy = load_policy(request.file or shipped(request.known.mission, start), request.known)
+            policy.check_spaces(observation_space(), action_space(bool(request.known.shared["discrete"][0])))
+        except PolicyFileError as error:
+            raise AgentError(str(error)) from None
+        return policy
+
+    return load
+
+
+def shipped(mission: str, start: str) -> Path:
+    """Folder of the policy that ships for a mission, by what its training started from: `dmax` or `scratch`."""
+    return SHIPPED / (mission if start == DMAX else f"{mission}_{start}")
 
 
 AGENTS: dict[str, Callable[[Request], Policy]] = {
@@ -87,7 +97,8 @@ AGENTS: dict[str, Callable[[Request], Policy]] = {
     "dmax_adaptive": _tuned("dmax_adaptive", AdaptiveDmaxRule),
     "dmax_belief": _tuned("dmax_belief", BeliefDmaxRule),
     "planner": _planner,
-    "ppo": _ppo,
+    "ppo": _trained(DMAX),
+    "ppo_scratch": _trained(SCRATCH),
 }
 """Loader of each agent."""
 
@@ -102,11 +113,22 @@ SWEPT: dict[str, tuple[float, ...]] = {
 }
 """Reserves that are tried of the agents that have one, as many of each; the same are tried in tuning."""
 
-FROM_FILES = frozenset({"ppo"})
+FROM_FILES = frozenset({"ppo", "ppo_scratch"})
 """Agents that take a file."""
 
 SHIPPED = Path(__file__).parent / "policies"
-"""Trained policies by mission, for where no file is given; each with the card that says how it was trained."""
+"""Trained policies, for where no file is given, see `shipped`; each with the card that says how it was trained."""
+
+
+def _of_factory(path: str, known: Known) -> Policy:
+    module, _, name = path.partition(":")
+    try:
+        policy = getattr(importlib.import_module(module), name)(known)
+    except (ImportError, AttributeError) as error:
+        raise AgentError(f"{path}: {error}; give package.module:factory, from a folder that Python looks in") from None
+    if not isinstance(policy, Policy):
+        raise AgentError(f"{path} answers a {type(policy).__name__}, not a homeward.agents.Policy")
+    return policy
 
 
 def make_policy(
@@ -117,7 +139,8 @@ def make_policy(
     Args:
         name: One of `AGENTS`.
         env: A `homeward` environment, scalar or vector, wrapped or not; only what its robot can know is used.
-        file: Where a trained policy lies, if not the one that ships for the mission is wanted.
+        file: Where a trained policy lies, if not the one that ships for the mission is wanted; of another name
+            `package.module:factory`, which is called with the environment's `Known` and answers a `Policy`.
         seed: Seed of agents that draw.
         reserve: What an agent of `SWEPT` keeps back, in its own measure, instead of what was tuned.
 
@@ -130,9 +153,13 @@ def make_policy(
     >>> make_policy("dmax", env).act(observations, begun=np.ones(2, np.bool_)).tolist()  # top speed, no sensing, go
     [[4, 0, 1], [4, 0, 1]]
     """
+    batch = getattr(env, "unwrapped", env).batch
+    if name not in AGENTS and file is not None and ":" in str(file):
+        return _of_factory(str(file), batch.known)
     if name not in AGENTS:
-        raise AgentError(f"unknown agent {name!r}; choose from {', '.join(AGENTS)}")
+        raise AgentError(
+            f"unknown agent {name!r}; choose from {', '.join(AGENTS)}, or give NAME=package.module:factory"
+        )
     if file is not None and name not in FROM_FILES:
         raise AgentError(f"{name} takes no file, but {str(file)!r} was given")
-    batch = getattr(env, "unwrapped", env).batch
     return AGENTS[name](Request(batch.known, None if file is None else Path(file), seed, reserve))

@@ -1,7 +1,7 @@
 """Ship the policies that `benchmarks/learn.py` trained: `python benchmarks/ship.py` after it.
 
-For each mission, the policy of the seed that did best on the episodes of the learning curve goes into agents/policies,
-with its curve and a card. Nothing is chosen by the episodes that the card reports.
+For each mission and start, the policy of the seed that did best on the episodes of the learning curve goes into
+agents/policies, with its curve and a card. Nothing is chosen by the episodes that the card reports.
 """
 
 from __future__ import annotations
@@ -17,11 +17,16 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 from homeward import cli
 from homeward.agents.learning.curve import EPISODES, Point, read_curve
 from homeward.agents.learning.folder import CURVE
-from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, PolicyFileError, load_policy
-from homeward.agents.registry import SHIPPED
+from homeward.agents.learning.settings import DMAX
+from homeward.agents.registry import SHIPPED, shipped
+from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, PolicyFileError, load_policy
 from homeward.files import write_whole
 
 CARD = "card.md"
+SEEN = {
+    "scratch": "on the observation alone; no rule decided or proposed anything",
+    "dmax": "on the observation and on what the robot believes of itself and its way home",
+}
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,7 @@ class Args:
     runs: Path = Path("runs/learn")
     """Folder that learn.py wrote."""
     out: Path = SHIPPED
-    """Folder that the agent ppo is loaded from."""
+    """Folder that the agents ppo and ppo_scratch are loaded from."""
 
 
 def main(args: Args) -> None:
@@ -46,11 +51,11 @@ def main(args: Args) -> None:
     except FileNotFoundError:
         raise PolicyFileError(f"{args.runs} holds no learn.json: run benchmarks/learn.py first") from None
     for row in rows:
-        if (row["difficulty"], row["variant"]) != ("uncertain", "recipe"):
+        if row["difficulty"] != "uncertain":
             continue
-        folders = sorted(args.runs.glob(f"{row['mission']}-uncertain-recipe-*"))
+        folders = [args.runs / f"{row['mission']}-uncertain-{row['start']}-{seed}" for seed in range(row["seeds"])]
         best = max(folders, key=lambda folder: max(point.score for point in read_curve(folder)[1:]))
-        out = args.out / row["mission"]
+        out = args.out / shipped(row["mission"], row["start"]).name
         out.mkdir(parents=True, exist_ok=True)
         for name in (WEIGHTS, DESCRIPTION, CURVE):
             shutil.copyfile(best / name, out / name)
@@ -63,32 +68,45 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
 
     Args:
         description: Its `policy.json`.
-        row: Figures of its recipe on unseen episodes, from `learn.json`.
+        row: Figures of its mission and start on unseen episodes, from `learn.json`.
         curve: Its learning curve.
     """
     training = description["training"]
-    seed, guide = training["seed"], description["guide"]["rule"]
-    low, high = row["gain_ci95"]
-    least, most = row["stranded_ci95"]
+    seed, agent = training["seed"], "ppo" if row["start"] == DMAX else f"ppo_{row['start']}"
     versions = ", ".join(f"{name} {version}" for name, version in description["versions"].items())
     points = "\n".join(f"| {p.steps:,} | {p.trained_s:.0f} | {p.score:.4g} | {p.stranded_rate:.1%} |" for p in curve)
-    return f"""# ppo, {row["mission"]}
+    names = {
+        "first_greedy": "first policy, greedy", "first_sampled": "first policy, sampled",
+        "score": f"`{agent}`, greedy, all seeds", "sampled": f"`{agent}`, sampled, all seeds",
+        "dmax": "`dmax`", "dmax_mapped": "`dmax_mapped`", "dmax_adaptive": "`dmax_adaptive`",
+        "dmax_belief": "`dmax_belief`", "planner": "`planner`",
+    }  # fmt: skip
+    rates = {name: row[f"{name}_stranded_rate"] for name in names if name != "score"} | {"score": row["stranded_rate"]}
+    compared = "\n".join(f"| {told} | {row[name]:.4g} | {rates[name]:.2%} |" for name, told in names.items())
+    against = {"first": "first policy", "rule": f"best d_max rule, `{row['rule']}`", "planner": "planner"}
+    gains = {f"minus the {told}": (row[f"minus_{name}"], *row[f"minus_{name}_ci95"]) for name, told in against.items()}
+    gained = "; ".join(f"{told} {mean:+.3g} ({low:+.3g} to {high:+.3g})" for told, (mean, low, high) in gains.items())
+    seeds = f"the best of {row['seeds']} seeds" if row["seeds"] > 1 else "one seed"
+    return f"""# {agent}, {row["mission"]}
 
 A policy for `{description["env"]}`, `{training["difficulty"]}`, robot `{training["robot"]}`, a decision every
-{description["decision_s"]:g} s. `evaluate.py --env {description["env"]} --agents ppo` uses it.
+{description["decision_s"]:g} s. `evaluate.py --env {description["env"]} --agents {agent}` uses it.
 
-* **What it is**: two hidden layers of {training["hidden"]} on the observation, on what `{guide}` believes of the way
-  home, and on what it proposes; the proposal also goes straight to the last layer. `{guide}` runs along.
+* **What it is**: two hidden layers of {training["hidden"]}, {SEEN[row["start"]]}.
 * **Trained by**: `{description["command"]}`, seed {seed}, {description["steps"]:,} decisions,
-  {curve[-1].trained_s:.0f} s; kept as it was after {description["best_after_steps"]:,} decisions, and the best of
-  {row["seeds"]} seeds, both by the {EPISODES} missions of the learning curve.
+  {curve[-1].trained_s:.0f} s; kept as it was after {description["after_steps"]:,} decisions, and {seeds}, by the
+  {EPISODES} missions of the learning curve.
 * **Versions**: {versions}. Weights `{description["weights_sha256"][:16]}`.
-* **On {row["episodes"]:,} unseen missions**: this policy scores {row["score_by_seed"][seed]:.4g}. Over all seeds of the
-  recipe: score {row["score"]:.4g}, {row["gain"]:+.3g} ({low:+.3g} to {high:+.3g}, 95 %, paired) over `{row["rule"]}`
-  ({row["rule_score"]:.4g}); stranded {row["stranded_rate"]:.2%} ({least:.2%} to {most:.2%}), the rule
-  {row["rule_stranded_rate"]:.2%}.
+* **On {row["episodes"]:,} unseen missions**: this policy scores {row["score_by_seed"][seed]:.4g} and strands in
+  {row["stranded_by_seed"][seed]:.2%}, greedy. All seeds, greedy, paired (95 %): {gained}.
 * **Limits**: trained on one robot, one difficulty and generated routes. Anywhere else it is a transfer, and
-  `evaluate.py` warns. Where every stranding matters, put a shield around it (`ppo+shield`).
+  `evaluate.py` warns. Where every stranding matters, put a shield around it (`{agent}+shield`).
+
+| {row["episodes"]:,} missions | score | stranded |
+|---|---|---|
+{compared}
+
+The learning curve, on {EPISODES} missions of its own:
 
 | decisions | training, s | score | stranded |
 |---|---|---|---|

@@ -1,6 +1,6 @@
 """The policies that ship where they were not trained: another difficulty, another robot. The table of docs/learning.md.
 
-`python benchmarks/transfer.py` runs the best rule, the planner and ppo on the same episodes and prints score, stranding
+`python benchmarks/transfer.py` runs a rule, the planner and policies on the same episodes and prints score, stranding
 and what ppo gains on the rule. OUT/transfer.json holds it; finished rows are kept: a run that was killed goes on.
 """
 
@@ -23,15 +23,16 @@ from homeward import cli
 from homeward.agents import AgentError, make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import Bootstrap, interval
-from homeward.agents.learning.policy_file import WEIGHTS
-from homeward.agents.learning.provenance import made_with
-from homeward.agents.registry import SHIPPED
+from homeward.agents.learning.settings import STARTS
+from homeward.agents.registry import shipped
+from homeward.agents.trained.policy_file import WEIGHTS
+from homeward.agents.trained.provenance import made_with
 from homeward.envs.options import MISSIONS, OptionError, Options
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.files import write_whole
 
 RULE = "dmax_adaptive"
-AGENTS = (RULE, "planner", "ppo")
+AGENTS = (RULE, "planner", "ppo", "ppo_scratch")
 ELSEWHERE: dict[str, dict[str, str]] = {
     "known": {"difficulty": "known"},
     "harsh": {"difficulty": "harsh"},
@@ -69,7 +70,8 @@ def main(args: Args) -> None:
         table.add_column(heading)
     for mission, met in itertools.product(args.missions, ELSEWHERE):
         options = Options(mission, **ELSEWHERE[met])  # type: ignore[arg-type]
-        weights = hashlib.sha256((SHIPPED / mission / WEIGHTS).read_bytes()).hexdigest()
+        files = [(shipped(mission, start) / WEIGHTS).read_bytes() for start in STARTS]
+        weights = hashlib.sha256(b"".join(files)).hexdigest()
         common = {**made_with(options), "weights": weights, "episodes": args.episodes, "seed": args.seed}
         name = f"{mission}, {met}"
         if kept.get(name, {}).get("of") != common:

@@ -58,7 +58,8 @@ AGENT_WORDS = {
     "dmax_adaptive": "scales that cost by what it measures, and keeps a reserve of k standard deviations",
     "dmax_belief": "estimates robot and wind, costs the way home by that, and keeps k standard deviations in reserve",
     "planner": "finds out what the robot is today and turns back by that; senses and stops by what it is worth",
-    "ppo": "a network trained by PPO",
+    "ppo": "a network trained by PPO from the d_max rule, with what the robot believes as inputs",
+    "ppo_scratch": "a network trained by PPO from nothing, on the observation alone",
 }
 """What each agent does."""
 

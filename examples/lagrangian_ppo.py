@@ -22,10 +22,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 
 from homeward import cli
 from homeward.agents.evaluation.statistics import wilson
+from homeward.agents.learning import sb3_vec_env
 from homeward.agents.learning.sb3_adapter import SB3Adapter
-from homeward.envs import IDS
 from homeward.envs.options import OptionError
-from homeward.envs.vector import HomewardVectorEnv
 
 _LAST = 1000
 """Missions over which the rate of stranding is taken."""
@@ -103,12 +102,7 @@ class DualAscent(BaseCallback):
 
 def missions(args: Args, seed: int) -> SB3Adapter:
     """Missions side by side, as Stable-Baselines3 takes them."""
-    names = {env_id: mission for mission, env_id in IDS.items()}
-    if args.env not in names:
-        raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(names)}")
-    env = SB3Adapter(HomewardVectorEnv(args.n_envs, mission=names[args.env], autoreset_mode="SameStep"))
-    env.seed(seed)
-    return env
+    return sb3_vec_env(args.env, args.n_envs, seed=seed)
 
 
 def train(args: Args) -> tuple[PPO, float]:

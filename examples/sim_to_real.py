@@ -242,7 +242,7 @@ def show(result: dict[str, Any], analysis: Analysis, args: Args) -> None:
     real, simulated = result["real"], result["simulated"]
     table = Table(
         title=f"{real['env']} on the real robot, {real['options']['difficulty']}, {real['episodes']} unseen missions, "
-        f"seed {real['seed']}; one training seed of {args.steps:,} decisions, guide {args.ppo.guide}",
+        f"seed {real['seed']}; one training seed of {args.steps:,} decisions, started from {args.ppo.start}",
         caption="below: 95 % intervals, of scores by bootstrap over missions, of stranding by Wilson\n"
         "simulated: the same seeds in its own simulator, score and share that strands\n"
         + ", ".join(f"{one} {which}" for one, which in real["versions"].items()),

@@ -14,7 +14,7 @@ from homeward import load_robot
 from homeward.agents.learning.settings import PPOSettings
 
 TASKS = {f"seed {seed}": seed for seed in range(6)}
-SETTINGS = PPOSettings(guide="none", n_envs=8, n_steps=8, batch_size=32, epochs=1, hidden=8)
+SETTINGS = PPOSettings(start="scratch", n_envs=8, n_steps=8, batch_size=32, epochs=1, hidden=8)
 
 
 def draws(seed: int) -> NDArray[np.float64]:
@@ -64,4 +64,5 @@ def write_recording(path: Path, payload: float, seed: int = 0) -> None:
 
 def policies(folder: Path) -> dict[str, bytes]:
     """Contents of all trained policies by their paths in a folder."""
-    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("policy.safetensors"))}
+    files = sorted(folder.rglob("seed_*/policy.safetensors"))
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}

@@ -16,9 +16,9 @@ import train
 from evaluate import Args, main, run
 from homeward import load_robot
 from homeward.agents.evaluation import tasks as evaluation_tasks
-from homeward.agents.learning.policy_file import DESCRIPTION
 from homeward.agents.learning.settings import PPOSettings
 from homeward.agents.registry import SWEPT
+from homeward.agents.trained.policy_file import DESCRIPTION
 
 SMALL = ["--episodes", "3", "--agents", "dmax"]
 PICTURES = ("scores_png", "profiles_png", "episode_png", "route_png")

@@ -20,10 +20,10 @@ from tests.parallel_cases import SETTINGS, policies, write_recording
 
 def test_a_sweep_is_every_setting_with_every_seed(tmp_path: Path) -> None:
     base = train.Args(out=tmp_path, ppo=SETTINGS)
-    runs = sweep.runs_of(sweep.Args((0, 1), ("learning_rate=1e-3,1e-2", "insight=True,False"), train=base))
-    assert {name: (run.ppo.learning_rate, run.ppo.insight, run.seed) for name, run in runs.items()} == {
-        f"learning_rate={rate}_insight={insight}/seed_{seed}": (rate, insight, seed)
-        for rate in (0.001, 0.01) for insight in (True, False) for seed in (0, 1)
+    runs = sweep.runs_of(sweep.Args((0, 1), ("learning_rate=1e-3,1e-2", "start=scratch,dmax"), train=base))
+    assert {name: (run.ppo.learning_rate, run.ppo.start, run.seed) for name, run in runs.items()} == {
+        f"learning_rate={rate}_start={start}/seed_{seed}": (rate, start, seed)
+        for rate in (0.001, 0.01) for start in ("scratch", "dmax") for seed in (0, 1)
     }  # fmt: skip
     assert all(run.out == tmp_path / name and run.ppo.hidden == SETTINGS.hidden for name, run in runs.items())
 
@@ -32,7 +32,7 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> No
     pytest.importorskip("stable_baselines3")
 
     def args(jobs: int) -> sweep.Args:
-        base = train.Args(steps=64, out=tmp_path / str(jobs), ppo=SETTINGS, curve=1)
+        base = train.Args(steps=384, out=tmp_path / str(jobs), ppo=SETTINGS, curve=1)
         return sweep.Args((0,), ("learning_rate=1e-3,1e-2",), jobs=jobs, train=base)
 
     for jobs in (1, 2):
@@ -52,7 +52,7 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> No
         ({"vary": ("speed=1",)}, "there is no setting 'speed'; choose from"),
         ({"vary": ("clip=a",)}, "give float values, as clip=0.2"),
         ({"vary": ("clip=2",)}, "clip = 2.0 is not allowed"),
-        ({"vary": ("insight=no",)}, "give bool values, as insight=True"),
+        ({"vary": ("start=planner",)}, "start = 'planner' is not allowed; choose from scratch, dmax"),
         ({"vary": ("clip=0.1,0.10",)}, "gives clip=0.1/seed_0 twice; give each value once"),
         ({"seeds": (1, 1)}, "give each seed once"),
         ({"seeds": ()}, "give each seed once, and at least one"),

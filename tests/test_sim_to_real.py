@@ -40,7 +40,7 @@ def example(load_example: Callable[[str], Any]) -> Any:
 
 @pytest.fixture(scope="module")
 def args(example: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    small = example.PPOSettings(guide="none", n_envs=32, n_steps=16, batch_size=128, epochs=1, hidden=16)
+    small = example.PPOSettings(start="scratch", n_envs=32, n_steps=16, batch_size=128, epochs=1, hidden=16)
     return example.Args(steps=512, episodes=40, out=tmp_path_factory.mktemp("sim") / "out", ppo=small)
 
 

@@ -1,1 +1,41 @@
-"""The learner, and trained policies as files; only what trains imports torch and Stable-Baselines3."""
+"""The learner; it alone imports torch and Stable-Baselines3. What it leaves is read by `homeward.agents.trained`.
+
+Read in this order: `settings` (what is chosen), `homeward.agents.trained.inputs` (what a policy sees, and the first
+one), `network`, `sb3_adapter` (missions under Stable-Baselines3), `ppo` (a run), `callback`, `checkpoint`, `folder`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from homeward.agents.learning.sb3_adapter import SB3Adapter
+
+
+def sb3_vec_env(env_id: str, num_envs: int, *, seed: int = 0, **options: Any) -> SB3Adapter:
+    """Native missions under Stable-Baselines3: one compiled step for all of them.
+
+    Args:
+        env_id: Such as `homeward/Survey-v0`.
+        num_envs: Missions side by side.
+        seed: Mission i begins with seed `seed + i`.
+        **options: Of the environment, such as `difficulty="known"`.
+
+    Raises:
+        OptionError: The id, an option or a value is not allowed.
+
+    >>> env = sb3_vec_env("homeward/OutAndBack-v0", 512)
+    >>> env.reset().shape == (512, *env.observation_space.shape)
+    True
+    """
+    from homeward.agents.learning.sb3_adapter import SB3Adapter
+    from homeward.envs import IDS
+    from homeward.envs.options import OptionError
+    from homeward.envs.vector import HomewardVectorEnv
+
+    missions = {one: mission for mission, one in IDS.items()}
+    if env_id not in missions:
+        raise OptionError(f"unknown env {env_id!r}; choose from {', '.join(missions)}")
+    env = SB3Adapter(HomewardVectorEnv(num_envs, mission=missions[env_id], autoreset_mode="SameStep", **options))
+    env.seed(seed)
+    return env

@@ -13,25 +13,27 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from homeward.agents.learning.checkpoint import Best, save_checkpoint
 from homeward.agents.learning.curve import Point, read_curve, write_curve
-from homeward.agents.learning.policy_file import Layer
+from homeward.agents.learning.network import ResidualPolicy
+from homeward.agents.trained.policy_file import Layer
+
+VALUE_FIRST = 4
+"""Updates that teach the value alone: while it is worth nothing, the first policy would be unlearned."""
 
 
 class TrainingCallback(BaseCallback):
     """Logs how missions end, shows the progress and writes checkpoints and the learning curve.
 
     Args:
-        folder: Of the run.
-        steps: Decisions of the whole run.
+        folder, steps: Of the whole run.
         checkpoint_s: Least time between checkpoints, s.
-        console: Where the progress bar goes; without a terminal, a line for each tenth of the run.
+        console: Where the bar goes; without a terminal, a line for each tenth of the run.
         every: Least decisions between points of the learning curve.
         measure: What the policy is worth, a point of the curve, after some decisions and seconds of training.
         layers: The layers of the policy as it stands.
         best: The best policy so far, of a run that is continued.
 
     Attributes:
-        best: The policy that did best on the missions of the curve since training began, the latest of equals: one
-            that tries on goes astray now and then.
+        best: What did best on the missions of the curve since training began, the latest of equals.
     """
 
     def __init__(
@@ -68,6 +70,9 @@ class TrainingCallback(BaseCallback):
     def _on_rollout_start(self) -> None:
         if not self._curve or self.num_timesteps - self._curve[-1].steps >= self._every:
             self.add_to_curve()
+        assert isinstance(self.model.policy, ResidualPolicy)
+        rollout = self.model.n_steps * self.model.n_envs  # type: ignore[attr-defined]
+        self.model.policy.learn_actions(self.num_timesteps >= VALUE_FIRST * rollout)
         # The update before is done: nothing of it would be lost.
         if self.num_timesteps > self._start_step and time.monotonic() - self._saved_s >= self._checkpoint_s:
             save_checkpoint(self.model, self.best, self._folder)  # type: ignore[arg-type]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
@@ -47,7 +46,8 @@ def read_curve(folder: Path) -> list[Point]:
     if not (folder / CURVE).is_file():
         return []
     try:
-        return list(_points((folder / CURVE).read_text("utf-8")))
+        rows = csv.DictReader(io.StringIO((folder / CURVE).read_text("utf-8")))
+        return [Point(int(row["steps"]), *(float(row[field.name]) for field in fields(Point)[1:])) for row in rows]
     except (ValueError, KeyError, TypeError, csv.Error):
         raise TrainingError(f"{folder / CURVE} is damaged: delete it to go on with a new curve") from None
 
@@ -63,8 +63,3 @@ def write_curve(folder: Path, points: list[Point]) -> None:
     writer.writerow([field.name for field in fields(Point)])
     writer.writerows((point.steps, *(f"{value:.6g}" for value in astuple(point)[1:])) for point in points)
     write_whole(folder / CURVE, text.getvalue())
-
-
-def _points(text: str) -> Iterator[Point]:
-    for row in csv.DictReader(io.StringIO(text)):
-        yield Point(int(row["steps"]), *(float(row[field.name]) for field in fields(Point)[1:]))

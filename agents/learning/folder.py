@@ -12,11 +12,13 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS
 from homeward.agents.learning.settings import TrainingError
+from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS
 from homeward.files import read_json, write_whole
 
 RUN, LOCK, CURVE, TENSORBOARD = "run.json", "run.lock", "curve.csv", "tensorboard"
+FIRST, LAST = "first", "last"
+"""Folders of the policy that training began with and of the one that it ended with."""
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
@@ -164,7 +166,8 @@ def _steps_of_policy(folder: Path) -> int | None:
 
 def _remove(folder: Path) -> None:
     """Remove what a run wrote, and what says so last: a kill between leaves a run that is still another one."""
-    shutil.rmtree(folder / TENSORBOARD, ignore_errors=True)
+    for part in (TENSORBOARD, FIRST, LAST):
+        shutil.rmtree(folder / part, ignore_errors=True)
     for name in (DESCRIPTION, WEIGHTS, CURVE, CHECKPOINT, PREVIOUS, RUN):
         (folder / name).unlink(missing_ok=True)
 

@@ -5,36 +5,36 @@ from __future__ import annotations
 import contextlib
 import math
 import platform
-import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 import tensorboard  # noqa: F401 - stable-baselines3 would miss it only once the run has begun
 import torch
 from rich.console import Console
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
+from stable_baselines3.common.utils import set_random_seed
 from threadpoolctl import threadpool_limits
 
 import homeward
 from homeward.agents.learning.callback import TrainingCallback
 from homeward.agents.learning.checkpoint import restore_checkpoint, save_checkpoint
 from homeward.agents.learning.curve import Point, measure
-from homeward.agents.learning.folder import TENSORBOARD
-from homeward.agents.learning.guide import Guide, make_guide
-from homeward.agents.learning.insight import Insight
-from homeward.agents.learning.network import GuidedPolicy, layers_of
-from homeward.agents.learning.policy_file import NetworkPolicy, save_policy
+from homeward.agents.learning.folder import FIRST, LAST, TENSORBOARD
+from homeward.agents.learning.network import ResidualPolicy, layers_of
 from homeward.agents.learning.sb3_adapter import SB3Adapter
-from homeward.agents.learning.settings import PPOSettings, TrainingError
-from homeward.envs.options import Options, known_of
+from homeward.agents.learning.settings import DMAX, PPOSettings, TrainingError
+from homeward.agents.trained.inputs import BeliefInputs, first_policy, make_inputs
+from homeward.agents.trained.policy_file import Layer, NetworkPolicy, save_policy
+from homeward.envs.options import Known, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
-_LAST_LEARNING_RATE = 0.01
+_LAST_LEARNING_RATE = 0.01  # over the first; it falls linearly
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,13 @@ def train(
 ) -> Trained:
     """Train a policy and write it as it was when it did best on the missions of the learning curve.
 
+    The folders `first` and `last` in that of the run hold what training began and ended with.
+
     Args:
         options: Of the environment; the shaping's discount is taken from the settings.
         settings: Of the algorithm.
         steps: Decisions to train on, made up to whole updates.
-        seed: Of all that is drawn: with the same seed, on the same machine, the policy is the same.
+        seed: Of all that is drawn: with the same seed, on the same machine, runs that are not stopped end alike.
         folder: Of the run: checkpoints, TensorBoard files and the policy.
         details: More for the policy's description.
         checkpoint_s: Least time between checkpoints, s.
@@ -74,7 +76,7 @@ def train(
         console: Where the progress goes.
 
     Raises:
-        TrainingError: The checkpoint or the device cannot be used.
+        TrainingError: The checkpoint cannot be used, or the weights are no numbers any more.
         OSError: The folder cannot be written to.
     """
     total = math.ceil(steps / settings.rollout) * settings.rollout
@@ -82,10 +84,20 @@ def train(
         model = make_model(options, settings, seed)
         model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
         best = restore_checkpoint(model, folder, total) if restore else None
-        guide = make_guide(settings.guide, options.mission, known_of(options))
+        draw_anew(model, seed)
+        known = known_of(options)
+        versions = {"homeward": homeward.__version__, "python": platform.python_version()}
+        versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
+
+        def write(into: Path, layers: Sequence[Layer], after: int) -> None:
+            more = {**details, "steps": total, "after_steps": after, "versions": versions}
+            save_policy(into, layers, model.action_space, more, inputs_of(settings, known))
+
+        if not model.num_timesteps:
+            write(folder / FIRST, layers_of(model), 0)
 
         def measured(steps: int, trained_s: float) -> Point:
-            return measure(deployed(model, guide), options, steps, trained_s)
+            return measure(deployed(model, inputs_of(settings, known)), options, steps, trained_s)
 
         callback = TrainingCallback(
             folder, total, checkpoint_s, console, math.ceil(total / curve), measured, lambda: layers_of(model), best
@@ -104,75 +116,51 @@ def train(
         finally:
             callback.close()
             model.logger.close()
-    versions = {"homeward": homeward.__version__, "python": platform.python_version()}
-    versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
     assert callback.best is not None  # the curve has a point at the end
-    details = {**details, "steps": total, "best_after_steps": callback.best.steps, "versions": versions}
-    save_policy(folder, callback.best.layers, model.action_space, details, guide)
+    write(folder / LAST, layers_of(model), total)
+    write(folder, callback.best.layers, callback.best.steps)
     return Trained(total, callback.home_rate, callback.score)
 
 
 def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
-    """An untrained learner on its missions.
-
-    Raises:
-        TrainingError: The device cannot be used.
-    """
-    check_device(settings)
+    """An untrained learner on its missions; on the cpu, where a network this small is fastest."""
     keywords = vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
-    guide = make_guide(settings.guide, options.mission, missions.batch.known)
-    env = SB3Adapter(missions, settings.stranding_cost, guide, late_is_lost=True, insight=settings.insight)
-    with warnings.catch_warnings():
-        # The device is documented where it is chosen.
-        warnings.filterwarnings("ignore", "You are trying to run PPO on the GPU", UserWarning)
-        model = PPO(
-            GuidedPolicy,
-            env,
-            learning_rate=_Falling(settings.learning_rate),
-            n_steps=settings.n_steps,
-            batch_size=settings.batch_size,
-            n_epochs=settings.epochs,
-            gamma=settings.discount,
-            gae_lambda=settings.gae_lambda,
-            clip_range=settings.clip,
-            ent_coef=settings.entropy,
-            policy_kwargs={
-                "hidden": settings.hidden,
-                "insight": Insight.columns if settings.insight else 0,
-                "proposals": 0 if guide is None else guide.proposals,
-            },
-            seed=seed,
-            device=settings.device,
-        )
-    env.seed(seed * settings.n_envs)  # no two seeds share a mission
+    inputs = inputs_of(settings, known := missions.batch.known)
+    env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True)
+    model = PPO(
+        ResidualPolicy,
+        env,
+        learning_rate=lambda remaining: settings.learning_rate * max(remaining, _LAST_LEARNING_RATE),
+        n_steps=settings.n_steps,
+        batch_size=settings.batch_size,
+        n_epochs=settings.epochs,
+        gamma=settings.discount,
+        gae_lambda=settings.gae_lambda,
+        clip_range=settings.clip,
+        policy_kwargs={"hidden": settings.hidden, "first": first_policy(known, inputs)},
+        seed=seed,
+        device="cpu",
+    )
+    draw_anew(model, seed)
     return model
 
 
-def check_device(settings: PPOSettings) -> None:
-    """Check that the device is there.
-
-    Raises:
-        TrainingError: It is not.
-    """
-    if settings.device == "cuda" and not torch.cuda.is_available():
-        raise TrainingError("device = 'cuda' is not available here; choose cpu")
+def inputs_of(settings: PPOSettings, known: Known) -> BeliefInputs | None:
+    """What a policy sees beside the observation; None from scratch."""
+    return make_inputs(known) if settings.start == DMAX else None
 
 
-class _Falling:
-    """A learning rate that falls linearly with the remaining share of the run."""
-
-    def __init__(self, start: float) -> None:
-        self._start = start
-
-    def __call__(self, remaining: float) -> float:
-        return self._start * max(remaining, _LAST_LEARNING_RATE)
+def draw_anew(model: PPO, seed: int) -> None:
+    """Begin missions and draws that no other seed, and no other part of a run that was stopped, meets."""
+    words = np.random.SeedSequence((seed, model.num_timesteps)).generate_state(2, np.uint64)
+    set_random_seed(int(words[0]) % 2**32)
+    model.get_env().seed(int(words[1]) >> 2)  # type: ignore[union-attr]  # below those of evaluations
 
 
-def deployed(model: PPO, guide: Guide | None) -> NetworkPolicy:
-    """The policy as it stands, as it will act once training is over; the guide begins anew with its missions."""
-    description = {} if guide is None else {"guide": guide.description}
-    return NetworkPolicy(tuple(layers_of(model)), model.action_space, description, guide)
+def deployed(model: PPO, inputs: BeliefInputs | None) -> NetworkPolicy:
+    """The policy as it stands, as it will act once training is over, with inputs of its own."""
+    return NetworkPolicy(tuple(layers_of(model)), model.action_space, {}, inputs)
 
 
 @contextlib.contextmanager

@@ -17,7 +17,6 @@ from homeward.estimation.prior import GAIN, PER_CAPACITY
 MISSED = 0.02
 """Probability that a forecast of the wind is taken to say nothing: chosen so that one reading that no forecast explains
 in fifty is enough to doubt it."""
-_RISK = 1e-3  # of which the quantile is not used here
 
 
 @final
@@ -54,7 +53,7 @@ class BeliefDmaxRule(BelievingRule):
         onwards["speed_mps"] = self._onwards_mps
         onwards["onwards_j"] = self._extra_share * s["usable_j"]
         onwards["onwards_j"] += self.belief.estimator.vehicle.idle_w * onwards["onwards_s"]
-        now, then = (self.belief.margin(plan, _RISK).total for plan in (home, onwards))
+        now, then = (self.belief.margin(plan, 0.0).total for plan in (home, onwards))
         believed = self.belief.estimate().mean
         full_j = s["usable_j"] / believed[:, PER_CAPACITY]
         more_j = then["cost_j"] - now["cost_j"]

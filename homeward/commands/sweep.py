@@ -96,15 +96,10 @@ def _values(given: str) -> list[tuple[str, Any]]:
     if name not in defaults:
         raise TrainingError(f"--vary {given}: there is no setting {name!r}; choose from {', '.join(defaults)}")
     kind = type(defaults[name])
-    read = _truth if kind is bool else kind
     try:
-        return [(name, read(value)) for value in values.split(",")]
-    except (ValueError, KeyError):
+        return [(name, kind(value)) for value in values.split(",")]
+    except ValueError:
         raise TrainingError(f"--vary {given}: give {kind.__name__} values, as {name}={defaults[name]}") from None
-
-
-def _truth(given: str) -> bool:
-    return {"True": True, "False": False}[given]  # to bool itself, any text is true
 
 
 def train_quietly(args: train.Args) -> Path:

@@ -108,11 +108,16 @@ class Estimator:
         s = self.state
         update(self.vehicle, self.prior, mask, readings, s["robot"], s["hypotheses"], s["places"], s["rollings"])
 
+    def mean(self) -> NDArray[np.float64]:
+        """Mean of the states over all hypotheses, see `Estimate`."""
+        h = self.state["hypotheses"]
+        return np.asarray(np.einsum("nk,nka->na", np.exp(h["log_weight"]), h["mean"]))
+
     def estimate(self) -> Estimate:
         """Parameters and wind."""
         h = self.state["hypotheses"]
         weight = np.exp(h["log_weight"])
-        mean = np.einsum("nk,nka->na", weight, h["mean"])
+        mean = self.mean()
         apart = h["mean"] - mean[:, None]
         covariance = np.einsum("nk,nkab->nab", weight, h["covariance"])
         return Estimate(mean, covariance + np.einsum("nk,nka,nkb->nab", weight, apart, apart))
@@ -134,7 +139,7 @@ class Estimator:
 
         Args:
             plans: `PLAN_DTYPE`, shape (n,).
-            risk: Probability that a margin is below its `margin_low_j`.
+            risk: Probability that a margin is below its `margin_low_j`; 0 leaves that out, NaN, and takes less time.
         """
         s = self.state
         total, each = np.zeros(len(s), MARGIN_DTYPE), np.zeros((len(s), HYPOTHESES, 3))

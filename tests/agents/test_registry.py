@@ -7,11 +7,14 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from homeward.agents import AGENTS, AgentError, make_policy
+from homeward.agents import AGENTS, AgentError, Policy, make_policy
+from homeward.agents.base import Observations
 from homeward.agents.registry import FROM_FILES, Request
+from homeward.envs.actions import encode_actions
 from homeward.envs.options import Known, Options, known_of
-from homeward.envs.state import GO
+from homeward.envs.state import GO, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.rules.shown import mode, observed
 
@@ -49,6 +52,27 @@ def test_agents_are_made_for_wrapped_environments(scalar: bool) -> None:
         else gym.make_vec("homeward/Patrol-v0", vectorization_mode="vector_entry_point")
     )
     assert mode(make_policy("dmax", env), observed(margin=1.0, east=1.0)) == GO
+
+
+def standing(known: Known) -> Policy:
+    """A factory of an agent that stands for ever."""
+
+    class Standing(Policy):
+        def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+            return encode_actions(known, np.zeros(len(begun)), 0.0, STOP)
+
+    return Standing()
+
+
+def test_an_agent_of_ones_own_comes_from_its_factory() -> None:
+    env = HomewardVectorEnv(3)
+    policy = make_policy("mine", env, "tests.agents.test_registry:standing")
+    observations, _ = env.reset(seed=0)
+    assert env.action_space.contains(policy.act(observations, np.ones(3, np.bool_)))
+    with pytest.raises(AgentError, match=r"no_such.*give package\.module:factory"):
+        make_policy("mine", env, "no_such:factory")
+    with pytest.raises(AgentError, match=r"answers a str, not a homeward\.agents\.Policy"):
+        make_policy("mine", env, "builtins:repr")
 
 
 def test_wrong_requests_say_what_is_allowed() -> None:

@@ -9,57 +9,63 @@ import pytest
 
 from benchmarks.ship import Args, main
 from homeward.agents.learning.curve import Point, read_curve, write_curve
-from homeward.agents.learning.guide import make_guide
-from homeward.agents.learning.policy_file import PolicyFileError, load_policy, save_policy
+from homeward.agents.trained.inputs import COLUMNS, make_inputs
+from homeward.agents.trained.policy_file import PolicyFileError, load_policy, save_policy
 from homeward.envs.actions import action_space
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, known_of
 
+NAMED = ("first_greedy", "first_sampled", "dmax", "dmax_mapped", "dmax_adaptive", "dmax_belief", "planner")
 ROW: dict[str, Any] = {
-    "mission": "Survey", "difficulty": "uncertain", "variant": "recipe", "seeds": 2, "episodes": 2000,
-    "score": 1250.0, "score_by_seed": [1240.0, 1260.0], "rule": "dmax_adaptive", "rule_score": 1200.0,
-    "gain": 50.0, "gain_ci95": [40.0, 60.0], "stranded_rate": 0.01, "stranded_ci95": [0.007, 0.014],
-    "rule_stranded_rate": 0.03,
+    "mission": "Survey", "difficulty": "uncertain", "start": "dmax", "seeds": 2, "episodes": 2000, "score": 1250.0,
+    "score_by_seed": [1240.0, 1260.0], "stranded_by_seed": [0.005, 0.015], "sampled": 1230.0,
+    "sampled_stranded_rate": 0.02, "rule": "dmax_adaptive", "stranded_rate": 0.01, "stranded_ci95": [0.007, 0.014],
+    **{name: 1000.0 for name in NAMED}, **{f"{name}_stranded_rate": 0.03 for name in NAMED},
+    **{f"minus_{name}": 50.0 for name in ("first", "rule", "planner")},
+    **{f"minus_{name}_ci95": [40.0, 60.0] for name in ("first", "rule", "planner")},
 }  # fmt: skip
 
 
-def write_run(folder: Path, seed: int, score: float) -> None:
-    options = Options("Survey")
-    guide = make_guide("planner", "Survey", known_of(options))
-    assert guide is not None
+def write_run(folder: Path, start: str, seed: int, score: float) -> None:
+    inputs = make_inputs(known_of(Options("Survey"))) if start == "dmax" else None
+    columns = len(NAMES) + (len(COLUMNS) if inputs else 0)
     layers = [
-        (np.full((rows, columns), float(seed), np.float32), np.zeros(rows, np.float32))
-        for rows, columns in ((4, len(NAMES) + guide.extra), (13, 4 + guide.proposals))
+        (np.full((rows, seen), float(seed), np.float32), np.zeros(rows, np.float32))
+        for rows, seen in ((4, columns), (13, 4 + columns))
     ]
     training = {"seed": seed, "hidden": 64, "difficulty": "uncertain", "robot": "rusti_computer"}
     details = {
-        "env": "homeward/Survey-v0", "training": training, "steps": 3000, "best_after_steps": 3000, "decision_s": 30.0,
+        "env": "homeward/Survey-v0", "training": training, "steps": 3000, "after_steps": 3000, "decision_s": 30.0,
         "command": "benchmarks/learn.py", "versions": {"homeward": "0.1.0"},
     }  # fmt: skip
-    save_policy(folder, layers, action_space(True), details, guide)
+    save_policy(folder, layers, action_space(True), details, inputs)
     write_curve(folder, [Point(0, 0.0, 900.0, 0.05, 0.0), Point(3000, 12.0, score, 0.01, 0.0)])
 
 
 def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
-    for seed, score in enumerate((1230.0, 1220.0)):
-        write_run(tmp_path / "runs" / f"Survey-uncertain-recipe-{seed}", seed, score)
-    rows = [ROW, {**ROW, "variant": "no shaping"}, {**ROW, "difficulty": "known"}]
+    for start in ("dmax", "scratch"):
+        for seed, score in enumerate((1230.0, 1220.0)):
+            write_run(tmp_path / "runs" / f"Survey-uncertain-{start}-{seed}", start, seed, score)
+    rows = [ROW, {**ROW, "start": "scratch"}, {**ROW, "difficulty": "known"}]
     (tmp_path / "runs" / "learn.json").write_text(json.dumps(rows))
     main(Args(tmp_path / "runs", tmp_path / "out"))
-    (shipped,) = (tmp_path / "out").iterdir()
+    assert sorted(folder.name for folder in (tmp_path / "out").iterdir()) == ["Survey", "Survey_scratch"]
+    shipped = tmp_path / "out" / "Survey"
     policy, card = load_policy(shipped), (shipped / "card.md").read_text()
     assert policy.description["training"]["seed"] == 0
     assert read_curve(shipped)[-1].score == 1230.0
     assert policy.description["weights_sha256"][:16] in card
     for told in (
-        "on what `planner` believes",
+        "what the robot believes of itself",
         "`benchmarks/learn.py`, seed 0",
-        "scores 1240",
-        "+50 (+40 to +60",
-        "1.00% (0.70% to 1.40%)",
+        "this policy scores 1240 and strands in 0.50%",
+        "minus the first policy +50 (+40 to +60)",
+        "| first policy, sampled | 1000 | 3.00% |",
+        "| `ppo`, sampled, all seeds | 1230 | 2.00% |",
         "| 3,000 |",
     ):
-        assert told in card.replace("\n  ", " ")
+        assert told in card.replace("\n  ", " "), told
+    assert "# ppo_scratch, Survey" in (tmp_path / "out" / "Survey_scratch" / "card.md").read_text()
 
 
 def test_nothing_to_ship_is_one_line(tmp_path: Path) -> None:

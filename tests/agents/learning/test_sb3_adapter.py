@@ -12,8 +12,11 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import homeward  # noqa: F401 - registers the environments
-from homeward.agents.learning.guide import make_guide
+from homeward.agents.learning import sb3_vec_env
 from homeward.agents.learning.sb3_adapter import SB3Adapter
+from homeward.agents.trained.inputs import make_inputs
+from homeward.envs.features import NAMES
+from homeward.envs.options import OptionError
 from homeward.envs.vector import HomewardVectorEnv
 
 COUNT = 6
@@ -131,31 +134,35 @@ def test_another_way_of_resetting_is_refused() -> None:
         SB3Adapter(HomewardVectorEnv(2))
 
 
-@pytest.mark.parametrize("guide", ["none", "dmax_adaptive", "planner"])
-@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 @pytest.mark.parametrize("mission", ["OutAndBack", "Survey", "Patrol"])
-def test_relived_missions_go_on_as_if_nothing_had_been(mission: str, action_type: str, guide: str) -> None:
-    def make() -> SB3Adapter:
-        env = HomewardVectorEnv(
-            COUNT, mission=mission, action_type=action_type, autoreset_mode="SameStep", decision_s=DECISION_S
-        )
-        return SB3Adapter(env, 0.5, make_guide(guide, mission, env.batch.known), late_is_lost=True, insight=True)
+def test_the_inputs_of_a_mission_begin_anew_with_it(mission: str) -> None:
+    def make(count: int) -> SB3Adapter:
+        env = HomewardVectorEnv(count, mission=mission, autoreset_mode="SameStep", decision_s=DECISION_S)
+        return SB3Adapter(env, 0.5, make_inputs(env.batch.known), late_is_lost=True)
 
-    first, second = make(), make()
-    first.seed(5)
-    first.reset()
-    rng = np.random.default_rng(0)
-    before = [first.step(draw_actions(rng, action_type)) for _ in range(60)]
-    assert sum(over.sum() for _, _, over, _ in before)
-    second.seed(77)
-    np.testing.assert_array_equal(second.relive(first.log), np.asarray(before[-1][0]))
+    env, rng, ended = make(COUNT), np.random.default_rng(0), 0
+    env.seed(5)
+    inputs = env.reset()
+    assert env.observation_space.contains(inputs[0])
+    twin = make_inputs(env.env.batch.known)
+    np.testing.assert_array_equal(twin(inputs[:, : len(NAMES)], np.ones(COUNT, np.bool_)), inputs)
     for _ in range(60):
-        actions = draw_actions(rng, action_type)
-        ours, theirs = first.step(actions), second.step(actions)
-        for one, other in zip(ours[:3], theirs[:3], strict=True):
-            np.testing.assert_array_equal(np.asarray(one), np.asarray(other))
-        assert [info.get("episode", {}).get("r") for info in ours[3]] == [
-            info.get("episode", {}).get("r") for info in theirs[3]
-        ]
-    np.testing.assert_array_equal(first.log.actions, second.log.actions)
-    assert first.log.generators == second.log.generators
+        seen, rewards, over, infos = env.step(draw_actions(rng, "discrete"))
+        np.testing.assert_array_equal(twin(np.asarray(seen)[:, : len(NAMES)], over), np.asarray(seen))
+        assert np.isfinite(rewards).all() and not any(info.get("TimeLimit.truncated") for info in infos)
+        ended += int(over.sum())
+    assert ended
+
+
+def test_late_missions_with_inputs_are_refused_where_they_would_go_on() -> None:
+    env = HomewardVectorEnv(2, autoreset_mode="SameStep")
+    with pytest.raises(ValueError, match="late_is_lost is False"):
+        SB3Adapter(env, 0.0, make_inputs(env.batch.known))
+
+
+def test_native_missions_under_stable_baselines3() -> None:
+    env = sb3_vec_env("homeward/OutAndBack-v0", 3, seed=7, difficulty="known")
+    expected, _ = HomewardVectorEnv(3, mission="OutAndBack", difficulty="known").reset(seed=7)
+    np.testing.assert_array_equal(env.reset(), expected)
+    with pytest.raises(OptionError, match="unknown env 'homeward/Nowhere-v0'; choose from"):
+        sb3_vec_env("homeward/Nowhere-v0", 3)

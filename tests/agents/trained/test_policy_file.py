@@ -17,8 +17,8 @@ from safetensors.numpy import save
 
 import homeward  # noqa: F401 - registers the environments
 from homeward.agents import AgentError, make_policy
-from homeward.agents.learning.guide import BELIEFS, make_guide
-from homeward.agents.learning.policy_file import DESCRIPTION, WEIGHTS, Layer, PolicyFileError, load_policy, save_policy
+from homeward.agents.trained.inputs import COLUMNS, make_inputs
+from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, Layer, PolicyFileError, load_policy, save_policy
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, known_of
 
@@ -27,10 +27,14 @@ CONTINUOUS = spaces.Box(-1.0, 1.0, (3,), np.float32)
 
 
 def draw_layers(*widths: int) -> list[Layer]:
+    """Layers of some widths; of several, the last also takes what the first takes."""
     rng = np.random.default_rng(0)
+    pairs = [list(pair) for pair in itertools.pairwise(widths)]
+    if len(pairs) > 1:
+        pairs[-1][0] += widths[0]
     return [
         (rng.standard_normal((outputs, inputs)).astype(np.float32), rng.standard_normal(outputs).astype(np.float32))
-        for inputs, outputs in itertools.pairwise(widths)
+        for inputs, outputs in pairs
     ]
 
 
@@ -53,28 +57,23 @@ def test_what_is_read_is_what_was_written(folder: Path, path: str) -> None:
     assert sorted(entry.name for entry in folder.iterdir()) == [DESCRIPTION, WEIGHTS]
 
 
-@pytest.mark.parametrize("guide", ["none", "dmax_adaptive", "planner"])
+@pytest.mark.parametrize("start", ["scratch", "dmax"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, guide: str) -> None:
-    from homeward.agents.learning.guide import make_guide
-    from homeward.agents.learning.insight import Insight
+def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, start: str) -> None:
     from homeward.agents.learning.network import layers_of
-    from homeward.agents.learning.ppo import make_model
+    from homeward.agents.learning.ppo import inputs_of, make_model
     from homeward.agents.learning.settings import PPOSettings
 
-    settings = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16, guide=guide)
+    settings = PPOSettings(n_envs=16, n_steps=8, batch_size=64, epochs=1, hidden=16, start=start)
     options = Options("Survey", action_type=action_type)
-    model = make_model(options, settings, seed=0)
+    model, known = make_model(options, settings, seed=0), known_of(options)
     model.learn(settings.rollout)
-    known = known_of(options)
-    save_policy(tmp_path, layers_of(model), model.action_space, {}, make_guide(guide, "Survey", known))
+    save_policy(tmp_path, layers_of(model), model.action_space, {}, inputs_of(settings, known))
     policy = load_policy(tmp_path, known)
-    rng, begun = np.random.default_rng(0), np.ones(500, np.bool_)
-    observations = rng.uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
-    twin = make_guide(guide, "Survey", known)
-    inputs = observations if twin is None else twin.inputs(observations, begun)
-    insight = rng.uniform(-1.0, 1.0, (500, Insight.columns)).astype(np.float32)  # for the critic alone
-    expected, _ = model.predict(np.concatenate((insight, inputs), axis=1), deterministic=True)
+    begun = np.ones(500, np.bool_)
+    observations = np.random.default_rng(0).uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
+    twin = inputs_of(settings, known)
+    expected, _ = model.predict(observations if twin is None else twin(observations, begun), deterministic=True)
     actions = policy.act(observations, begun)
     assert actions.dtype == (np.int64 if action_type == "discrete" else np.float32)
     np.testing.assert_allclose(actions, expected, atol=1e-5)
@@ -101,7 +100,7 @@ def test_an_agent_is_made_from_the_folder(folder: Path) -> None:
 
 
 def test_reading_needs_no_torch(folder: Path) -> None:
-    code = "import sys, pathlib; from homeward.agents.learning.policy_file import load_policy\n"
+    code = "import sys, pathlib; from homeward.agents.trained.policy_file import load_policy\n"
     code += "load_policy(pathlib.Path(sys.argv[1])); print('torch' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code, folder], capture_output=True, text=True)
     assert (run.returncode, run.stdout.strip()) == (0, "False"), run.stderr
@@ -146,7 +145,7 @@ def test_a_missing_file_is_named(folder: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"schema": 2}, "schema 2, this version reads 1"),
+        ({"schema": 1}, "schema 1, this version reads 2"),
         ({"observation_space": {"features": ["speed"]}}, "observes other features"),
         ({"observation_space": []}, "observes other features"),
         ({"action_space": {"type": "Discrete"}}, "does not describe"),
@@ -194,7 +193,7 @@ def weights_of(layers: list[Layer]) -> bytes:
     ("weights", "message"),
     [
         (save({"other": np.zeros(3, np.float32)}), "does not describe"),
-        (weights_of([*draw_layers(len(NAMES), 8), *draw_layers(7, 13)]), "does not fit the one before"),
+        (weights_of([*draw_layers(len(NAMES), 8), *draw_layers(8, 13)]), "does not fit the one before"),
         (weights_of(draw_layers(len(NAMES) - 1, 8, 13)), "does not fit the one before"),
         (weights_of(draw_layers(len(NAMES), 8, 12)), "12 outputs do not fit"),
         (weights_of([(w * np.float32(np.nan), b) for w, b in draw_layers(len(NAMES), 8, 13)]), "not a finite number"),
@@ -210,32 +209,21 @@ def test_foreign_weights_are_refused(folder: Path, weights: bytes, message: str)
 
 
 @pytest.fixture
-def guided(tmp_path: Path) -> Path:
-    guide = make_guide("dmax_adaptive", "Survey", known_of(Options("Survey")))
-    assert guide is not None
-    layers = [*draw_layers(len(NAMES) + guide.extra, 8), *draw_layers(8 + guide.proposals, 13)]
-    save_policy(tmp_path, layers, DISCRETE, {}, guide)
+def believing(tmp_path: Path) -> Path:
+    inputs = make_inputs(known_of(Options("Survey")))
+    save_policy(tmp_path, draw_layers(len(NAMES) + len(COLUMNS), 8, 13), DISCRETE, {}, inputs)
     return tmp_path
 
 
-def test_a_guided_policy_acts_only_with_a_setting(guided: Path) -> None:
+def test_a_policy_that_sees_beliefs_acts_only_with_what_is_known(believing: Path) -> None:
     observations, begun = np.zeros((2, len(NAMES)), np.float32), np.ones(2, np.bool_)
-    assert load_policy(guided, known_of(Options("Survey"))).act(observations, begun).shape == (2, 3)
-    with pytest.raises(PolicyFileError, match="load it with an environment's setting"):
-        load_policy(guided).act(observations, begun)
+    assert load_policy(believing, known_of(Options("Survey"))).act(observations, begun).shape == (2, 3)
+    with pytest.raises(PolicyFileError, match="load it with an environment's known"):
+        load_policy(believing).act(observations, begun)
 
 
-@pytest.mark.parametrize(
-    ("guide", "message"),
-    [
-        (None, "follows another rule than this version has: train again"),
-        ({"beliefs": ["luck"]}, "follows another rule than this version has: train again"),
-        ({"beliefs": list(BELIEFS)}, "tells of a guide that there is not"),
-        ({"beliefs": list(BELIEFS), "rule": "dice"}, "tells of a guide that there is not"),
-        ({"beliefs": list(BELIEFS), "rule": "dmax_adaptive", "pace": 3}, "tells of a guide that there is not"),
-    ],
-)
-def test_a_foreign_guide_is_refused(guided: Path, guide: Any, message: str) -> None:
-    rewrite(guided, guide=guide)
-    with pytest.raises(PolicyFileError, match=message):
-        load_policy(guided, known_of(Options("Survey")))
+@pytest.mark.parametrize("inputs", [None, {}, {"columns": ["luck"]}, {"columns": [name for name, _ in COLUMNS]}])
+def test_foreign_inputs_are_refused(believing: Path, inputs: Any) -> None:
+    rewrite(believing, inputs=inputs)
+    with pytest.raises(PolicyFileError, match="tells of other inputs than this version has, train again"):
+        load_policy(believing, known_of(Options("Survey")))

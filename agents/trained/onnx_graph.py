@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 import homeward
-from homeward.agents.learning.policy_file import NetworkPolicy
+from homeward.agents.trained.inputs import COLUMNS
+from homeward.agents.trained.policy_file import NetworkPolicy
 from homeward.envs import IDS
 from homeward.envs.actions import LEVELS, MODES, decode_actions, limits
 from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.options import Known, Options
 
-INPUT, OUTPUTS = "observation", ("speed_mps", "sensing_hz", "mode")
+INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
 _OPSET, _IR_VERSION = 17, 8
 """Of 2022, so that the runtimes of older robots read the file."""
 
@@ -70,7 +71,9 @@ def quantities(known: Known) -> list[Quantity]:
 def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.ModelProto:
     """The policy as a graph.
 
-    Input `observation`, float32 (missions, features) in the units of `quantities`. Outputs `speed_mps` and
+    Input `observation`, float32 (missions, features) in the units of `quantities`; of a policy that sees beliefs also
+    `belief`, float32 (missions, columns): what `homeward.agents.trained.inputs.BeliefInputs` works out, an estimator
+    with a memory that no graph holds, the columns behind the features of what it answers. Outputs `speed_mps` and
     `sensing_hz`, float32 (missions,), and `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
 
     Args:
@@ -83,9 +86,16 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
     offset = graph.apply("Sub", INPUT, graph.constant("zero", [one.zero for one in columns]))
     scaled = graph.apply("Div", offset, graph.constant("size", [one.size for one in columns]))
     values = graph.apply("Clip", scaled, graph.constant("lowest", -LIMIT), graph.constant("highest", LIMIT))
+    inputs = [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["missions", len(columns)])]
+    if sees_beliefs(policy):
+        inputs.append(helper.make_tensor_value_info(BELIEF, TensorProto.FLOAT, ["missions", len(COLUMNS)]))
+        values = graph.apply("Concat", values, BELIEF, axis=1)
+    seen = values
     for index, (weight, bias) in enumerate(policy.layers):
         if index:
             values = graph.apply("Tanh", values)
+        if index and index == len(policy.layers) - 1:
+            values = graph.apply("Concat", values, seen, axis=1)
         parameters = graph.constant(f"weight_{index}", weight), graph.constant(f"bias_{index}", bias)
         values = graph.apply("Gemm", values, *parameters, transB=1)
     decode = _decode_levels if isinstance(policy.action_space, spaces.MultiDiscrete) else _decode_box
@@ -95,7 +105,7 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
         helper.make_graph(
             graph.nodes,
             "policy",
-            [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["missions", len(columns)])],
+            inputs,
             [helper.make_tensor_value_info(*one, ["missions"]) for one in zip(OUTPUTS, types, strict=True)],
             graph.constants,
         ),
@@ -108,6 +118,11 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
     helper.set_model_props(model, _metadata(policy, options, known))
     onnx.checker.check_model(model, full_check=True)
     return model
+
+
+def sees_beliefs(policy: NetworkPolicy) -> bool:
+    """Whether a policy takes `belief` too."""
+    return "inputs" in policy.description
 
 
 class _Graph:
@@ -165,12 +180,16 @@ def _decode_box(graph: _Graph, values: str, known: Known) -> None:
 
 
 def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str, str]:
+    beliefs = sees_beliefs(policy)
     described = {
         "env": IDS[options.mission],
         "robot": known.robot.name,
         "difficulty": options.difficulty,
         "decision_s": float(known.shared["decision_s"][0]),
-        "inputs": {INPUT: [dataclasses.asdict(one) for one in quantities(known)]},
+        "inputs": {
+            INPUT: [dataclasses.asdict(one) for one in quantities(known)],
+            **({BELIEF: [{"name": name, "meaning": meaning} for name, meaning in COLUMNS]} if beliefs else {}),
+        },
         "outputs": {
             **{
                 name: f"command until the next decision, {low:g} to {high:g}"

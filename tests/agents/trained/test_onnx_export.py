@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -13,28 +12,34 @@ import pytest
 onnx = pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
 
-from homeward.agents.learning.onnx_export import Args, ExportError, check_equal, main, setting_of  # noqa: E402
-from homeward.agents.learning.onnx_graph import INPUT, OUTPUTS, quantities, to_onnx  # noqa: E402
-from homeward.agents.learning.policy_file import NetworkPolicy, load_policy, save_policy  # noqa: E402
-from homeward.agents.learning.provenance import robot_hash  # noqa: E402
+from homeward.agents.trained.inputs import COLUMNS, make_inputs  # noqa: E402
+from homeward.agents.trained.onnx_export import Args, ExportError, check_equal, main, setting_of  # noqa: E402
+from homeward.agents.trained.onnx_graph import BELIEF, INPUT, OUTPUTS, quantities, to_onnx  # noqa: E402
+from homeward.agents.trained.policy_file import NetworkPolicy, load_policy, save_policy  # noqa: E402
+from homeward.agents.trained.provenance import robot_hash  # noqa: E402
 from homeward.envs.actions import action_space, encode_actions  # noqa: E402
 from homeward.envs.features import INDEX, NAMES  # noqa: E402
 from homeward.envs.options import Options, known_of  # noqa: E402
 from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
 
 
-def save_drawn_policy(folder: Path, action_type: str = "discrete", **description: Any) -> NetworkPolicy:
+def save_drawn_policy(
+    folder: Path, action_type: str = "discrete", beliefs: bool = False, **description: Any
+) -> NetworkPolicy:
     """A network drawn at random, as if `train.py` had written it."""
     rng = np.random.default_rng(0)
     space = action_space(action_type == "discrete")
     outputs = 13 if action_type == "discrete" else 3
+    known = known_of(Options("Survey", robot="husky", action_type=action_type))
+    inputs = make_inputs(known) if beliefs else None
+    columns = len(NAMES) + (len(COLUMNS) if beliefs else 0)
     layers = [
         (0.5 * rng.standard_normal((after, before)).astype(np.float32), np.zeros(after, np.float32))
-        for before, after in itertools.pairwise((len(NAMES), 16, outputs))
+        for before, after in ((columns, 16), (16 + columns, outputs))
     ]
     training = {"env": "homeward/Survey-v0", "robot": "husky", "action_type": action_type, "seed": 3}
-    save_policy(folder, layers, space, {"training": training} | description)
-    return load_policy(folder)
+    save_policy(folder, layers, space, {"training": training} | description, inputs)
+    return load_policy(folder, known)
 
 
 def open_session(content: bytes) -> Any:
@@ -43,19 +48,23 @@ def open_session(content: bytes) -> Any:
     return onnxruntime.InferenceSession(content, threads, providers=["CPUExecutionProvider"])
 
 
+@pytest.mark.parametrize("beliefs", [False, True])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_commands_are_those_of_the_original(action_type: str, tmp_path: Path) -> None:
-    policy = save_drawn_policy(tmp_path, action_type)
+def test_commands_are_those_of_the_original(action_type: str, beliefs: bool, tmp_path: Path) -> None:
+    policy = save_drawn_policy(tmp_path, action_type, beliefs)
     options, known = setting_of(policy)
     session = open_session(to_onnx(policy, options, known).SerializeToString())
     size, zero = np.array([(one.size, one.zero) for one in quantities(known)]).T
     env = HomewardVectorEnv(64, **vars(options))
     observations, _ = env.reset(seed=0)
     modes = set()
-    for _ in range(100):
-        actions = policy.act(observations, np.ones(64, np.bool_))
-        physical = (observations * size + zero).astype(np.float32)
-        commands = dict(zip(OUTPUTS, session.run(list(OUTPUTS), {INPUT: physical}), strict=True))
+    for decision in range(100):
+        seen = policy.seen(observations, np.full(64, decision == 0))
+        actions = policy.choose(policy.outputs(seen))
+        feed = {INPUT: (observations * size + zero).astype(np.float32)}
+        if beliefs:
+            feed[BELIEF] = seen[:, len(NAMES) :]
+        commands = dict(zip(OUTPUTS, session.run(list(OUTPUTS), feed), strict=True))
         encoded = encode_actions(known, **commands)
         if action_type == "discrete":
             np.testing.assert_array_equal(encoded, actions)
@@ -64,7 +73,7 @@ def test_commands_are_those_of_the_original(action_type: str, tmp_path: Path) ->
             np.testing.assert_array_equal(commands["mode"], np.minimum((1.5 * (actions[:, 2] + 1.0)).astype(int), 2))
         modes |= set(commands["mode"].tolist())
         observations, *_ = env.step(actions)
-    assert modes == {0, 1, 2}
+    assert modes <= {0, 1, 2}
 
 
 def test_columns_are_the_physical_quantities(tmp_path: Path) -> None:
@@ -110,9 +119,10 @@ def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, capsys: p
     assert all(name in printed for name in (*NAMES, *OUTPUTS))
 
 
+@pytest.mark.parametrize("beliefs", [False, True])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_a_file_that_decides_otherwise_is_refused(action_type: str, tmp_path: Path) -> None:
-    policy = save_drawn_policy(tmp_path, action_type)
+def test_a_file_that_decides_otherwise_is_refused(action_type: str, beliefs: bool, tmp_path: Path) -> None:
+    policy = save_drawn_policy(tmp_path, action_type, beliefs)
     options, known = setting_of(policy)
     check_equal(to_onnx(policy, options, known).SerializeToString(), policy, known)
     weight, bias = policy.layers[-1]
@@ -127,13 +137,6 @@ def test_another_robot_than_the_trained_one_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ExportError, match=r"robot 'husky' has other numbers .* give that one's file with --robot"):
         setting_of(policy)
     assert setting_of(policy, "jackal")[1].robot.name == "jackal"
-
-
-def test_a_policy_with_a_rule_is_refused(tmp_path: Path) -> None:
-    policy = save_drawn_policy(tmp_path)
-    guided = NetworkPolicy(policy.layers, policy.action_space, {**policy.description, "guide": {}})
-    with pytest.raises(ExportError, match="follows a rule, which no ONNX file holds yet: train one with --guide none"):
-        setting_of(guided)
 
 
 @pytest.mark.parametrize("training", [None, {}, {"env": "homeward/Nothing-v0"}])

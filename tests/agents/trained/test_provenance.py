@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from homeward.agents.learning.provenance import differences, made_with
+from homeward.agents.trained.provenance import differences, made_with
 from homeward.envs.options import Options, known_of
 
 ENV = "homeward/Survey-v0"

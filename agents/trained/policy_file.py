@@ -16,13 +16,13 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from homeward.agents.base import Observations, Policy
-from homeward.agents.learning.guide import BELIEFS, Guide, guide_from
+from homeward.agents.trained.inputs import COLUMNS, BeliefInputs, inputs_from
 from homeward.envs.features import NAMES
 from homeward.envs.options import Known
 from homeward.files import read_json, write_whole
 
 WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
-SCHEMA = 1
+SCHEMA = 2
 _ROWS = 64
 """Missions at a time: larger products are spread over threads, whose waiting costs more than they gain."""
 
@@ -38,37 +38,53 @@ class NetworkPolicy(Policy):
     """A network with tanh between its layers; it takes the likeliest action, or the mean one in a continuous space.
 
     Attributes:
-        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32. With a guide, the first takes the
-            guide's inputs, and the last takes the guide's proposal behind the outputs of the layer before.
+        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32. Of several, the last one takes the
+            network's inputs behind the outputs of the layer before.
         action_space: Space of one action: `MultiDiscrete` or `Box`.
         description: What `policy.json` says: environment, options, spaces, training, versions.
-        guide: What makes the network's inputs from observations, if it has other inputs.
+        inputs: What makes the network's inputs from observations, if they are not the observations.
     """
 
     layers: tuple[Layer, ...]
     action_space: spaces.Space[Any]
     description: Mapping[str, Any]
-    guide: Guide | None = None
-
-    @property
-    def guided(self) -> bool:
-        """Whether the network has other inputs than the observation."""
-        return "guide" in self.description
+    inputs: BeliefInputs | None = None
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission: int64 levels, or float32 within the box, shape (n, 3).
 
         Raises:
-            PolicyFileError: The policy has a guide and was loaded without an environment's known.
+            PolicyFileError: The policy sees beliefs and was loaded without an environment's known.
         """
-        if self.guide is not None:
-            observations = self.guide.inputs(observations, begun)
-        elif self.guided:
-            raise PolicyFileError(
-                "the policy follows a rule, which needs a robot: load it with an environment's setting"
-            )
-        starts = range(0, len(observations), _ROWS)
-        outputs = np.concatenate([self.outputs(observations[start : start + _ROWS]) for start in starts])
+        return self.choose(self.outputs(self.seen(observations, begun)))
+
+    def seen(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """The network's inputs, shape (n, inputs); arguments as in `act`.
+
+        Raises:
+            PolicyFileError: As `act`.
+        """
+        if self.inputs is not None:
+            return self.inputs(observations, begun)
+        if "inputs" in self.description:
+            raise PolicyFileError("the policy sees beliefs, which need a robot: load it with an environment's known")
+        return observations
+
+    def outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What the last layer gives for inputs, shape (n, outputs): logits of all levels, or the mean action."""
+        return np.concatenate([self._outputs(values[i : i + _ROWS]) for i in range(0, len(values), _ROWS)])
+
+    def _outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        hidden = values
+        for weight, bias in self.layers[:-1]:
+            hidden = np.tanh(hidden @ weight.T + bias)
+        weight, bias = self.layers[-1]
+        if len(self.layers) > 1:
+            hidden = np.concatenate((hidden, values), axis=1)
+        return hidden @ weight.T + bias
+
+    def choose(self, outputs: NDArray[np.float32]) -> NDArray[Any]:
+        """The likeliest action by outputs of the last layer, or the mean one."""
         if isinstance(self.action_space, spaces.Box):
             clipped: NDArray[np.float32] = np.clip(outputs, self.action_space.low, self.action_space.high)
             return clipped
@@ -76,25 +92,16 @@ class NetworkPolicy(Policy):
         parts = np.split(outputs, np.cumsum(self.action_space.nvec)[:-1], axis=1)
         return np.stack([part.argmax(axis=1) for part in parts], axis=1)
 
-    def outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What the last layer gives for inputs, shape (n, outputs): scores of all levels, or the mean action."""
-        hidden = values
-        for weight, bias in self.layers[:-1]:
-            hidden = np.tanh(hidden @ weight.T + bias)
-        weight, bias = self.layers[-1]
-        if self.guided:
-            hidden = np.concatenate((hidden, values[:, -len(bias) :]), axis=1)
-        return hidden @ weight.T + bias
-
     def check_spaces(self, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:
         """Check that the policy fits an environment.
 
         Raises:
             PolicyFileError: It observes or acts in other spaces.
         """
-        features = len(NAMES) if self.guided else self.layers[0][0].shape[1]
-        if observation_space.shape != (features,):
-            raise PolicyFileError(f"the policy observes {features} features, the environment {observation_space.shape}")
+        if observation_space.shape != (len(NAMES),):
+            raise PolicyFileError(
+                f"the policy observes {len(NAMES)} features, the environment {observation_space.shape}"
+            )
         if action_space != self.action_space:
             raise PolicyFileError(
                 f"the policy acts in {self.action_space}, the environment in {action_space}: "
@@ -107,7 +114,7 @@ def save_policy(
     layers: Sequence[Layer],
     action_space: spaces.Space[Any],
     details: Mapping[str, Any],
-    guide: Guide | None = None,
+    inputs: BeliefInputs | None = None,
 ) -> None:
     """Write a policy into a folder, each file whole or not at all.
 
@@ -116,7 +123,7 @@ def save_policy(
         layers: Weight (outputs, inputs) and bias (outputs,) of each layer.
         action_space: `MultiDiscrete` or `Box` of one action.
         details: More for the description, such as the environment and how the policy was trained.
-        guide: What makes the network's inputs, if there is one.
+        inputs: What makes the network's inputs, if they are not the observation.
 
     Raises:
         OSError: The folder cannot be written to.
@@ -132,7 +139,7 @@ def save_policy(
         "action_space": _describe(action_space),
         "network": {"layers": len(layers), "activation": "tanh"},
         "weights_sha256": hashlib.sha256(weights).hexdigest(),
-        **({} if guide is None else {"guide": guide.description | {"beliefs": list(BELIEFS)}}),
+        **({} if inputs is None else {"inputs": inputs.description}),
         **details,
     }
     write_whole(folder / WEIGHTS, weights)
@@ -144,7 +151,7 @@ def load_policy(path: Path, known: Known | None = None) -> NetworkPolicy:
 
     Args:
         path: Folder that training wrote, or one of the two files in it.
-        known: Constants of the environment that it is to act in; a policy with a guide does not act without.
+        known: Constants of the environment that it is to act in; a policy that sees beliefs does not act without.
 
     Raises:
         PolicyFileError: A file is missing, truncated, or not a policy of this version of the observations.
@@ -168,15 +175,16 @@ def load_policy(path: Path, known: Known | None = None) -> NetworkPolicy:
         )
     except (KeyError, TypeError, ValueError, AssertionError) as error:
         raise PolicyFileError(f"{folder / DESCRIPTION} does not describe {WEIGHTS}: {error!r}") from None
-    guided = "guide" in description
-    _check_layers(folder / WEIGHTS, layers, action_space, guided)
-    guide = None
-    if guided and known is not None:
+    _check_layers(folder / WEIGHTS, layers, action_space, len(NAMES) + len(COLUMNS) * ("inputs" in description))
+    inputs = None
+    if "inputs" in description and known is not None:
         try:
-            guide = guide_from(description["guide"], known)
+            inputs = inputs_from(description["inputs"], known)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise PolicyFileError(f"{folder / DESCRIPTION} tells of a guide that there is not: {error!r}") from None
-    return NetworkPolicy(layers, action_space, description, guide)
+            raise PolicyFileError(
+                f"{folder / DESCRIPTION} tells of other inputs than this version has, train again: {error!r}"
+            ) from None
+    return NetworkPolicy(layers, action_space, description, inputs)
 
 
 def _read(path: Path) -> bytes:
@@ -209,9 +217,6 @@ def _read_description(path: Path) -> dict[str, Any]:
         raise PolicyFileError(
             f"{path}: the policy observes other features than this version's environments: train again"
         )
-    guide = description.get("guide", {"beliefs": list(BELIEFS)})
-    if not isinstance(guide, dict) or guide.get("beliefs") != list(BELIEFS):
-        raise PolicyFileError(f"{path}: the policy follows another rule than this version has: train again")
     return description
 
 
@@ -230,17 +235,16 @@ def _action_space(described: Mapping[str, Any]) -> spaces.Space[Any]:
     raise ValueError(f"action space {described['type']!r}")
 
 
-def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Space[Any], guided: bool) -> None:
+def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Space[Any], inputs: int) -> None:
     if isinstance(action_space, spaces.MultiDiscrete):
         outputs = int(action_space.nvec.sum())
     else:
         outputs = int(np.prod(action_space.shape or ()))
-    widths = [len(NAMES), *(len(bias) if bias.ndim == 1 else -1 for _, bias in layers)]
-    if guided:
-        widths[0] += len(BELIEFS) + outputs
-        widths[-2:-1] = [width + outputs for width in widths[-2:-1]]  # before the last layer
-    for (weight, bias), inputs in zip(layers, widths, strict=False):
-        if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (len(bias), inputs):
+    widths = [inputs, *(len(bias) if bias.ndim == 1 else -1 for _, bias in layers)]
+    if len(layers) > 1:
+        widths[-2] += inputs  # before the last layer
+    for index, (weight, bias) in enumerate(layers):
+        if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (len(bias), widths[index]):
             raise PolicyFileError(
                 f"{path}: a layer of shape {weight.shape} and {bias.shape} does not fit the one before"
             )

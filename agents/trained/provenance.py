@@ -15,11 +15,13 @@ from homeward.envs.difficulty import DIFFICULTY
 from homeward.envs.options import Known, Options, constants_of
 
 _LEARNER = (
-    "belief.py", "planner/kernel.py", "planner/planner.py", "rules/dmax_adaptive.py", "rules/dmax_belief.py",
-    "rules/dmax_lap.py", "rules/pace.py", "rules/rule.py", "rules/tuned.py",
-)  # fmt: skip
-_AFTER_TRAINING = ("__init__.py", "onnx_export.py", "onnx_graph.py", "policy_file.py", "provenance.py")
-"""Files of `learning` that no outcome of training follows from; a new one counts until it is listed here."""
+    "trained/inputs.py",
+    "belief.py",
+    "rules/dmax_mapped.py",
+    "rules/pace.py",
+    "rules/rule.py",
+    "rules/tuned.py",
+)
 _COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather")
 
 
@@ -112,7 +114,7 @@ def _code() -> dict[str, str]:
     """Hashes of the source files as they are when first asked for, as a process keeps what it has loaded."""
     package = Path(homeward.__file__).parent
     agents = package / "agents"
-    training = (file for file in (agents / "learning").glob("*.py") if file.name not in _AFTER_TRAINING)
+    training = (agents / "learning").glob("*.py")
     parts = {
         "physics": (package / "physics").rglob("*.py"),
         "envs": (package / "envs").glob("*.py"),  # how it is shown changes no policy

@@ -1,6 +1,6 @@
 """A trained policy for the robot itself: physical units in, physical commands out, as one ONNX file.
 
-`python -m homeward.agents.learning.onnx_export POLICY_FOLDER policy.onnx` writes the network with the scaling of the
+`python -m homeward.agents.trained.onnx_export POLICY_FOLDER policy.onnx` writes the network with the scaling of the
 observation before it and the decoding of the action behind it, checks it against the original in onnxruntime, and
 prints what goes in and what comes out. The file says the same in its metadata.
 """
@@ -23,8 +23,9 @@ from rich.console import Console
 from rich.table import Table
 
 from homeward import cli
-from homeward.agents.learning.policy_file import NetworkPolicy, PolicyFileError, load_policy
-from homeward.agents.learning.provenance import robot_hash
+from homeward.agents.trained.inputs import COLUMNS
+from homeward.agents.trained.policy_file import NetworkPolicy, PolicyFileError, load_policy
+from homeward.agents.trained.provenance import robot_hash
 from homeward.envs import IDS
 from homeward.envs.actions import limits
 from homeward.envs.features import FEATURES
@@ -68,8 +69,6 @@ def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options
         ExportError: The description does not say, or the robot is not the one of the training.
         OptionError, RobotError, RouteError: What it says cannot be used.
     """
-    if "guide" in policy.description:
-        raise ExportError("the policy follows a rule, which no ONNX file holds yet: train one with --guide none")
     training = policy.description.get("training")
     missions = {env_id: mission for mission, env_id in IDS.items()}
     if not isinstance(training, dict) or training.get("env") not in missions:
@@ -104,22 +103,26 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known) -> None:
     """
     import onnxruntime
 
-    from homeward.agents.learning.onnx_graph import INPUT, OUTPUTS, decode, quantities
+    from homeward.agents.trained.onnx_graph import BELIEF, INPUT, OUTPUTS, decode, quantities, sees_beliefs
 
     columns = quantities(known)
     size = np.array([one.size for one in columns], np.float32)
     zero = np.array([one.zero for one in columns], np.float32)
-    drawn = np.random.default_rng(0).uniform(-1.5, 1.5, (_CHECKED, len(columns))).astype(np.float32)
-    physical = zero + size * drawn
+    rng = np.random.default_rng(0)
+    physical = zero + size * rng.uniform(-1.5, 1.5, (_CHECKED, len(columns))).astype(np.float32)
+    feed, seen = {INPUT: physical}, (physical - zero) / size
+    if sees_beliefs(policy):
+        feed[BELIEF] = rng.uniform(-1.0, 1.0, (_CHECKED, len(COLUMNS))).astype(np.float32)
+        seen = np.concatenate((seen, feed[BELIEF]), axis=1)
     threads = onnxruntime.SessionOptions()
     threads.intra_op_num_threads = 1  # more would only wait for each other
     session = onnxruntime.InferenceSession(content, threads, providers=["CPUExecutionProvider"])
-    commands = np.stack([one.astype(np.float64) for one in session.run(list(OUTPUTS), {INPUT: physical})], axis=1)
-    observations = (physical - zero) / size
-    actions = policy.act(observations, np.ones(_CHECKED, np.bool_))
+    commands = np.stack([one.astype(np.float64) for one in session.run(list(OUTPUTS), feed)], axis=1)
+    outputs = policy.outputs(seen)
+    actions = policy.choose(outputs)
     (_, fastest_mps), (_, most_hz) = limits(known)
     wrong = np.abs(commands - decode(actions, known)) > _ALMOST * np.array([fastest_mps, most_hz, 1.0])
-    wrong &= ~_undecided(policy, observations, actions)
+    wrong &= ~_undecided(policy, outputs, actions)
     if wrong.any():
         row, part = np.argwhere(wrong)[0]
         raise ExportError(
@@ -128,11 +131,11 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known) -> None:
         )
 
 
-def _undecided(policy: NetworkPolicy, observations: NDArray[np.float32], actions: NDArray[Any]) -> NDArray[np.bool_]:
+def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDArray[Any]) -> NDArray[np.bool_]:
     """Where rounding decides, shape (n, 3): two levels come out alike, or a mode lies at a border."""
-    undecided = np.zeros((len(observations), 3), np.bool_)
+    undecided = np.zeros((len(outputs), 3), np.bool_)
     if isinstance(policy.action_space, spaces.MultiDiscrete):
-        parts = np.split(policy.outputs(observations), np.cumsum(policy.action_space.nvec)[:-1], axis=1)
+        parts = np.split(outputs, np.cumsum(policy.action_space.nvec)[:-1], axis=1)
         best = [np.sort(part, axis=1)[:, -2:] for part in parts]
         return np.stack([second >= first - _ALMOST for second, first in (one.T for one in best)], axis=1)
     borders = 1.5 * (actions[:, 2] + 1.0)
@@ -150,7 +153,7 @@ def main(args: Args) -> onnx.ModelProto:
     try:
         import onnxruntime  # noqa: F401 - found missing before anything is done
 
-        from homeward.agents.learning.onnx_graph import to_onnx
+        from homeward.agents.trained.onnx_graph import to_onnx
     except ModuleNotFoundError as error:
         raise ExportError(f"exporting needs {error.name}: pip install 'homeward[onnx]'") from None
     policy = load_policy(args.policy)
@@ -164,7 +167,7 @@ def main(args: Args) -> onnx.ModelProto:
 
 
 def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
-    from homeward.agents.learning.onnx_graph import INPUT, quantities
+    from homeward.agents.trained.onnx_graph import BELIEF, INPUT, quantities
 
     table = Table(title=f"columns of {INPUT}, float32 (missions, {len(FEATURES)})", box=box.SIMPLE_HEAD)
     for heading in ("", "name", "unit", "meaning"):
@@ -174,6 +177,12 @@ def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
     console = Console()
     console.print(table)
     told = {one.key: one.value for one in model.metadata_props}
+    if BELIEF in json.loads(told["inputs"]):
+        console.print(
+            f"{BELIEF}, float32 (missions, {len(COLUMNS)}): the columns behind the features of what "
+            "homeward.agents.trained.inputs.BeliefInputs answers on the robot",
+            highlight=False, soft_wrap=True,
+        )  # fmt: skip
     for name, meaning in json.loads(told["outputs"]).items():
         console.print(f"{name}: {meaning}", highlight=False, soft_wrap=True)
     console.print(

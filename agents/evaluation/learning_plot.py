@@ -1,0 +1,46 @@
+"""Learning curves of trained agents against the other agents of an evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of, unit_of
+from homeward.agents.evaluation.summary import Evaluation
+from homeward.agents.learning.curve import EPISODES, Point
+
+
+def learning_png(
+    evaluation: Evaluation, summary: dict[str, Any], curves: Mapping[str, Sequence[Sequence[Point]]]
+) -> bytes:
+    """Score and rate of stranding over the decisions of training, and what the other agents come to.
+
+    Args:
+        evaluation: Of all agents.
+        summary: Of the same.
+        curves: By agent the learning curve of each of its training seeds.
+    """
+    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    for row, name in enumerate(evaluation.runs):
+        one, colour = summary["agents"][name], colour_of(row)
+        for index, curve in enumerate(curves.get(name, ())):
+            millions, label = [point.steps / 1e6 for point in curve], name if index == 0 else None
+            style = {"color": colour, "marker": "o", "markersize": 3.0, "linewidth": 1.5}
+            above.plot(millions, [point.score for point in curve], label=label, **style)
+            below.plot(millions, [100.0 * point.stranded_rate for point in curve], **style)
+        if name not in curves:
+            above.axhline(one["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=name)
+            below.axhline(100.0 * one["stranded_rate"], color=colour, linestyle="--", linewidth=1.0)
+    above.set_ylabel(f"score ({unit_of(evaluation.options.mission)})")
+    below.set_ylabel("stranded, %")
+    below.set_xlabel("decisions of training, millions")
+    above.legend(fontsize="small", loc="lower right")
+    tidy(above, below)
+    figure.suptitle(f"{title_of(evaluation)}: learning curve", fontsize=11)
+    figure.supxlabel(
+        f"curve: {EPISODES} missions of its own; dashed: the {len(evaluation.seeds)} of this evaluation", fontsize=8
+    )
+    return png(figure)

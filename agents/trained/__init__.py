@@ -1,0 +1,1 @@
+"""Trained policies: as files, on the robot, and what they were made with; free of torch."""

@@ -1,0 +1,194 @@
+"""What a policy that starts from d_max sees beside the observation, and the first policies.
+
+The columns are worked out outside the network, by what the robot has estimated of itself and the wind
+(`homeward.agents.belief`); none of them says what another agent would do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, feature
+from homeward.agents.belief import Belief
+from homeward.agents.rules.dmax_belief import MISSED
+from homeward.agents.rules.dmax_mapped import MappedDmaxRule
+from homeward.agents.rules.pace import NO_SENSING
+from homeward.agents.rules.rule import sees_posts
+from homeward.agents.rules.tuned import PACES, RESERVES
+from homeward.envs.actions import LEVELS, MODES, encode_actions
+from homeward.envs.features import GAINS, INDEX, NAMES
+from homeward.envs.options import Known
+from homeward.envs.state import GO, PATROL, RETURN, STOP
+from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, PER_CAPACITY, ROLLING, WEIGHT
+from homeward.physics import ancillary_power
+
+COLUMNS: tuple[tuple[str, str], ...] = (
+    ("spare", "thirty times the margin less the reserve of `dmax_belief`, cut at -1 and 1; less where time is short"),
+    ("margin", "believed energy left, less what going on to the next chance to turn and then home takes"),
+    *((f"margin_{gain:g}", f"the same times {gain:g}, cut at -1 and 1") for gain in GAINS),
+    ("deviation", "twenty times the standard deviation of the margin"),
+    ("margin_in_deviations", "a quarter of the margin over its standard deviation, cut at -1 and 2"),
+    ("way", "believed energy of going on and home over that by the robot's own model, minus 1, cut at -1 and 1"),
+    ("rolling", "believed energy of rolling over the model's, both of a full battery, minus 1"),
+    ("weight", "the same of climbing"),
+    ("rest", "the same of all else"),
+    ("headwind", "believed wind against the direction of travel, in 10 m/s"),
+    ("look_back", "1 where `Belief.looks_back` would drive a decision home to tell the wind from the ground"),
+)
+"""Name and meaning of each column; energies are shares of the usable energy. From a final return on there is nothing to
+decide about it, and all are 0, which saves half of the time."""
+_SPARE = len(NAMES)
+
+# Logits of the first policies: other choices are to be tried now and then, but so that the trials do not cost much.
+_CRUISE, _NO_SENSING, _STOP, _GO, _RETURN = 4.0, 3.0, -3.0, 2.0, -2.2
+_NO_SENSING_ON_SURVEYS = 1.0
+_AGAIN = 12.0
+"""Of the share of the decisions that make a return final. Without it, one that is tried is hardly ever followed by the
+others, and nobody learns what a return is good for."""
+_CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 4.0, 6.0, -3.0, 10.0, 3.0
+_HALF, _HOME = 2.0, 20.0
+"""On surveys by the rule: of half of the sensing rate, and against sensing and stopping on the way home."""
+
+
+class BeliefInputs:
+    """Makes the inputs of a policy: the observation, and `COLUMNS` behind it.
+
+    Args:
+        known: Constants of the environment.
+        deviations: Standard deviations of the margin that the rule keeps back.
+    """
+
+    def __init__(self, known: Known, deviations: float) -> None:
+        self._known, self._deviations = known, deviations
+        # By the file, with nothing sensed.
+        self._rule, self._belief = MappedDmaxRule(known, NO_SENSING, 0.0), Belief(known, MISSED)
+        s = known.shared[0]
+        idle_w = float(ancillary_power(known.robot, 0.0))
+        self._patrol, self._sees_posts = bool(s["mission"] == PATROL), sees_posts(known)
+        # The next chance to turn is the next decision; of a patrol, whose posts are seen, a lap with its stops away.
+        onwards_m = float(s["length_m"] if self._patrol else s["cruise_mps"] * s["decision_s"])
+        onwards_s, stops_s = onwards_m / float(s["cruise_mps"]), 2.0 * float(s["pit_stop_s"]) if self._patrol else 0.0
+        self._onwards = {"onwards_m": onwards_m, "onwards_s": onwards_s, "onwards_j": idle_w * (onwards_s + stops_s)}
+        self._round_s = 2.0 * onwards_s + stops_s
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """JSON that `inputs_from` makes equal inputs from."""
+        return {"columns": [name for name, _ in COLUMNS], "deviations": self._deviations}
+
+    def __call__(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Inputs, float32, shape (n, features + columns); arguments as in `homeward.agents.base.Policy.act`.
+
+        An observation that is shown twice counts once.
+        """
+        going = feature(observations, "returning") < 1.0
+        inputs = np.zeros((len(observations), len(NAMES) + len(COLUMNS)), np.float32)
+        inputs[:, : len(NAMES)] = observations
+        self._belief.learn(observations, begun, going)
+        inputs[going, _SPARE:] = self._believed(observations, going)[going]
+        return inputs
+
+    def _spare(self, observations: Observations, spare: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Energy to spare; less where the time is short, nothing at the end of the route, and plenty between posts."""
+        s = self._known.shared[0]
+        distance_m = feature(observations, "distance") * s["reach_m"]
+        left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
+        # A quarter more, for the nearest speed level may lie below cruise.
+        decisions_left = (left_s - 1.25 * (distance_m / s["cruise_mps"] + self._round_s)) / s["decision_s"]
+        spare = np.minimum(spare, 0.01 * decisions_left)
+        if self._sees_posts:
+            return np.where(distance_m <= 0.0, spare, 1.0)
+        ends = np.asarray(distance_m >= (1.0 - 1e-6) * s["length_m"]) & (not self._patrol)
+        return np.where(ends, -1.0, spare)
+
+    def _believed(self, observations: Observations, going: NDArray[np.bool_]) -> NDArray[np.float64]:
+        s, belief = self._known.shared[0], self._belief
+        plans = belief.plans(observations)
+        modelled = plans["home_cost_j"] / s["usable_j"]
+        plans["home_cost_j"][~going] = np.nan
+        for name, value in self._onwards.items():
+            plans[name] = value
+        total = belief.margin(plans, 0.0).total
+        margin, deviation, way = (total[f"{name}_j"] / s["usable_j"] for name in ("margin", "margin_sd", "cost"))
+        mean = belief.estimator.mean()
+        ratios = mean[:, [ROLLING, WEIGHT, GAIN]] * mean[:, [PER_CAPACITY]] - 1.0
+        headwind_mps = (mean[:, EAST] + mean[:, GUST_EAST]) * feature(observations, "east")
+        headwind_mps += (mean[:, NORTH] + mean[:, GUST_NORTH]) * feature(observations, "north")
+        columns = (
+            np.clip(30.0 * self._spare(observations, margin - self._deviations * deviation), -1.0, 1.0),
+            margin,
+            *(np.clip(gain * margin, -1.0, 1.0) for gain in GAINS),
+            20.0 * deviation,
+            np.clip(0.25 * margin / np.maximum(deviation, 1e-6), -1.0, 2.0),
+            np.clip(way / (modelled + self._rule.cost_of_going_on(observations)) - 1.0, -1.0, 1.0),
+            *ratios.T,
+            0.1 * headwind_mps,
+            belief.looks_back(observations),
+        )
+        return np.stack(columns, axis=1)
+
+
+def make_inputs(known: Known) -> BeliefInputs:
+    """Inputs with the reserve of the rule `dmax_belief` (`homeward.agents.rules.tuned`)."""
+    return BeliefInputs(known, RESERVES["dmax_belief"][known.mission])
+
+
+def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
+    """The inputs that a description tells of.
+
+    Raises:
+        ValueError, KeyError, TypeError: It tells of none, or of those of another version.
+    """
+    if description["columns"] != [name for name, _ in COLUMNS]:
+        raise ValueError("other columns than this version has")
+    return BeliefInputs(known, float(description["deviations"]))
+
+
+def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Weight (outputs, inputs) and bias (outputs,) of the policy that training starts from.
+
+    With `inputs` it turns back as the d_max rule does, by what is believed: where `spare` is negative; on a survey it
+    senses at half of the rate all the way out. Without, it knows nothing of energy: it cruises, mostly without sensing,
+    now and then tries a return or a stop, and goes on with a return that it has begun.
+
+    Args:
+        known: Constants of the environment.
+        inputs: What the policy sees; the observation alone if None.
+    """
+    columns = len(NAMES) + (0 if inputs is None else len(COLUMNS))
+    build = _discrete if known.shared["discrete"][0] else _continuous
+    weight, bias = build(known, columns, PACES[known.mission].rate > 0.0, inputs is not None)
+    return weight.astype(np.float32), bias.astype(np.float32)
+
+
+def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[NDArray[Any], NDArray[Any]]:
+    weight, bias = np.zeros((2 * LEVELS + len(MODES), columns)), np.zeros(2 * LEVELS + len(MODES))
+    cruise = int(encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, 0])
+    stop, go, back = (2 * LEVELS + mode for mode in (STOP, GO, RETURN))
+    returning = INDEX["returning"]
+    if not by_rule:
+        bias[cruise], bias[LEVELS] = _CRUISE, _NO_SENSING_ON_SURVEYS if survey else _NO_SENSING
+        bias[stop], bias[go], bias[back], weight[back, returning] = _STOP, _GO, _RETURN, _AGAIN
+        return weight, bias
+    bias[cruise], bias[LEVELS], bias[stop] = _CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE
+    weight[back, _SPARE], weight[back, returning] = -_RETURN_BY_RULE, _AGAIN_BY_RULE
+    if survey:
+        none, half = LEVELS, LEVELS + LEVELS // 2
+        bias[half], bias[none] = _HALF, 0.0
+        weight[none + 1 : 2 * LEVELS, returning] = weight[stop, returning] = -_HOME
+    return weight, bias
+
+
+def _continuous(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[NDArray[Any], NDArray[Any]]:
+    weight, bias = np.zeros((3, columns)), np.zeros(3)
+    bias[:2] = encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, :2]
+    if by_rule:
+        # Each mode has a third of [-1, 1]: stop, go and return.
+        weight[2, _SPARE], weight[2, INDEX["returning"]], bias[2] = -1.0 / 3.0, 1.0, 1.0 / 3.0
+        if survey:
+            weight[1, INDEX["returning"]], bias[1] = -_HOME, 0.0
+    return weight, bias
