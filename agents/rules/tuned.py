@@ -1,5 +1,8 @@
 """Numbers of the baselines for each mission, as `python benchmarks/tune.py` printed them.
 
+The planner's but for Patrol are of `--only planner --episodes 2048`; the others were found before the environments had
+instruments that err and weather that changes.
+
 A rule has the highest mean score over missions with seeds of their own, `uncertain`, with the default robot; the
 planner, one for OutAndBack and Survey, the highest sum over both at `uncertain` and `harsh`, relative to the best of
 each, with no more than 0.3 % stranded at `uncertain`; on Patrol, where it goes by another rule, its own is found in the

@@ -15,7 +15,7 @@ from homeward.envs.state import RETURN
 from homeward.physics import ancillary_power
 
 RISKS = {0.999: 1e-7}
-"""Risk of each decision that is taken, for each confidence that can be asked for; see docs/evaluation.md."""
+"""Risk of each decision that is taken, for each confidence that can be asked for: see docs/evaluation.md."""
 _MISSED = 0.2
 """Probability that a forecast of the wind says nothing, as on the routes `hidden_wind`: a shield reckons with them."""
 _SPARE_DECISIONS = 3.0
