@@ -9,6 +9,7 @@ from benchmarks import shield
 from benchmarks.shield import Args, main, reference_of, row_of
 from homeward.agents import AgentError
 from homeward.agents.evaluation import episode_seeds
+from homeward.agents.rules.tuned import RESERVES
 from homeward.envs.options import Options
 
 
@@ -39,6 +40,7 @@ def test_other_episodes_are_run_anew(tmp_path: Path) -> None:
 
 def test_what_scores_are_compared_with_strands_few(monkeypatch: pytest.MonkeyPatch) -> None:
     options, seeds = Options("OutAndBack", route="hidden_wind"), episode_seeds(0, 64)
+    monkeypatch.setitem(RESERVES["planner"], "OutAndBack", 1.0)  # strands some
     monkeypatch.setattr(shield, "MOST_STRANDED", 1.0)
     least = reference_of(options, seeds)
     monkeypatch.setattr(shield, "MOST_STRANDED", (least["stranded"] - 0.5) / 64)
