@@ -19,7 +19,7 @@ help:
 
 demo: .venv/installed
 	@# Finished, it is left alone; interrupted, it goes on; of other code or settings, it is trained anew.
-	$(BIN)/python train.py --env homeward/Survey-v0 --steps 1500000 --curve 6 --out $(DEMO)/ppo --resume --replace
+	$(BIN)/python train.py --env homeward/Survey-v0 --steps 3000000 --curve 10 --out $(DEMO)/ppo --resume --replace
 	$(BIN)/python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax dmax_mapped dmax_adaptive planner ppo=$(DEMO)/ppo \
 	    --episodes 500 --seed 7 --out $(DEMO)/evaluation
 	@# Real drives of a Husky: read from HOMEWARD_DATA or downloaded; if that fails (exit code 3), the recording that ships.

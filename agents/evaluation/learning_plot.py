@@ -37,7 +37,7 @@ def learning_png(
     above.set_ylabel(f"score ({unit_of(evaluation.options.mission)})")
     below.set_ylabel("stranded, %")
     below.set_xlabel("decisions of training, millions")
-    above.legend(fontsize="small", loc="lower right")
+    above.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     tidy(above, below)
     figure.suptitle(f"{title_of(evaluation)}: learning curve", fontsize=11)
     figure.supxlabel(
