@@ -45,8 +45,8 @@ def test_a_shield_keeps_back_the_least_that_is_safe_everywhere() -> None:
         "hard": {few: Outcome(10.0, 3), many: Outcome(9.0, 2)},
         "unscored": {few: Outcome(0.0, 0), many: Outcome(0.0, 0)},
     }
-    assert tune.choose_for_shield(grids, 3000) == few
-    assert tune.choose_for_shield(grids, 2048) == many
+    assert tune.choose_for_shield(grids, 6000) == few
+    assert tune.choose_for_shield(grids, 4096) == many
 
 
 def test_what_a_shield_keeps_back_is_tried_and_put_back() -> None:
