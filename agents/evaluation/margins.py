@@ -42,7 +42,11 @@ class Curve:
             (-np.array(self.score), np.array(self.stranded))
         )  # of those that strand alike the best first
         stranded, best = np.array(self.stranded)[order], np.maximum.accumulate(np.array(self.score)[order])
-        return None if level < stranded[0] else float(np.interp(level, stranded, best))
+        if level < stranded[0]:
+            return None
+        below = int(np.searchsorted(stranded, level, side="right")) - 1
+        # By rounding alone, interpolation may leave the interval that it is in.
+        return float(np.clip(np.interp(level, stranded, best), best[below], best[min(below + 1, len(best) - 1)]))
 
 
 def curve_of(runs: Mapping[float | None, Sequence[Run]]) -> Curve:

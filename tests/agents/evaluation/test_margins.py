@@ -34,6 +34,14 @@ def test_where_every_reserve_strands_more_there_is_none() -> None:
     assert curve([(12.0, 0.02)]).at(0.019) is None
 
 
+def test_interpolation_never_leaves_its_interval() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        (low, high), (few, many) = np.sort(rng.uniform(0.0, 1e3, 2)), np.sort(rng.uniform(0.0, 1.0, 2))
+        between = curve([(low, few), (high, many)]).at(float(np.nextafter(many, 0.0)))
+        assert between is not None and low <= between <= high
+
+
 def test_of_reserves_that_strand_alike_the_best_counts() -> None:
     for points in ([(12.0, 0.0), (10.0, 0.0), (11.0, 0.02)], [(10.0, 0.0), (12.0, 0.0), (11.0, 0.02)]):
         assert [curve(points).at(level) for level in (0.0, 0.01, 0.02)] == [12.0, 12.0, 12.0]
