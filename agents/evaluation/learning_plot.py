@@ -31,9 +31,9 @@ def learning_png(
             style = {"color": colour, "marker": "o", "markersize": 3.0, "linewidth": 1.5}
             above.plot(millions, [point.score for point in curve], label=label, **style)
             below.plot(millions, [100.0 * point.stranded_rate for point in curve], **style)
-        if name not in curves:
-            above.axhline(one["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=name)
-            below.axhline(100.0 * one["stranded_rate"], color=colour, linestyle="--", linewidth=1.0)
+        kept = f"{name}, the policy kept" if name in curves else name
+        above.axhline(one["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=kept)
+        below.axhline(100.0 * one["stranded_rate"], color=colour, linestyle="--", linewidth=1.0)
     above.set_ylabel(f"score ({unit_of(evaluation.options.mission)})")
     below.set_ylabel("stranded, %")
     below.set_xlabel("decisions of training, millions")
