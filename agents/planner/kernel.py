@@ -116,11 +116,12 @@ def thriftiest(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: A
     """
     s, model = constants[0], models[0]
     for n in range(len(beliefs)):
-        least, home, b = np.inf, np.zeros(LEVELS + 1), beliefs[n]
-        _drive(b, vehicle, model, s, b.sine_here, home)
+        least, drive, b = np.inf, np.zeros(LEVELS + 1), beliefs[n]
+        _drive(b, vehicle, model, s, b.sine_here, drive)
         for speed in range(LEVELS):
-            cost = _cost(b, vehicle, model, s, speed, b.sine_here, ahead[n])
-            if cost < least and (ahead[n] < 0.0 or _fits(b, model, s, home, speed)):
+            home = ahead[n] < 0.0
+            cost = _cost(b, vehicle, model, s, speed, b.sine_here, -1.0) if home else drive[speed]
+            if cost < least and (home or _fits(b, model, s, drive, speed)):
                 least, speeds_mps[n] = cost, model.speeds_mps[speed]
 
 

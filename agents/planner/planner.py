@@ -119,7 +119,7 @@ class Planner(Policy):
         s, outlook = self._known.shared[0], self.rule.outlook
         beliefs = np.zeros(len(observations), kernel.BELIEF_DTYPE)
         if self._belief:
-            believed = self._belief.estimate().mean
+            believed = self._belief.estimator.mean()
             for name, state in (("gain", GAIN), ("rolling", ROLLING), ("weight", WEIGHT)):
                 beliefs[name] = believed[:, state] * believed[:, PER_CAPACITY]
             beliefs["wind_east_mps"] = believed[:, EAST] + believed[:, GUST_EAST]

@@ -54,7 +54,7 @@ class BeliefDmaxRule(BelievingRule):
         onwards["onwards_j"] = self._extra_share * s["usable_j"]
         onwards["onwards_j"] += self.belief.estimator.vehicle.idle_w * onwards["onwards_s"]
         now, then = (self.belief.margin(plan, 0.0).total for plan in (home, onwards))
-        believed = self.belief.estimate().mean
+        believed = self.belief.estimator.mean()
         full_j = s["usable_j"] / believed[:, PER_CAPACITY]
         more_j = then["cost_j"] - now["cost_j"]
         return Outlook(

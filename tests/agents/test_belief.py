@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from homeward.agents import make_policy
 from homeward.agents.belief import Belief, prior_of
+from homeward.agents.evaluation import run_episodes
 from homeward.agents.shield import Shield
+from homeward.agents.shield.reckless import Onward
 from homeward.envs.actions import encode_actions
 from homeward.envs.features import INDEX, NAMES
 from homeward.envs.options import Options, known_of
@@ -315,3 +317,22 @@ def test_it_never_looks_back_where_one_decision_makes_a_return_final() -> None:
     for _ in range(20):
         assert not drive.belief.looks_back(drive.observations).any()
         drive.go(1)
+
+
+def weights(belief: Belief) -> Array:
+    return np.asarray(np.exp(belief.estimator.state["hypotheses"]["log_weight"]))
+
+
+def test_a_stand_says_nothing_about_the_wind() -> None:
+    """Whether it coasted is asked once for all hypotheses: by noise alone, one of them took all weight."""
+    drive = Drive(64, looks_back=False, weather="still").go(12)
+    before = weights(drive.belief)
+    drive.go(15, STOP)
+    np.testing.assert_allclose(weights(drive.belief), before, atol=0.05)
+
+
+def test_to_coast_in_a_tail_wind_does_not_end_the_doubt_about_it() -> None:
+    """A density of one hypothesis must not outweigh the probability of another: one took all weight on this slope."""
+    options = Options("OutAndBack", route="hidden_wind")
+    known = known_of(options)
+    assert run_episodes(Shield(Onward(known), known, risk=1e-6), options, [3_000_963]).episodes.home.all()
