@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward import estimation
 from homeward.agents.base import Observations, feature
 from homeward.envs.actions import encode_actions
 from homeward.envs.options import Known
@@ -12,19 +13,13 @@ from homeward.envs.routes import KNOTS, NEW_PATCH, WIND_SCALE_MPS
 from homeward.envs.state import RETURN
 from homeward.envs.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
 from homeward.estimation import READING_DTYPE, Estimate, Estimator, Margin, Prior, Vehicle
-from homeward.physics import ancillary_power
+from homeward.estimation.excitation import looks_back
 
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
-_LOOKS_BACK_EVERY, _LOOKS_BACK_AT = 20, 10
-"""Decisions of which one is driven towards home, as slowly as it goes, and which: of 10, 20 and 40 by trial on
-OutAndBack. At cruise it would cost 3 % of the planner's score. Without it a quarter of the planner's missions strand in
-winds that no forecast told of, with it 3 %."""
-_MODEL_ERRORS = 0.001, 0.003, 0.006
+_MODEL_ERRORS = 0.001, 0.0015, 0.006
 """Errors that are always reckoned with, as shares of a decision's energy and of that of the way home: where nothing is
 hidden, where the weather stays, and where it changes. Of 0.001 to 0.01 the last is that with which intervals of the way
 home hold about as often as they say, at `uncertain` with its meter, and the second that with the highest score."""
-_FAR = 1.5
-"""Decisions at cruise from home from which it is worth it."""
 _ON_BORDER = 1e-4
 """Share of a place within which a robot is taken to be on its border."""
 _AHEAD = 1e-6
@@ -74,18 +69,8 @@ def prior_of(known: Known, missed: float) -> Prior:
 
 def vehicle_of(known: Known) -> Vehicle:
     """The robot's own model, from the constants of an environment."""
-    robot, s = known.robot, known.shared[0]
-    nominal = robot.record()[0]
-    return Vehicle(
-        full_j=float(s["usable_j"]),
-        rolling_resistance=robot.rolling_resistance,
-        mass_kg=float(nominal["mass_kg"] + nominal["payload_mass_kg"]),
-        drag_ns2_per_m2=robot.drag_ns2_per_m2,
-        per_efficiency=1.0 / robot.traction_efficiency,
-        cruise_mps=float(s["cruise_mps"]),
-        idle_w=float(ancillary_power(robot, 0.0)),
-        place_m=float(s["place_m"]),
-    )
+    s = known.shared[0]
+    return estimation.vehicle_of(known.robot, float(s["place_m"]), float(s["cruise_mps"]))
 
 
 class Belief:
@@ -164,11 +149,11 @@ class Belief:
         So the wind comes from the other side: what then changes is the wind, and what does not is the robot. Where one
         decision makes a return final, it never is.
         """
-        due = self._decisions % _LOOKS_BACK_EVERY == _LOOKS_BACK_AT
-        far = self._position_m > _FAR * self._vehicle.cruise_mps * float(self._known.shared["decision_s"][0])
+        decision_s, changes = float(self._known.shared["decision_s"][0]), self._known.difficulty.weather_changes
+        due = looks_back(self._decisions, self._position_m, self._vehicle.cruise_mps, decision_s, changes)
         out = feature(observations, "outbound") > 0.0
         may = not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1
-        return np.asarray(due & far & out & may)
+        return np.asarray(due & out & may)
 
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""

@@ -38,7 +38,7 @@ def see_route(constants: Any, missions_begun: Any, routes: Any) -> None:
     for k in range(1, c.shared.places):
         before = route.places[k - 1]
         cost_j = before.home_cost_j + before.home_j_per_m * c.shared.place_m
-        map_place(m, route.places[k], c.nominal, c.shared, cost_j)
+        map_place(m, c.nominal, route.places[k], c.nominal, c.shared, cost_j, 0.0)
 
 
 @compiled

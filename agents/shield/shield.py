@@ -14,7 +14,7 @@ from homeward.envs.options import Known
 from homeward.envs.state import RETURN
 from homeward.physics import ancillary_power
 
-RISKS = {0.999: 1e-7}
+RISKS = {0.999: 1e-6}
 """Risk of each decision that is taken, for each confidence that can be asked for: see docs/evaluation.md."""
 _MISSED = 0.2
 """Probability that a forecast of the wind says nothing, as on the routes `hidden_wind`: a shield reckons with them."""

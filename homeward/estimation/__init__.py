@@ -3,13 +3,14 @@
 from homeward.estimation.drive import Vehicle, vehicle_of
 from homeward.estimation.estimator import Estimate, Estimator, Margin
 from homeward.estimation.filter import READING_DTYPE
-from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE
+from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, WAY_DTYPE
 from homeward.estimation.prior import Prior
 
 __all__ = [
     "MARGIN_DTYPE",
     "PLAN_DTYPE",
     "READING_DTYPE",
+    "WAY_DTYPE",
     "Estimate",
     "Estimator",
     "Margin",

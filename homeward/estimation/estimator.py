@@ -15,8 +15,12 @@ from numpy.typing import NDArray
 
 from homeward.estimation.drive import Vehicle
 from homeward.estimation.filter import HYPOTHESIS_DTYPE, PLACE_DTYPE, ROBOT_DTYPE, update
-from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, judge
-from homeward.estimation.prior import HYPOTHESES, Prior, first_hypotheses
+from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, WAY_DTYPE, judge
+from homeward.estimation.moves import relocate
+from homeward.estimation.prior import HYPOTHESES, PER_CAPACITY, USED, Prior, first_hypotheses
+
+NO_WAYS = np.zeros(0, WAY_DTYPE)
+"""No way home but back over the way out."""
 
 
 class Margin(NamedTuple):
@@ -91,7 +95,7 @@ class Estimator:
         forecast_mps = np.stack((wind_east_mps, wind_north_mps), axis=-1)[mask]
         mean, covariance, probability = first_hypotheses(self.prior, self.vehicle.full_j, forecast_mps)
         new = np.zeros(len(forecast_mps), self.state.dtype)
-        new["robot"]["soc"] = np.nan
+        new["robot"]["soc"], new["robot"]["soc_start"] = np.nan, 1.0
         new["hypotheses"]["mean"], new["hypotheses"]["covariance"] = mean, covariance
         new["hypotheses"]["gust_s"] = self.prior.gust_s
         with np.errstate(divide="ignore"):
@@ -107,6 +111,33 @@ class Estimator:
         """
         s = self.state
         update(self.vehicle, self.prior, mask, readings, s["robot"], s["hypotheses"], s["places"], s["rollings"])
+
+    def relocate(self, position_m: float) -> None:
+        """Robots are elsewhere on their way home than they drove to: one found a short cut, or home has moved.
+
+        Args:
+            position_m: Way home from now on, m, over ground already driven or, where it is longer, as that here.
+        """
+        s = self.state
+        relocate(self.vehicle, s["robot"], s["hypotheses"], s["places"], s["rollings"], position_m)
+
+    def recharge(self, soc: float, soc_sd: float) -> None:
+        """Robots have another battery, or the same with another charge: nothing that was learned of it holds.
+
+        Args:
+            soc: State of charge, a share.
+            soc_sd: Standard deviation of its error.
+        """
+        robot, h = self.state["robot"], self.state["hypotheses"]
+        mean, covariance, _ = first_hypotheses(self.prior, self.vehicle.full_j, np.zeros((1, 2)))
+        per = mean[0, 0, PER_CAPACITY]
+        for state in (USED, PER_CAPACITY):
+            h["covariance"][..., state, :] = h["covariance"][..., :, state] = 0.0
+        h["mean"][..., PER_CAPACITY], h["mean"][..., USED] = per, 0.0
+        h["covariance"][..., PER_CAPACITY, PER_CAPACITY] = covariance[0, 0, PER_CAPACITY, PER_CAPACITY]
+        h["covariance"][..., USED, USED] = (soc_sd / per) ** 2
+        robot["soc_start"], robot["soc"] = soc, np.nan
+        robot["lag"] = robot["soc_since"] = robot["soc_taken"] = 0.0
 
     def mean(self) -> NDArray[np.float64]:
         """Mean of the states over all hypotheses, see `Estimate`."""
@@ -134,16 +165,18 @@ class Estimator:
         plans["home_mps"] = plans["speed_mps"] = self.vehicle.cruise_mps if home_mps is None else home_mps
         return plans
 
-    def margin(self, plans: NDArray[np.void], risk: float) -> Margin:
+    def margin(self, plans: NDArray[np.void], risk: float, ways: NDArray[np.void] = NO_WAYS) -> Margin:
         """Distribution of what plans leave: energy left, less driving on and then home.
 
         Args:
             plans: `PLAN_DTYPE`, shape (n,).
             risk: Probability that a margin is below its `margin_low_j`; 0 leaves that out, NaN, and takes less time.
+            ways: `WAY_DTYPE`, shape (m,): the way home of plans that lead home elsewhere.
         """
         s = self.state
-        total, each = np.zeros(len(s), MARGIN_DTYPE), np.zeros((len(s), HYPOTHESES, 3))
+        total, each = np.zeros(len(s), MARGIN_DTYPE), np.zeros((len(s), HYPOTHESES, 4))
         judge(
-            self.vehicle, self.prior, plans, risk, s["robot"], s["hypotheses"], s["places"], s["rollings"], total, each
-        )
+            self.vehicle, self.prior, plans, ways, risk, s["robot"], s["hypotheses"], s["places"], s["rollings"], total,
+            each,
+        )  # fmt: skip
         return Margin(total, each[..., 0], each[..., 1], each[..., 2])

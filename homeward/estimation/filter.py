@@ -29,6 +29,7 @@ from homeward.estimation.prior import (
     STATES,
     USED,
 )
+from homeward.estimation.wind import covariance_of_wind, curvature, gust_variance
 from homeward.physics.jit import compiled, inline
 
 READING_DTYPE = np.dtype(
@@ -37,7 +38,11 @@ READING_DTYPE = np.dtype(
         ("position_m", np.float64),  # from home
         ("power_w", np.float64),  # mean since the reading before
         ("soc", np.float64),  # state of charge, a share
-        ("modelled_j", np.float64),  # by the robot's own model since the reading before
+        (
+            "modelled_j",
+            np.float64,
+        ),  # by the robot's own model since the reading before; NaN: by the slopes noted
+        ("other_j", np.float64),  # where that is NaN, what the model has beyond driving steadily and standing
         ("speed_mps", np.float64),  # while it moved
         ("sine", np.float64),  # of the slope here, in the direction of the way out
         ("east", np.float64),  # direction of the way out here
@@ -46,10 +51,10 @@ READING_DTYPE = np.dtype(
 )
 """What a robot reads of itself; NaN where an instrument is silent."""
 ROBOT_DTYPE = np.dtype(
-    [(name, np.float64) for name in ("time_s", "position_m", "lag", "soc", "soc_since", "soc_taken")]
+    [(name, np.float64) for name in ("time_s", "position_m", "lag", "soc", "soc_since", "soc_taken", "soc_start")]
 )
 """Time and place of the last reading; by how much the state of charge lags, as a share of the file's usable energy; the
-state of charge, the energy used when it last changed, and when it was last taken in."""
+state of charge, the energy used when it last changed, when it was last taken in, and what it was at the start."""
 HYPOTHESIS_DTYPE = np.dtype(
     [
         ("mean", np.float64, (STATES,)),
@@ -191,6 +196,8 @@ def _drive(
     drive, other, left, rolls, kept, climb_variance = _way(
         v, prior, robot, reading, dt_s, h, places, rollings, slope, bend, jump
     )
+    mean_bend, bend_variance, _ = curvature(bend, covariance_of_wind(p, 1.0, 0.0))
+    drive += mean_bend
     took, variance = drive + other, 0.0
     slope[OFFSET] = dt_s  # the reading holds the offset, the energy does not
     for a in range(STATES):
@@ -217,7 +224,7 @@ def _drive(
 
     # Slopes that were misread: they raise the energy and, on the way out, are met again on the way home.
     weight = misread_climb(prior, x)
-    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + left
+    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + left + bend_variance
     p[USED, USED] += noise
     shared[USED] += noise
     variance += noise
@@ -333,13 +340,6 @@ def _blow(prior: Any, dt_s: float, h: Any) -> None:
         p[gust, gust] += variance * (1.0 - kept * kept)
 
 
-@inline
-def gust_variance(prior: Any, x: Any, p: Any) -> float:
-    """Of each component of the gusts, (m/s)^2."""
-    square = x[EAST] * x[EAST] + x[NORTH] * x[NORTH] + p[EAST, EAST] + p[NORTH, NORTH]
-    return float(prior.gust_share * prior.gust_share * square)
-
-
 @compiled
 def _way(
     v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any, slope: Any,
@@ -378,7 +378,7 @@ def _way(
         slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + prior.slope_within_place**2
         climb_variance += (climbing(v, 1.0) * way_m / v.full_j) ** 2 * slope_variance
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
-    idle = v.idle_w * dt_s / v.full_j
+    idle = (v.idle_w * dt_s + reading.other_j) / v.full_j
     if np.isfinite(reading.modelled_j):
         idle = reading.modelled_j / v.full_j - own
     slope[GAIN] += idle
@@ -453,7 +453,7 @@ def _charge(prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_b
         if h.log_weight > -np.inf:
             x, p = h.mean, h.covariance
             spent, per_capacity = x[USED] - robot.lag, x[PER_CAPACITY]
-            surprise = 1.0 - soc - per_capacity * spent
+            surprise = robot.soc_start - soc - per_capacity * spent
             variance = error
             gain = np.empty(STATES)
             for a in range(STATES):

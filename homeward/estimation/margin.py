@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 
 from homeward.estimation.drive import Stretch, modelled_driving, predict, rolling
-from homeward.estimation.filter import gust_variance, place_of
+from homeward.estimation.filter import place_of
 from homeward.estimation.prior import (
     EAST,
     GAIN,
+    GUST_EAST,
+    GUST_NORTH,
     NORTH,
     PER_CAPACITY,
     STATES,
     USED,
 )
+from homeward.estimation.wind import covariance_of_wind, curvature, gust_variance
 from homeward.physics.jit import compiled, inline
 
 PLAN_DTYPE = np.dtype(
@@ -28,9 +31,14 @@ PLAN_DTYPE = np.dtype(
         ("home_mps", np.float64),  # speed home
         ("home_cost_j", np.float64),  # from here home by the robot's own model at cruise
         ("sine", np.float64),  # of the slope ahead; NaN: as here
+        ("knows_ahead", np.float64),  # 1: slopes and directions ahead are those noted for the places there
+        ("elsewhere", np.float64),  # 1: home leads by another way than the one out, which `ways` gives
+        ("unsure_j", np.float64),  # standard deviation of what the plan takes beyond all that is estimated
     ]
 )
 """A plan: drive on, then home."""
+WAY_DTYPE = np.dtype([(name, np.float64) for name in ("way_m", "sine", "east", "north", "speed_mps")])
+"""A stretch of a way home that is not the way out; slope and direction are those of travel."""
 MARGIN_DTYPE = np.dtype(
     [(f"{name}{kind}_j", np.float64) for name in ("left", "cost", "margin") for kind in ("", "_sd")]
     + [("cost_share", np.float64), ("cost_share_sd", np.float64), ("margin_low_j", np.float64)]
@@ -38,12 +46,14 @@ MARGIN_DTYPE = np.dtype(
 """Energy left, cost of a plan and margin, metered, and their standard deviations; the cost as a share of a full
 battery; and the margin at the risk that was asked for."""
 _BISECTIONS = 30
+_FARTHEST = 20.0  # standard deviations from the mean within which a quantile is looked for
+_LEAST_SKEWNESS = 1e-3  # below which a distribution is taken for normal
 
 
 @compiled
 def judge(
-    v: Any, prior: Any, plans: Any, risk: float, robots: Any, hypotheses: Any, places: Any, rollings: Any, margins: Any,
-    each: Any,
+    v: Any, prior: Any, plans: Any, ways: Any, risk: float, robots: Any, hypotheses: Any, places: Any, rollings: Any,
+    margins: Any, each: Any,
 ) -> None:  # fmt: skip
     """What plans leave.
 
@@ -51,16 +61,18 @@ def judge(
         v: `Vehicle`.
         prior: `Prior`.
         plans: `PLAN_DTYPE`, shape (n,); one without a way home, NaN, is left out.
+        ways: `WAY_DTYPE`, shape (m,): the way home of plans that lead home elsewhere.
         risk: Probability that the margin is below `margin_low_j`; 0 leaves that out, which takes a third of the time.
         robots: See `homeward.estimation.filter`, as the next three.
         hypotheses: Shape (n, hypotheses).
         places: Shape (n, places).
         rollings: Shape (n, hypotheses, places).
         margins: Written, `MARGIN_DTYPE`, shape (n,).
-        each: Written: weight, mean and standard deviation of the margin of each hypothesis, shape (n, hypotheses, 3).
+        each: Written: weight and mean, standard deviation and skewness of the margin of each hypothesis, shape
+            (n, hypotheses, 4).
     """
     slope, share, part = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
-    sums, bend = np.zeros((4, 2)), np.zeros(3)
+    sums, bend, wind = np.zeros((4, 2)), np.zeros(3), np.zeros(3)
     for i in range(len(plans)):
         if np.isnan(plans[i].home_cost_j):
             continue
@@ -71,22 +83,25 @@ def judge(
             each[i, k, :] = 0.0
             if weight == 0.0:
                 continue
-            cost, variance = _cost(v, prior, robots[i], plans[i], h, places[i], rollings[i, k], slope, bend, part)
+            cost, variance, stays, to_come = _cost(
+                v, prior, robots[i], plans[i], ways, h, places[i], rollings[i, k], slope, bend, wind, part
+            )
             x, p = h.mean, h.covariance
-            capacity = 1.0 / x[PER_CAPACITY]
-            left = capacity * (1.0 + p[PER_CAPACITY, PER_CAPACITY] * capacity * capacity) - x[USED]
+            capacity, start = 1.0 / x[PER_CAPACITY], robots[i].soc_start
+            left = start * capacity * (1.0 + p[PER_CAPACITY, PER_CAPACITY] * capacity * capacity) - x[USED]
             share[:] = slope
             share[:] *= x[PER_CAPACITY]
             share[PER_CAPACITY] += cost
             _add(sums[0], weight, cost, variance + _quadratic(p, slope))
             _add(sums[1], weight, cost * x[PER_CAPACITY], variance * x[PER_CAPACITY] ** 2 + _quadratic(p, share))
             slope[USED] += 1.0
-            slope[PER_CAPACITY] += capacity * capacity
+            slope[PER_CAPACITY] += start * capacity * capacity
             margin_variance = variance + _quadratic(p, slope)
             _add(sums[2], weight, left - cost, margin_variance)
             each[i, k, 0], each[i, k, 1], each[i, k, 2] = weight, left - cost, np.sqrt(margin_variance)
+            each[i, k, 3] = -_third_cumulant(p, slope, bend, wind, stays, to_come) / max(margin_variance, 1e-18) ** 1.5
             slope[:] = 0.0
-            slope[USED], slope[PER_CAPACITY] = 1.0, capacity * capacity
+            slope[USED], slope[PER_CAPACITY] = 1.0, start * capacity * capacity
             _add(sums[3], weight, left, _quadratic(p, slope))
         m = margins[i]
         m.cost_j, m.cost_sd_j = v.full_j * sums[0, 0], v.full_j * _deviation(sums[0])
@@ -94,7 +109,7 @@ def judge(
         m.margin_j, m.margin_sd_j = v.full_j * sums[2, 0], v.full_j * _deviation(sums[2])
         m.left_j, m.left_sd_j = v.full_j * sums[3, 0], v.full_j * _deviation(sums[3])
         m.margin_low_j = v.full_j * _quantile(each[i], risk) if risk > 0.0 else np.nan
-        each[i, :, 1:] *= v.full_j
+        each[i, :, 1:3] *= v.full_j
 
 
 @inline
@@ -117,19 +132,52 @@ def _quadratic(p: Any, slope: Any) -> float:
     return max(total, 0.0)
 
 
+@inline
+def _third_cumulant(p: Any, slope: Any, bend: Any, wind: Any, stays: float, to_come: float) -> float:
+    """Of the energy: what winds that blow harder than expected add to its tail.
+
+    Args:
+        p: Covariance of the states.
+        slope: By how much each state raises the energy.
+        bend: Second derivatives by the wind.
+        wind: Covariance of the wind on the way.
+        stays: See `covariance_of_wind`, as the next one.
+        to_come: Variance.
+    """
+    # Covariance of the wind with the energy, as far as that is linear.
+    east, north = slope[EAST] * to_come, slope[NORTH] * to_come
+    for a in range(STATES):
+        east += slope[a] * (p[a, EAST] + stays * p[a, GUST_EAST])
+        north += slope[a] * (p[a, NORTH] + stays * p[a, GUST_NORTH])
+    _, _, cubes = curvature(bend, wind)
+    return float(3.0 * (bend[0] * east * east + 2.0 * bend[1] * east * north + bend[2] * north * north) + cubes)
+
+
+@inline
+def _below(z: float, skewness: float) -> float:
+    """Probability that a number of given skewness is below `z` standard deviations above its mean.
+
+    As in a Pearson type III distribution, by Wilson and Hilferty's cube root (Proceedings of the National Academy of
+    Sciences 17, 1931).
+    """
+    if abs(skewness) > _LEAST_SKEWNESS:
+        z = 6.0 / skewness * (np.cbrt(max(1.0 + 0.5 * skewness * z, 0.0)) - 1.0) + skewness / 6.0
+    return 0.5 * math.erfc(-z / math.sqrt(2.0))
+
+
 @compiled
 def _quantile(each: Any, risk: float) -> float:
-    """Below which a mixture of normal distributions is with a probability."""
+    """Below which a mixture of distributions of given mean, deviation and skewness is with a probability."""
     low, high = np.inf, -np.inf
     for k in range(len(each)):
         if each[k, 0] > 0.0:
-            low = min(low, each[k, 1] - 9.0 * each[k, 2])
-            high = max(high, each[k, 1] + 9.0 * each[k, 2])
+            low = min(low, each[k, 1] - _FARTHEST * each[k, 2])
+            high = max(high, each[k, 1] + _FARTHEST * each[k, 2])
     for _ in range(_BISECTIONS):
         middle, below = 0.5 * (low + high), 0.0
         for k in range(len(each)):
             if each[k, 0] > 0.0:
-                below += each[k, 0] * 0.5 * math.erfc((each[k, 1] - middle) / max(each[k, 2] * math.sqrt(2.0), 1e-300))
+                below += each[k, 0] * _below((middle - each[k, 1]) / max(each[k, 2], 1e-300), each[k, 3])
         if below < risk:
             low = middle
         else:
@@ -139,20 +187,30 @@ def _quantile(each: Any, risk: float) -> float:
 
 @compiled
 def _cost(
-    v: Any, prior: Any, robot: Any, plan: Any, h: Any, places: Any, rollings: Any, slope: Any, bend: Any, part: Any
-) -> tuple[float, float]:
-    """Energy of a plan by a hypothesis, by how much each state raises it (`slope`), and the variance beside theirs."""
+    v: Any, prior: Any, robot: Any, plan: Any, ways: Any, h: Any, places: Any, rollings: Any, slope: Any, bend: Any,
+    wind: Any, part: Any,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Energy of a plan by a hypothesis.
+
+    Written are by how much each state raises it (`slope`), its second derivatives by the wind (`bend`) and the
+    covariance of the wind on the way (`wind`), both east, both and north.
+
+    Returns:
+        The energy; its variance beside that of the states; share of the gusts now that is met on the way; variance of
+        either part of the gusts to come.
+    """
     x, p = h.mean, h.covariance
     here_m = robot.position_m
     turn_m = max(here_m + plan.onwards_m, 0.0)
     # Of the gusts now a part stays on average; of those to come, an average over the way counts.
-    course = max((plan.onwards_s + turn_m / plan.home_mps) / h.gust_s, 1e-6)
+    home_s = _lasts(ways) + max(plan.onwards_m, 0.0) / plan.home_mps if plan.elsewhere > 0.0 else turn_m / plan.home_mps
+    course = max((plan.onwards_s + home_s) / h.gust_s, 1e-6)
     stays = (1.0 - np.exp(-course)) / course
     gusts = gust_variance(prior, x, p)
     slope[:], bend[:] = 0.0, 0.0
     cost = variance = own = 0.0
     last = place_of(v, here_m, places)
-    for k in range(last + 1):
+    for k in range(last + 1 if plan.elsewhere == 0.0 else 0):
         start_m, end_m = k * v.place_m, here_m if k == last else (k + 1) * v.place_m
         border_m = min(max(turn_m, start_m), end_m)  # beyond it, it drives home already before it heads home
         place = places[k]
@@ -166,31 +224,59 @@ def _cost(
                 cost += energy
                 variance += left
     # As the ground's rolling bends with the wind, so does the way home: on average the one makes up for the other.
-    home_share = min(turn_m / max(here_m, 1e-9), 1.0)
-    if turn_m > here_m:
-        place, way_m = places[last], turn_m - here_m
-        sine = plan.sine if np.isfinite(plan.sine) else place.sine
+    home_share = min(turn_m / max(here_m, 1e-9), 1.0) if plan.elsewhere == 0.0 else 0.0
+    new_m = 0.0
+    if plan.elsewhere > 0.0:
+        for way in ways:
+            own += modelled_driving(v, way.sine, v.cruise_mps) * way.way_m
+            stretch = Stretch(way.way_m, way.sine, way.east, way.north, way.speed_mps, -1.0, 0.0, stays)
+            energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+            cost += energy
+            variance += left
+            new_m += 0.5 * way.way_m
+    k, reached_m = last, here_m
+    while reached_m < turn_m:
+        border_m = turn_m
+        if plan.knows_ahead > 0.0 and k < len(places) - 1:
+            border_m = min((k + 1) * v.place_m, turn_m)
+        place, way_m = places[k], max(border_m - reached_m, 0.0)
+        sine = plan.sine if plan.knows_ahead == 0.0 and np.isfinite(plan.sine) else place.sine
         for ahead, speed_mps in ((1.0, plan.speed_mps), (-1.0, plan.home_mps)):
             stretch = Stretch(way_m, ahead * sine, ahead * place.east, ahead * place.north, speed_mps, -1.0, 0.0, stays)
             energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
             cost += energy
             variance += left
+        reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
+    new_m += max(turn_m - here_m, 0.0)
+    if new_m > 0.0:
         # New ground: it may roll otherwise, out and home.
-        change = 1.0 - np.exp(-way_m / prior.patch_m)
-        variance += change * (2.0 * prior.patch_sd * rolling(v, 0.0) * way_m / v.full_j) ** 2
+        change = 1.0 - np.exp(-new_m / prior.patch_m)
+        variance += change * (2.0 * prior.patch_sd * rolling(v, 0.0) * new_m / v.full_j) ** 2
     # What the winds that may be, and gusts to come, take on average beyond the mean wind.
     gusty = 0.5 * gusts * (bend[0] + bend[2])
     for a in range(3):
         bend[a] -= home_share * h.bend[0, a]
-    ee, en = bend[0] * p[EAST, EAST] + bend[1] * p[EAST, NORTH], bend[0] * p[EAST, NORTH] + bend[1] * p[NORTH, NORTH]
-    ne, nn = bend[1] * p[EAST, EAST] + bend[2] * p[EAST, NORTH], bend[1] * p[EAST, NORTH] + bend[2] * p[NORTH, NORTH]
-    cost += gusty + 0.5 * (ee + nn)
-    variance += 0.5 * (ee * ee + 2.0 * en * ne + nn * nn)
+    cost += gusty + 0.5 * (bend[0] * p[EAST, EAST] + 2.0 * bend[1] * p[EAST, NORTH] + bend[2] * p[NORTH, NORTH])
+    to_come = max(2.0 / course * (1.0 - stays) - stays * stays, 0.0) * gusts
+    wind[:] = covariance_of_wind(p, stays, to_come)
+    variance += curvature(bend, wind)[1]
     # All but driving: the model's way home at cruise, and what its electronics take at another speed.
-    rest_j = max(plan.home_cost_j - own, 0.0) * home_share + plan.onwards_j
-    rest_j += v.idle_w * (turn_m / plan.home_mps - min(turn_m, here_m) / v.cruise_mps)
+    if plan.elsewhere > 0.0:
+        rest_j = max(plan.home_cost_j - own, 0.0) + plan.onwards_j
+        rest_j += v.idle_w * max(plan.onwards_m, 0.0) / plan.home_mps
+    else:
+        rest_j = max(plan.home_cost_j - own, 0.0) * home_share + plan.onwards_j
+        rest_j += v.idle_w * (turn_m / plan.home_mps - min(turn_m, here_m) / v.cruise_mps)
     slope[GAIN] += rest_j / v.full_j
     cost += x[GAIN] * rest_j / v.full_j
-    to_come = max(2.0 / course * (1.0 - stays) - stays * stays, 0.0) * gusts
     variance += (slope[EAST] ** 2 + slope[NORTH] ** 2) * to_come
-    return cost, variance + (prior.model_error * cost) ** 2
+    return cost, variance + (prior.model_error * cost) ** 2 + (plan.unsure_j / v.full_j) ** 2, stays, to_come
+
+
+@inline
+def _lasts(ways: Any) -> float:
+    """How long a way takes, s."""
+    total = 0.0
+    for way in ways:
+        total += way.way_m / way.speed_mps
+    return total

@@ -55,7 +55,7 @@ def test_a_careful_rule_is_left_alone_where_all_is_known() -> None:
     np.testing.assert_array_equal(safe.energy_left_j, bare.energy_left_j)
 
 
-@pytest.mark.parametrize(("difficulty", "typical", "most"), [("known", 0.02, 0.03), ("uncertain", 0.17, 0.25)])
+@pytest.mark.parametrize(("difficulty", "typical", "most"), [("known", 0.02, 0.03), ("uncertain", 0.17, 0.33)])
 def test_it_turns_back_late(difficulty: str, typical: float, most: float) -> None:
     """Hardly more than the reserve is left in the battery, where it knows its robot and the wind."""
     options = Options("OutAndBack", difficulty=difficulty)

@@ -1,0 +1,62 @@
+"""The robot's own model on its way: what it draws now, and what the ground driven takes on the way home."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from homeward.estimation.drive import modelled_driving
+from homeward.estimation.filter import place_of
+from homeward.physics.jit import compiled
+from homeward.physics.kernel import Conditions, demand
+
+
+@compiled
+def modelled_power(
+    v: Any, robots: Any, states: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, sine: float,
+    yaw_rate_radps: float, ahead: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Power by the robot's own model, that of its drive, and of that, of rolling, climbing and drag alone, W.
+
+    It is that in still air at 20 C, where C_rr was measured.
+
+    Args:
+        v: `Vehicle`.
+        robots: `ROBOT_DTYPE`, shape (1,).
+        states: `ROBOT_STATE_DTYPE`, shape (1,); written.
+        speed_mps: Speed.
+        sensing_hz: Sensing rate.
+        accel_mps2: Acceleration along the direction of travel.
+        sine: Of the slope in the direction of travel.
+        yaw_rate_radps: Turning rate.
+        ahead: 1 on the way out, -1 on the way home.
+    """
+    p, s = robots[0], states[0]
+    cosine = np.sqrt(max(1.0 - sine * sine, 0.0))
+    usual = p.surface_usual
+    power_w = demand(
+        p, s, Conditions(speed_mps, sensing_hz, accel_mps2, sine, cosine, yaw_rate_radps, usual, 0.0, 20.0, 0.0, ahead)
+    )
+    s.speed_mps = speed_mps
+    return power_w, s.drive_w, modelled_driving(v, sine, speed_mps) * speed_mps
+
+
+@compiled
+def home_cost(v: Any, places: Any, extra_j_per_m: Any, position_m: float) -> float:
+    """Energy home over the ground driven, at cruise and with nothing sensed, by the robot's own model, J.
+
+    Args:
+        v: `Vehicle`.
+        places: `PLACE_DTYPE`, shape (places,).
+        extra_j_per_m: What driving took there beyond rolling, climbing and drag by the model: turning, speeding up,
+            J/m, shape (places,). It takes that on the way home, too.
+        position_m: From home.
+    """
+    total = v.idle_w / v.cruise_mps * position_m
+    last = place_of(v, position_m, places)
+    for k in range(last + 1):
+        end_m = position_m if k == last else (k + 1) * v.place_m
+        driving = modelled_driving(v, -places[k].sine_driven, v.cruise_mps)
+        total += max(driving + extra_j_per_m[k], 0.0) * (end_m - k * v.place_m)
+    return float(total)
