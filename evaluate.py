@@ -18,21 +18,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import homeward  # noqa: F401 - first: it says in a line what is not installed
+
+# isort: split
 from rich import box
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.episode_plots import episode_png, route_png
+from homeward.agents.evaluation.learning_curve import Point, read_curve
 from homeward.agents.evaluation.learning_plot import learning_png
 from homeward.agents.evaluation.margins import LEVELS as EQUAL
 from homeward.agents.evaluation.margins import Curve, curve_of, margins_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
-from homeward.agents.learning.curve import Point, read_curve
 from homeward.agents.learning.folder import RUN
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import SWEPT
@@ -169,7 +172,7 @@ def _print_margins(curves: Mapping[str, Curve]) -> None:
     for name, curve in curves.items():
         scores = (curve.at(level) for level in EQUAL)
         table.add_row(name, *("-" if score is None else _number(score) for score in scores))
-    Console().print(table)
+    cli.Terminal().show(table)
 
 
 def _options(args: Args) -> Options:
@@ -296,9 +299,9 @@ def _print(summary: Mapping[str, Any], out: Path, files: Sequence[str]) -> None:
             str(one["timed_out"]),
             f"{one['decision_us']:.2g}",
         )
-    console = Console()
-    console.print(table)
-    console.print(f"Written to {out}: {', '.join(files)}", markup=False, highlight=False)
+    console = cli.Terminal()
+    console.show(table, ("us", "IQM", "late", "optimum", f"minus {first}"))
+    console.print(f"Written to {out}: {', '.join(files)}")
 
 
 def _number(value: float, sign: str = "") -> str:
@@ -311,8 +314,9 @@ def _share_of_optimum(one: Mapping[str, Any]) -> str:
     return "" if least is None or most is None else f"{least:.0%} to\n{most:.0%}"
 
 
-def _with_interval(value: float, ends: list[float] | None, write: Callable[[float], str]) -> str:
-    return write(value) if ends is None else f"{write(value)}\n[dim]{write(ends[0])} {write(ends[1])}[/dim]"
+def _with_interval(value: float, ends: list[float] | None, write: Callable[[float], str]) -> Text:
+    interval = () if ends is None else ((f"\n{write(ends[0])} {write(ends[1])}", "dim"),)
+    return Text.assemble(write(value), *interval)
 
 
 def run() -> int:

@@ -16,8 +16,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
+import homeward  # noqa: F401 - first: it says in a line what is not installed
+
+# isort: split
 import tyro
-from rich.console import Console
 
 from homeward import cli
 from homeward.agents.learning.folder import RunState, extended_from, locked, open_run
@@ -26,6 +28,7 @@ from homeward.agents.trained.provenance import made_with
 from homeward.envs import IDS
 from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.routes import RouteError
+from homeward.installed import advice
 from homeward.physics import RobotError
 
 
@@ -86,6 +89,7 @@ def main(args: Args) -> Path:
         "steps": args.steps,
         "seed": args.seed,
         **dataclasses.asdict(args.ppo),
+        **args.ppo.by_start,
     }
     with locked(args.out):
         return _train(args, options, known, settings)
@@ -96,11 +100,11 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
     try:  # before an older run may be removed
         from homeward.agents.learning.ppo import train
     except ModuleNotFoundError as error:
-        raise TrainingError(f"training needs {error.name}: pip install 'homeward[train]'") from None
+        raise TrainingError(f"training needs {error.name}: {advice('train', str(error.name))}") from None
     state = open_run(args.out, settings, code, resume=args.resume, replace=args.replace)
-    console = Console(stderr=True)
+    console = cli.Terminal(stderr=True)
     if state is RunState.FINISHED:
-        console.print(f"{args.out} holds this run, finished: nothing to do", markup=False, soft_wrap=True)
+        console.print(f"{args.out} holds this run, finished: nothing to do", soft_wrap=True)
         return args.out
     if state is RunState.REPLACED:
         console.print(

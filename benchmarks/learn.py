@@ -31,8 +31,8 @@ import train
 from homeward import cli
 from homeward.agents.base import Observations, Policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation.learning_curve import EPISODES, SEED, Point, read_curve
 from homeward.agents.evaluation.statistics import wilson
-from homeward.agents.learning.curve import EPISODES, SEED, Point, read_curve
 from homeward.agents.learning.folder import FIRST
 from homeward.agents.learning.settings import STARTS, PPOSettings, TrainingError
 from homeward.agents.registry import AGENTS, Request

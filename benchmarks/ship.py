@@ -15,7 +15,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 from homeward import cli
-from homeward.agents.learning.curve import EPISODES, Point, read_curve
+from homeward.agents.evaluation.learning_curve import EPISODES, Point, read_curve
 from homeward.agents.learning.folder import CURVE
 from homeward.agents.learning.settings import DMAX
 from homeward.agents.registry import SHIPPED, shipped

@@ -48,7 +48,7 @@ def decide(
             border_m = (m.place + (m.direction > 0.0)) * shared.place_m
             ahead_m = m.direction * (border_m - m.position_m)
             if ahead_m <= 0.0:
-                _cross(m, route, nominal, shared)
+                _cross(m, p, route, nominal, shared)
                 continue
             speed = speed_mps
             crossing = ahead_m <= speed * left_s
@@ -64,7 +64,7 @@ def decide(
         m.furthest_m = max(m.furthest_m, m.position_m)
         _account(m, nominal, shared, x, passed_s, new_m)
         if crossing:
-            _cross(m, route, nominal, shared)
+            _cross(m, p, route, nominal, shared)
     if heads_home and not m.returning and m.direction < 0.0:
         m.direction = outwards
         # One that runs empty at home, while it waits for its return to be final, is home.
@@ -81,7 +81,7 @@ def _may_drive(m: Any, shared: Any, heads_home_for_now: bool) -> Any:
 
 
 @inline
-def _cross(m: Any, route: Any, nominal: Any, shared: Any) -> None:
+def _cross(m: Any, p: Any, route: Any, nominal: Any, shared: Any) -> None:
     """Pass the border ahead: into the next place, or to an end of the route."""
     ahead = m.place + (1 if m.direction > 0.0 else -1)
     if ahead < 0 or ahead == shared.places:
@@ -90,7 +90,8 @@ def _cross(m: Any, route: Any, nominal: Any, shared: Any) -> None:
     m.place = ahead
     if m.place == m.mapped:
         home_cost_j = m.here.home_cost_j + m.here.home_j_per_m * shared.place_m
-        map_place(m, route.places[ahead], nominal, shared, home_cost_j)
+        true_home_cost_j = m.here.true_home_cost_j + m.here.true_home_j_per_m * shared.place_m
+        map_place(m, p, route.places[ahead], nominal, shared, home_cost_j, true_home_cost_j)
     m.here = route.places[ahead]
 
 
@@ -107,14 +108,17 @@ def _arrive(m: Any, shared: Any) -> None:
 
 
 @inline
-def map_place(m: Any, place: Any, believed: Any, shared: Any, home_cost_j: float) -> None:
+def map_place(
+    m: Any, p: Any, place: Any, believed: Any, shared: Any, home_cost_j: float, true_home_cost_j: float
+) -> None:
     """Cost the place that the robot comes to for the first time by its own model and the grade that it reads."""
-    place.home_cost_j = home_cost_j
+    place.home_cost_j, place.true_home_cost_j = home_cost_j, true_home_cost_j
     cruise = shared.cruise_mps
     headwind = weather.headwind(m, place) if shared.route_is_known else 0.0
     # The model's powers are worked out in the mission's own record, as if its windings were cold and its clock at 0.
     kept = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.traction_n, m.drive_w, m.power_w
     m.time_s, m.step_s, m.speed_mps, m.winding_k = 0.0, shared.decision_s, cruise, 0.0
+    true_home_w = demand(p, m, _conditions(m, place, cruise, 0.0, 0.0, weather.headwind(m, place), -1.0))
     true_sine = place.sin_grade
     place.sin_grade = place.sine_read
     standing_w = demand(believed, m, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0))
@@ -125,7 +129,7 @@ def map_place(m: Any, place: Any, believed: Any, shared: Any, home_cost_j: float
     place.standing_w = standing_w
     place.out_j_per_m = (out_w - standing_w) / cruise
     place.back_j_per_m = (home_w - standing_w) / cruise
-    place.home_j_per_m = home_w / cruise
+    place.home_j_per_m, place.true_home_j_per_m = home_w / cruise, true_home_w / cruise
     m.mapped += 1
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from homeward.envs.draws import GRADE, POWER, SOC, SPEED, normal
+from homeward.files import read_toml
 from homeward.physics.bounds import Bounds
 from homeward.physics.jit import inline
 
@@ -103,7 +103,7 @@ def load_instruments(given: str | Path | Instruments) -> Instruments:
         raise InstrumentError(f"instruments = {shown!r}; choose {', '.join(INSTRUMENTS)} or name a TOML file")
     path = Path(given)
     try:
-        sizes = tomllib.loads(path.read_text("utf-8"))
+        sizes = read_toml(path)
     except (OSError, ValueError) as error:  # not TOML, not UTF-8, or a name that no file can have
         raise InstrumentError(f"{path}: {error}") from None
     known = [field.name for field in dataclasses.fields(Instruments)]

@@ -30,9 +30,20 @@ _KEYS = 2.0**53
 
 
 @inline
+def _add_up_interest(route: Any, shared: Any) -> None:
+    """Note at each place an offset: in it, the interest of all metres up to x is offset + interest * x."""
+    total = 0.0
+    for k in range(shared.places):
+        place = route.places[k]
+        place.interest_to_here = total - place.interest * k * shared.place_m
+        total += place.interest * shared.place_m
+
+
+@inline
 def _read_route(m: Any, route: Any, shared: Any) -> None:
     """Note at each place what is seen and forecast of the way ahead: mean slope and interest by stretch."""
     count = shared.places
+    _add_up_interest(route, shared)
     # Running totals of what is seen, and of what is forecast, to each place.
     sines, interests = np.zeros((2, MAX_PLACES + 1)), np.zeros((2, MAX_PLACES + 1))
     for first in range(0, count, _FORECAST_PLACES):
@@ -92,15 +103,16 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
         rise += route.places[k].sin_grade
     m.mean_grade = rise / shared.places
     _read_route(m, route, shared)
-    map_place(m, route.places[0], nominal, shared, 0.0)
+    map_place(m, p, route.places[0], nominal, shared, 0.0, 0.0)
     m.here = route.places[0]
-    m.potential = potential(m, shared, _margin(m, shared)) if shared.shaped else 0.0
+    m.potential = potential(m, route, shared, _margin(m, shared)) if shared.shaped else 0.0
 
 
 @inline
 def _margin(m: Any, shared: Any) -> Any:
-    """Energy beyond the way home by the robot's own model, J, of what the file says a full battery holds."""
-    return m.energy_j / m.capacity_j * shared.usable_j - home_cost(m, shared)
+    """True energy beyond the way home over the ground already driven, J, as the true robot would drive it at cruise."""
+    here_m = m.position_m - m.place * shared.place_m
+    return m.energy_j - (m.here.true_home_cost_j + here_m * m.here.true_home_j_per_m)
 
 
 @inline
@@ -126,7 +138,7 @@ def _step(m: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, se
     shared, before_j = c.shared, m.energy_j
     decide(m, p, route, c.nominal, shared, speed_mps, sensing_hz, mode)
     instruments.read(m, shared, before_j - m.energy_j)
-    earned = reward(m, shared, _margin(m, shared))
+    earned = reward(m, route, shared, _margin(m, shared))
     m.over = m.home or m.depleted or m.decisions >= shared.max_decisions
     weather.change(m)
     observe(m, shared, home_cost(m, shared), row)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty
+from homeward.envs.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty, Uniform
 from homeward.envs.instruments import InstrumentError, Instruments, load_instruments
 from homeward.envs.route_files import load_route
 from homeward.envs.routes import GENERATED, GENERATED_PLACES, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
@@ -32,12 +32,15 @@ from homeward.physics.bounds import Bounds
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")
 SHAPINGS = ("dmax", "none")
+RANDOMISATIONS = ("generic", "file")
 WEATHERS = ("still", "changing")
 RETURN_SHARE = 0.015
 """Decisions in a row that must ask for the return before it is final, over those in which the battery lasts at cruise:
 as a rule three of two hundred. With one, a policy that chooses at random ends its mission after three decisions; with
 eight it never comes to know what a return is worth: stable-baselines3's PPO had learned to stand still after 0.3 M
 decisions of OutAndBack, and with three to come home (0.4 M, 96 % of 200 unseen missions; one seed of training each)."""
+_MOST_HALF, _MOST_ERROR = 0.6, 0.5
+"""Half of the widest range of a robot's number that is drawn from its file, and the largest error of an instrument."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
 _PATROL_PLACES = 4
@@ -102,6 +105,8 @@ class Options:
         discount: Discount factor that the shaping is consistent with, in (0, 1].
         decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts at cruise, and
             between a 20,000th and a fifth of it.
+        randomise: `generic` (robots within the ranges of the difficulty) or `file` (robots as uncertain as the table
+            `[uncertainty]` of the robot's file has it, read with the instruments that it gives), from `uncertain` on.
         true_robot: The robot that really drives, where it is not `robot`, which the robot then only takes itself for:
             its map home and its commands are those of `robot`, what it consumes is not.
         scaled_for: The robot that lengths, times and memory are scaled for, where it is not `robot`: robots that differ
@@ -121,6 +126,7 @@ class Options:
     shaping: str = "dmax"
     discount: float = 0.9995
     decision_s: float | None = None
+    randomise: str = "generic"
     true_robot: str | Path | Robot | None = None
     scaled_for: str | Path | Robot | None = None
 
@@ -131,6 +137,7 @@ class Options:
             ("action_type", self.action_type, ACTION_TYPES),
             ("shaping", self.shaping, SHAPINGS),
             ("weather", self.weather or "still", WEATHERS),
+            ("randomise", self.randomise, RANDOMISATIONS),
         ):
             if not isinstance(value, str) or value not in allowed:
                 raise OptionError(f"{name} = {value!r} is not allowed; choose from {', '.join(allowed)}")
@@ -236,6 +243,8 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     if options.weather == "still":
         difficulty = replace(difficulty, weather_changes=False)
     instruments = load_instruments(difficulty.instruments if options.instruments is None else options.instruments)
+    if options.randomise == "file":
+        difficulty, instruments = _by_file(robot, difficulty, options.instruments is None, instruments)
     hidden, interest = np.zeros(1, HIDDEN_DTYPE), MEAN_INTEREST
     h = hidden[0]
     if not generated:
@@ -290,6 +299,38 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     for inverse, name in INVERSES.items():
         s[inverse] = 1.0 / s[name] if s[name] else 0.0
     return Known(options.mission, robot, shared, difficulty, instruments), Hidden(truth, hidden)
+
+
+def _by_file(
+    robot: Robot, difficulty: Difficulty, own_instruments: bool, instruments: Instruments
+) -> tuple[Difficulty, Instruments]:
+    """Ranges and instruments that the robot's file has; of what it does not say, those of the difficulty.
+
+    A range is as wide as makes a uniform number as uncertain as the file has it.
+    """
+    sure = robot.uncertainty
+    if sure is None or difficulty.route_is_known:
+        why = "nothing is hidden at `known`" if sure is not None else f"{robot.name!r} has no table [uncertainty]"
+        raise OptionError(f"randomise = 'file' is not allowed: {why}; give the corrected.toml of a diagnosis")
+    between = sure.between_runs or 0.0
+
+    def around(middle: float, name: str, otherwise: Uniform, more: float = 0.0) -> Uniform:
+        variance = sure.variance(name)
+        if variance is None:
+            return otherwise
+        half = min(_SQRT_3 * float(np.hypot(np.sqrt(variance), more)), _MOST_HALF)
+        return Uniform(middle - half, middle + half)
+
+    difficulty = replace(
+        difficulty,
+        health=around(1.0, "capacity", difficulty.health),
+        rolling=around(1.0, "rolling", difficulty.rolling, between),
+        payload=around(0.0, "mass", difficulty.payload),
+    )
+    if own_instruments:
+        read = {name: value if name == "soc_lag_s" else min(value, _MOST_ERROR) for name, value in sure.instruments}
+        instruments = replace(instruments, **read)
+    return difficulty, instruments
 
 
 def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Difficulty, s: Any) -> None:

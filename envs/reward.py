@@ -2,14 +2,16 @@
 
 A decision is rewarded with the score when it brings the robot home, over that of a good mission, and with
 `discount * potential after - potential before`, which changes no policy's order (Ng, Harada, Russell, Policy invariance
-under reward transformations, ICML 1999). The potential is worked out with the true energy, not with readings: it is a
-function of the mission's state, as the theorem asks, and is seen in training only.
+under reward transformations, ICML 1999). The potential is worked out with the true energy, the true way home and the
+interest that lies ahead, not with readings: it is a function of the mission's state, as the theorem asks, and is seen
+in training only.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from homeward.envs import sensing
 from homeward.envs.state import OUT_AND_BACK, PATROL, SURVEY
 from homeward.physics.jit import inline
 
@@ -28,43 +30,59 @@ def score(m: Any, shared: Any) -> Any:
 
 
 @inline
-def attainable(m: Any, shared: Any, margin_j: float) -> Any:
+def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """What the mission may still add to its score with energy beyond the way home, by the range it buys (Eq. 8)."""
     if m.returning:
         return 0.0
-    out_m = 0.5 * max(margin_j, 0.0) * shared.per_energy_per_m
     if shared.mission == PATROL:
-        return out_m / shared.length_m
+        return 0.5 * max(margin_j, 0.0) * shared.per_energy_per_m / shared.length_m
+    # Out as the mission drives on average, and home with nothing sensed.
+    out_m = max(margin_j, 0.0) / (shared.energy_per_m + shared.cruise_w / shared.cruise_mps)
     room_m = min(out_m, shared.length_m - m.position_m)
     if shared.mission == OUT_AND_BACK:
         return max(m.position_m + room_m - m.furthest_m, 0.0)
-    return room_m * shared.information_per_m
+    return _findable(m, route, shared, room_m)
 
 
 @inline
-def potential(m: Any, shared: Any, margin_j: float) -> Any:
+def _findable(m: Any, route: Any, shared: Any, way_m: float) -> Any:
+    """Information ahead, sensed evenly, and as often as memory and radio have room for."""
+    radio_hz = sensing.DRIVING_LINK * shared.radio_hz / sensing.fading(m.position_m, shared.per_link_m)
+    room = shared.backlog_limit - m.backlog + radio_hz * way_m / shared.cruise_mps
+    samples = min(room, shared.max_sensing_hz * way_m / shared.cruise_mps)
+    end_m = m.position_m + way_m
+    last = route.places[min(int(end_m * shared.per_place_m), shared.places - 1)]
+    interest = last.interest_to_here + last.interest * end_m
+    interest -= m.here.interest_to_here + m.here.interest * m.position_m
+    return sensing.information(interest, 1.0, samples, way_m, shared.saturation_per_m)
+
+
+@inline
+def potential(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Potential of a state, from d_max: the score so far and what is attainable, if the way home still fits.
 
-    It fades to nothing as the energy falls short of the way home by a tenth of the battery.
+    It fades to nothing as the energy falls short of the way home by a fiftieth of the battery: in training, a turn that
+    comes too late is known to be one at once.
     """
-    fits = min(max(1.0 + 10.0 * margin_j * shared.per_usable_j, 0.0), 1.0)
-    return fits * (m.score + attainable(m, shared, margin_j)) * shared.per_score
+    fits = min(max(1.0 + 50.0 * margin_j * shared.per_usable_j, 0.0), 1.0)
+    return fits * (m.score + attainable(m, route, shared, margin_j)) * shared.per_score
 
 
 @inline
-def reward(m: Any, shared: Any, margin_j: float) -> Any:
+def reward(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Score a mission after a decision, note the terms of the reward, and return their sum.
 
     Args:
         m: Mission record.
+        route: Route record.
         shared: Shared record.
-        margin_j: True energy beyond the way home by the robot's own model, J.
+        margin_j: True energy beyond the true way home, J.
     """
     m.score = 0.0 if m.depleted else score(m, shared)
     m.cost = 1.0 if m.depleted else 0.0
     m.score_reward = m.score * shared.per_score if m.home else 0.0
     if shared.shaped:
-        after = 0.0 if m.home or m.depleted else potential(m, shared, margin_j)
+        after = 0.0 if m.home or m.depleted else potential(m, route, shared, margin_j)
         m.shaping_reward = shared.discount * after - m.potential
         m.potential = after
     return m.score_reward + m.shaping_reward

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from homeward.envs.routes import GENERATED, HIDDEN_WIND, LIMITS, OF_THE_DAY, Route, RouteError
 from homeward.envs.state import MAX_PLACES
+from homeward.files import STANDARD_INPUT, read_text
 
 COLUMNS = (
     "distance_m",
@@ -25,8 +26,18 @@ COLUMNS = (
     "wind_from_rad",
 )
 
+MOST_BYTES = 100_000_000
+"""Of a route file: a million points."""
+
 POSITIONS = ("latitude_deg", "longitude_deg")
 """Columns that make a CSV file a track: with `elevation_m` beside them, and nothing else."""
+
+_ALIASES = {
+    **dict.fromkeys(("lat", "latitude"), "latitude_deg"),
+    **dict.fromkeys(("lon", "lng", "long", "longitude"), "longitude_deg"),
+    **dict.fromkeys(("ele", "elevation", "alt", "altitude", "height"), "elevation_m"),
+}
+"""What loggers of positions call the columns of a track, in small letters."""
 
 _STEEPEST = 0.7  # sine of a slope that a ground robot may climb
 
@@ -40,8 +51,9 @@ def route_names() -> list[str]:
 def load_route(route: str | Path, place_m: float) -> Route:
     """Read a route from a file or by the name of one that ships, and cut it into equal places.
 
-    A track, that is a .gpx or .fit file or a CSV file with `latitude_deg`, `longitude_deg` and `elevation_m`, is
-    smoothed first, as `homeward.envs.tracks` says. Any other CSV file is a profile and taken as it is.
+    A track, that is a .gpx or .fit file or a CSV file with `latitude_deg`, `longitude_deg` and `elevation_m` (or `lat`,
+    `lon` and `ele`, as loggers write), is smoothed first, as `homeward.envs.tracks` says. Any other CSV file is a
+    profile and taken as it is.
 
     Columns of a profile: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`,
     `roughness`, `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row,
@@ -59,7 +71,7 @@ def load_route(route: str | Path, place_m: float) -> Route:
     shipped = _folder() / f"{route}.csv"
     named = isinstance(route, str) and "/" not in route and shipped.is_file()
     path = shipped if named else Path(route) if isinstance(route, str | Path) else None
-    if path is None or not path.is_file():
+    if path is None or not (path.is_file() or str(path) == STANDARD_INPUT):
         raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
     if path.suffix.lower() in (".gpx", ".fit"):
         from homeward.envs import tracks  # only now: it needs further packages
@@ -82,17 +94,18 @@ def _folder() -> Any:
 def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
     """Read the columns of a CSV file by name, and the number of the line that each row stands on."""
     try:
-        text = path.read_text(encoding="utf-8-sig").splitlines()
+        text = read_text(path, MOST_BYTES).splitlines()
         rows = [
             (number, [field.strip() for field in next(csv.reader([line.split("#")[0]]))])
             for number, line in enumerate(text, start=1)
             if line.split("#")[0].strip(" \t,")
         ]
-    except (UnicodeDecodeError, OSError, csv.Error) as error:
+    except (ValueError, OSError, csv.Error) as error:
         raise RouteError(f"{path}: not a readable CSV table: {error}") from None
     if len(rows) < 3:
         raise RouteError(f"{path}: not a readable CSV table: give a header and at least two rows")
     header, names = rows[0]
+    names = _as_track(names)
     for separator in ";\t":
         if separator in ",".join(names):
             raise RouteError(f"{path}: line {header}: fields are separated by {separator!r}; separate them with commas")
@@ -112,6 +125,12 @@ def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
             if not np.isfinite(table[column, row]):
                 raise RouteError(f"{path}: line {line}: {names[column]} = {field!r} is not a finite number")
     return dict(zip(names, table, strict=True)), [line for line, _ in rows[1:]]
+
+
+def _as_track(names: list[str]) -> list[str]:
+    """Names of columns; those of a track as this file has them, where loggers write others."""
+    meant = [_ALIASES.get(name.lower(), name) for name in names]
+    return meant if set(POSITIONS) <= set(meant) else names
 
 
 def _check_names(path: Any, names: list[str]) -> None:

@@ -32,7 +32,10 @@ PLACE_DTYPE = np.dtype(
         ("back_j_per_m", np.float32),  # towards home, drive only
         ("out_j_per_m", np.float32),  # away from home, drive only
         ("standing_w", np.float32),  # standing here, nothing sensed
-        ("unused", np.float32, (6,)),  # to the end of the second line
+        ("interest_to_here", np.float32),  # see `homeward.envs.kernel`; this and the next two for the potential
+        ("true_home_cost_j", np.float32),  # as home_cost_j and home_j_per_m, by the true robot on the true ground
+        ("true_home_j_per_m", np.float32),
+        ("unused", np.float32, (3,)),  # to the end of the second line
         ("sine_ahead", np.float32, (len(AHEAD),)),  # means, as they are seen or forecast from here
         ("interest_ahead", np.float32, (len(AHEAD),)),
     ],

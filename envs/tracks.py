@@ -18,6 +18,8 @@ wander by several metres over minutes; no smoothing can tell that from hills.
 
 from __future__ import annotations
 
+import io
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -27,6 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.routes import RouteError
+from homeward.files import read_bytes, read_text
+from homeward.installed import advice
 
 Array = NDArray[np.float64]
 
@@ -38,11 +42,14 @@ LEAST_RISE_M = 2.0
 STEEPEST = 0.5  # sine of 30 degrees
 CAPPED_SHARE = 0.02
 SHORTEST_M = 100.0
+JUMP_M = 100_000.0  # between neighbouring points: farther than any ground robot drives on a charge
+
+MOST_BYTES = 100_000_000
+"""Of a GPX or FIT file: hundreds of thousands of points."""
 
 _EARTH_M = 6371008.8  # mean radius, IUGG
 _MISSING_SHARE = 0.2  # of the points may lack an elevation
 _TO_DEGREES = 180.0 / 2**31  # FIT positions are in semicircles
-_NEEDED = "needs {0}; install it with pip install 'homeward[logs]'"
 
 
 @dataclass(frozen=True)
@@ -85,13 +92,14 @@ class Profile:
         return {"distance_m": self.distance_m, "elevation_m": self.elevation_m, "heading_rad": self.heading_rad}
 
 
-def read_track(path: Path) -> Track:
+def read_track(path: str | Path) -> Track:
     """Read the points of a GPX file (tracks, or routes where it has no track) or of the records of a FIT file.
 
     Raises:
         RouteError: The file is unreadable, is not what its name says or has fewer than two points, or the package that
             reads it is not installed.
     """
+    path = Path(path)
     track = READERS[path.suffix.lower()](path)
     if len(track.elevation_m) < 2:
         raise RouteError(f"{path}: has {len(track.elevation_m)} points; give a track of at least two")
@@ -102,10 +110,10 @@ def _read_gpx(path: Path) -> Track:
     try:
         import gpxpy
     except ImportError:
-        raise RouteError(f"{path}: " + _NEEDED.format("gpxpy")) from None
+        raise RouteError(f"{path}: needs gpxpy; install it with {advice('logs', 'gpxpy')}") from None
     try:
-        gpx = gpxpy.parse(path.read_text(encoding="utf-8-sig"))
-    except (gpxpy.gpx.GPXException, UnicodeDecodeError, OSError) as error:
+        gpx = gpxpy.parse(read_text(path, MOST_BYTES))
+    except (gpxpy.gpx.GPXException, ValueError, OSError) as error:
         raise RouteError(f"{path}: is not a whole GPX file: {_first_line(error)}") from None
     segments = [segment.points for track in gpx.tracks for segment in track.segments]
     ways = segments if any(segments) else [route.points for route in gpx.routes]
@@ -118,17 +126,17 @@ def _read_fit(path: Path) -> Track:
     try:
         import fitdecode
     except ImportError:
-        raise RouteError(f"{path}: " + _NEEDED.format("fitdecode")) from None
+        raise RouteError(f"{path}: needs fitdecode; install it with {advice('logs', 'fitdecode')}") from None
     rows = []
     try:
-        with fitdecode.FitReader(str(path)) as reader:
+        with fitdecode.FitReader(io.BytesIO(read_bytes(path, MOST_BYTES))) as reader:
             for frame in reader:
                 if frame.frame_type == fitdecode.FIT_FRAME_DATA and frame.name == "record":
                     height = frame.get_value("enhanced_altitude", fallback=None)
                     height = frame.get_value("altitude", fallback=None) if height is None else height
                     others = ("position_lat", "position_long", "distance")
                     rows.append([_number(v) for v in (height, *(frame.get_value(n, fallback=None) for n in others))])
-    except (fitdecode.FitError, OSError) as error:
+    except (fitdecode.FitError, ValueError, OSError) as error:
         raise RouteError(f"{path}: is not a whole FIT file: {_first_line(error)}") from None
     elevation, latitude, longitude, distance = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     here, along = np.isfinite(latitude) & np.isfinite(longitude), np.isfinite(distance)
@@ -155,9 +163,10 @@ def profile(track: Track, name: str) -> Profile:
         name: What to call it in messages.
 
     Raises:
-        RouteError: Positions that are none, too few elevations, a way too short for a grade, or slopes that no robot
-            climbs on more than a few per cent of the way.
+        RouteError: Positions that are none or jump, too few elevations, a way too short for a grade, or slopes that no
+            robot climbs on more than a few per cent of the way.
     """
+    track = _without_null_island(track, name)
     elevation = _filled(track.elevation_m, name)
     distance, elevation, east_m, north_m = _way(track, elevation, name)
     length_m = float(distance[-1])
@@ -184,6 +193,30 @@ def profile(track: Track, name: str) -> Profile:
     return Profile(along, height, _heading(grid, distance, east_m, north_m))
 
 
+def _without_null_island(track: Track, name: str) -> Track:
+    """The track without points at latitude 0 and longitude 0, which receivers give before they know better."""
+    if track.latitude_deg is None or track.longitude_deg is None:
+        return track
+    null = (track.latitude_deg == 0.0) & (track.longitude_deg == 0.0)
+    if not null.any() or null.sum() > len(null) - 2:
+        return track
+    warnings.warn(
+        f"{name}: {int(null.sum())} of {len(null)} points are at latitude 0, longitude 0, where a receiver has no "
+        "position: left out",
+        stacklevel=2,
+    )
+    way_m = None if track.distance_m is None else track.distance_m[~null]
+    return Track(track.elevation_m[~null], track.latitude_deg[~null], track.longitude_deg[~null], way_m)
+
+
+def _refuse_jump(step_m: Array, name: str) -> None:
+    if len(step_m) and step_m.max() > JUMP_M:
+        raise RouteError(
+            f"{name}: point {int(step_m.argmax()) + 2} is {step_m.max() / 1e3:.0f} km from the one before; "
+            "remove it, or give a track of one drive"
+        )
+
+
 def _filled(elevation: Array, name: str) -> Array:
     known = np.isfinite(elevation)
     if known.mean() < 1.0 - _MISSING_SHARE:
@@ -202,6 +235,7 @@ def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array
         latitude, longitude = np.radians(track.latitude_deg), np.unwrap(np.radians(track.longitude_deg))
         east_m = _EARTH_M * np.concatenate(([0.0], np.cumsum(np.diff(longitude) * np.cos(latitude[1:]))))
         north_m = _EARTH_M * (latitude - latitude[0])
+        _refuse_jump(np.hypot(np.diff(east_m), np.diff(north_m)), name)
     if track.distance_m is not None:
         further = np.concatenate(([True], track.distance_m[1:] > np.maximum.accumulate(track.distance_m)[:-1]))
         kept = np.flatnonzero(further)

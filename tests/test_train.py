@@ -23,8 +23,8 @@ from stable_baselines3.common.save_util import save_to_zip_file
 
 import homeward
 from homeward import load_robot
-from homeward.agents.learning import curve as learning_curve
-from homeward.agents.learning.curve import measure, read_curve
+from homeward.agents.evaluation import learning_curve
+from homeward.agents.evaluation.learning_curve import measure, read_curve
 from homeward.agents.learning.folder import (
     CHECKPOINT,
     CURVE,
@@ -112,7 +112,7 @@ def command(out: Path) -> list[str]:
 def test_a_killed_run_goes_on(tmp_path: Path, root: Path) -> None:
     out = tmp_path / "run"
     script = (
-        f"from homeward.agents.learning import curve; curve.EPISODES = {learning_curve.EPISODES}; "
+        f"from homeward.agents.evaluation import learning_curve; learning_curve.EPISODES = {learning_curve.EPISODES}; "
         "import train; train.run()"
     )
     short = [sys.executable, "-c", script, *command(out)[2:]]
@@ -492,6 +492,7 @@ def test_a_foreign_folder_is_left_alone(tmp_path: Path, name: str, content: str,
         ("--batch-size 1000", "batch_size = 1000 does not divide"),
         ("--n-envs 0", "n_envs = 0 is not allowed"),
         ("--learning-rate nan", "learning_rate = nan is not allowed"),
+        ("--entropy 2", "entropy = 2.0 is not allowed; give a number in [0, 1]"),
         ("--stranding-cost -1", "stranding_cost = -1.0 is not allowed"),
         ("--start planner", "start = 'planner' is not allowed; choose from scratch, dmax"),
         ("--curve 0", "curve = 0 is not allowed; give at least 1"),
@@ -562,3 +563,10 @@ def test_settings_are_written_with_the_run(finished: Path) -> None:
     settings = json.loads((finished / RUN).read_text())["settings"]
     assert settings["n_envs"] == TINY.n_envs
     assert settings["robot"] == "rusti_computer"
+
+
+def test_defaults_follow_the_start_and_what_is_given_stays() -> None:
+    from_dmax, given = PPOSettings(), PPOSettings(gae_lambda=0.95)
+    from_scratch = dataclasses.replace(from_dmax, start="scratch")
+    assert from_scratch.by_start["gae_lambda"] > from_dmax.by_start["gae_lambda"]
+    assert given.by_start == from_dmax.by_start | {"gae_lambda": 0.95}

@@ -7,9 +7,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from homeward.agents.evaluation.learning_curve import EPISODES, Point
 from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of, unit_of
 from homeward.agents.evaluation.summary import Evaluation
-from homeward.agents.learning.curve import EPISODES, Point
 
 
 def learning_png(

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from homeward.installed import advice
+
 if TYPE_CHECKING:
     from homeward.agents.learning.sb3_adapter import SB3Adapter
 
@@ -23,12 +25,17 @@ def sb3_vec_env(env_id: str, num_envs: int, *, seed: int = 0, **options: Any) ->
 
     Raises:
         OptionError: The id, an option or a value is not allowed.
+        ModuleNotFoundError: stable-baselines3 or torch is not installed.
 
     >>> env = sb3_vec_env("homeward/OutAndBack-v0", 512)
     >>> env.reset().shape == (512, *env.observation_space.shape)
     True
     """
-    from homeward.agents.learning.sb3_adapter import SB3Adapter
+    try:
+        from homeward.agents.learning.sb3_adapter import SB3Adapter
+    except ModuleNotFoundError as error:
+        name = str(error.name)
+        raise ModuleNotFoundError(f"training needs {name}: {advice('train', name)}", name=name) from None
     from homeward.envs import IDS
     from homeward.envs.options import OptionError
     from homeward.envs.vector import HomewardVectorEnv

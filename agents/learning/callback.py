@@ -11,12 +11,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
+from homeward.agents.evaluation.learning_curve import Point, read_curve, write_curve
 from homeward.agents.learning.checkpoint import Best, save_checkpoint
-from homeward.agents.learning.curve import Point, read_curve, write_curve
 from homeward.agents.learning.network import ResidualPolicy
 from homeward.agents.trained.policy_file import Layer
 
-VALUE_FIRST = 4
+VALUE_FIRST = 6
 """Updates that teach the value alone: while it is worth nothing, the first policy would be unlearned."""
 
 
@@ -59,6 +59,7 @@ class TrainingCallback(BaseCallback):
         self._ends: list[tuple[bool, bool, float]] = []  # home, stranded, score counted
 
     def _on_training_start(self) -> None:
+        self._entropy: float = self.model.ent_coef  # type: ignore[attr-defined]
         self._start_s = self._saved_s = self._resumed_s = time.monotonic()
         self._start_step = self.num_timesteps
         self._curve = [point for point in read_curve(self._folder) if point.steps <= self.num_timesteps]
@@ -71,6 +72,7 @@ class TrainingCallback(BaseCallback):
         if not self._curve or self.num_timesteps - self._curve[-1].steps >= self._every:
             self.add_to_curve()
         assert isinstance(self.model.policy, ResidualPolicy)
+        self.model.ent_coef = self._entropy * max(1.0 - self.num_timesteps / self._steps, 0.0)  # type: ignore[attr-defined]
         rollout = self.model.n_steps * self.model.n_envs  # type: ignore[attr-defined]
         self.model.policy.learn_actions(self.num_timesteps >= VALUE_FIRST * rollout)
         # The update before is done: nothing of it would be lost.

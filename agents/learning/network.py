@@ -15,6 +15,10 @@ from homeward.agents.trained.policy_file import Layer
 
 _LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so as rarely beside it
 
+_VALUE_SCALE = 0.1
+"""Of the value's hidden units, from d_max: what is left to learn beyond the potential is a tenth of a good score, and
+steps as large as for numbers around 1 make it noise."""
+
 
 class ResidualPolicy(ActorCriticPolicy):
     """Policy and value, two hidden layers each; the policy's last layer also sees the inputs as they are.
@@ -26,13 +30,19 @@ class ResidualPolicy(ActorCriticPolicy):
         *arguments: See Stable-Baselines3's class.
         hidden: Width of the hidden layers.
         first: Weight (outputs, inputs) and bias (outputs,) of the first policy.
+        valued: Which inputs the value sees, bool, shape (inputs,); None: all, and it is not scaled.
         **keywords: See Stable-Baselines3's class.
     """
 
     def __init__(
-        self, *arguments: Any, hidden: int, first: tuple[NDArray[np.float32], NDArray[np.float32]], **keywords: Any
+        self,
+        *arguments: Any,
+        hidden: int,
+        first: tuple[NDArray[np.float32], NDArray[np.float32]],
+        valued: NDArray[np.bool_] | None,
+        **keywords: Any,
     ) -> None:
-        self._hidden = hidden
+        self._hidden, self._valued = hidden, None if valued is None else torch.from_numpy(valued.astype(np.float32))
         super().__init__(*arguments, **keywords)
         weight, bias = (torch.from_numpy(values) for values in first)
         head = self.action_net
@@ -43,7 +53,7 @@ class ResidualPolicy(ActorCriticPolicy):
                 self.log_std[:] = torch.tensor(_LOG_DEVIATIONS)
 
     def _build_mlp_extractor(self) -> None:
-        self.mlp_extractor = _Layers(self.features_dim, self._hidden)  # type: ignore[assignment]
+        self.mlp_extractor = _Layers(self.features_dim, self._hidden, self._valued)  # type: ignore[assignment]
 
     def learn_actions(self, learns: bool) -> None:
         """Whether updates change what is chosen, or the value alone: that of the first policy is to be known first."""
@@ -54,8 +64,9 @@ class ResidualPolicy(ActorCriticPolicy):
 class _Layers(nn.Module):
     """Hidden layers of policy and value; behind those of the policy stand the inputs."""
 
-    def __init__(self, inputs: int, hidden: int) -> None:
+    def __init__(self, inputs: int, hidden: int, valued: torch.Tensor | None) -> None:
         super().__init__()
+        self._valued = valued
         self.policy_net, self.value_net = (
             nn.Sequential(nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh()) for _ in range(2)
         )
@@ -68,7 +79,9 @@ class _Layers(nn.Module):
         return torch.cat((self.policy_net(inputs), inputs), dim=1)
 
     def forward_critic(self, inputs: torch.Tensor) -> torch.Tensor:
-        return torch.as_tensor(self.value_net(inputs))
+        if self._valued is None:
+            return torch.as_tensor(self.value_net(inputs))
+        return _VALUE_SCALE * torch.as_tensor(self.value_net(self._valued * inputs))
 
 
 def layers_of(model: PPO) -> list[Layer]:

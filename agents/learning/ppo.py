@@ -22,19 +22,21 @@ from stable_baselines3.common.utils import set_random_seed
 from threadpoolctl import threadpool_limits
 
 import homeward
+from homeward.agents.evaluation.learning_curve import Point, measure
 from homeward.agents.learning.callback import TrainingCallback
 from homeward.agents.learning.checkpoint import restore_checkpoint, save_checkpoint
-from homeward.agents.learning.curve import Point, measure
 from homeward.agents.learning.folder import FIRST, LAST, TENSORBOARD
 from homeward.agents.learning.network import ResidualPolicy, layers_of
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import DMAX, PPOSettings, TrainingError
-from homeward.agents.trained.inputs import BeliefInputs, first_policy, make_inputs
-from homeward.agents.trained.policy_file import Layer, NetworkPolicy, save_policy
+from homeward.agents.trained.inputs import BeliefInputs, first_policy, make_inputs, valued
+from homeward.agents.trained.policy_file import ON_THE_GO, Layer, NetworkPolicy, save_policy
 from homeward.envs.options import Known, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
 _LAST_LEARNING_RATE = 0.01  # over the first; it falls linearly
+_STAGGERED = 128
+"""Decisions over which the first missions begin: about as many as one has."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ def train(
         versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
 
         def write(into: Path, layers: Sequence[Layer], after: int) -> None:
-            more = {**details, "steps": total, "after_steps": after, "versions": versions}
+            more = {**details, **ON_THE_GO, "steps": total, "after_steps": after, "versions": versions}
             save_policy(into, layers, model.action_space, more, inputs_of(settings, known))
 
         if not model.num_timesteps:
@@ -99,6 +101,7 @@ def train(
         def measured(steps: int, trained_s: float) -> Point:
             return measure(deployed(model, inputs_of(settings, known)), options, steps, trained_s)
 
+        stagger(model)
         callback = TrainingCallback(
             folder, total, checkpoint_s, console, math.ceil(total / curve), measured, lambda: layers_of(model), best
         )
@@ -124,21 +127,24 @@ def train(
 
 def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     """An untrained learner on its missions; on the cpu, where a network this small is fastest."""
-    keywords = vars(options) | {"discount": settings.discount}
+    by_start, keywords = settings.by_start, vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
     inputs = inputs_of(settings, known := missions.batch.known)
-    env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True)
+    env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True, senses_on_the_go=True)
+    first = first_policy(known, inputs)
+    network = {"hidden": settings.hidden, "first": first, "valued": valued() if settings.start == DMAX else None}
     model = PPO(
         ResidualPolicy,
         env,
-        learning_rate=lambda remaining: settings.learning_rate * max(remaining, _LAST_LEARNING_RATE),
+        learning_rate=lambda remaining: by_start["learning_rate"] * max(remaining, _LAST_LEARNING_RATE),
         n_steps=settings.n_steps,
         batch_size=settings.batch_size,
         n_epochs=settings.epochs,
         gamma=settings.discount,
-        gae_lambda=settings.gae_lambda,
+        gae_lambda=by_start["gae_lambda"],
         clip_range=settings.clip,
-        policy_kwargs={"hidden": settings.hidden, "first": first_policy(known, inputs)},
+        ent_coef=by_start["entropy"],
+        policy_kwargs=network,
         seed=seed,
         device="cpu",
     )
@@ -158,9 +164,22 @@ def draw_anew(model: PPO, seed: int) -> None:
     model.get_env().seed(int(words[1]) >> 2)  # type: ignore[union-attr]  # below those of evaluations
 
 
+def stagger(model: PPO) -> None:
+    """Begin missions in turn, so that updates see all stages at once (Bharthulwar et al. 2025, arXiv 2511.21011)."""
+    env = model.get_env()
+    assert isinstance(env, SB3Adapter)
+    begins, ended, seen = np.arange(env.num_envs) % _STAGGERED, np.zeros(env.num_envs, np.bool_), env.reset()
+    for decision in range(_STAGGERED):
+        seen, _, ended, _ = env.step(model.predict(seen)[0])  # type: ignore[assignment]
+        if (now := begins == decision).any():
+            seen = env.begin(now)
+            ended |= now
+    model._last_obs, model._last_episode_starts = seen, ended
+
+
 def deployed(model: PPO, inputs: BeliefInputs | None) -> NetworkPolicy:
     """The policy as it stands, as it will act once training is over, with inputs of its own."""
-    return NetworkPolicy(tuple(layers_of(model)), model.action_space, {}, inputs)
+    return NetworkPolicy(tuple(layers_of(model)), model.action_space, ON_THE_GO, inputs)
 
 
 @contextlib.contextmanager

@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from homeward.agents.trained.inputs import COLUMNS, BeliefInputs
+from homeward.agents.trained.policy_file import sensing_on_the_go
 from homeward.envs.batch import INFO_KEYS
 from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.vector import HomewardVectorEnv
@@ -35,6 +36,7 @@ class SB3Adapter(VecEnv):
         late_is_lost: Whether the time limit ends a mission as stranding does: nothing is scored and nothing is left to
             hope for, as the time is observed and a part of the task. Else it truncates, as Gymnasium has it. With
             `inputs` it is always lost.
+        senses_on_the_go: Whether who stops or heads home senses nothing, see `sensing_on_the_go`.
 
     Raises:
         ValueError: The environment resets in another way, or a late mission is to go on with `inputs`.
@@ -47,6 +49,7 @@ class SB3Adapter(VecEnv):
         inputs: BeliefInputs | None = None,
         *,
         late_is_lost: bool = False,
+        senses_on_the_go: bool = False,
     ) -> None:
         if env.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode is {env.autoreset_mode.value}; make the environment with SameStep")
@@ -57,6 +60,7 @@ class SB3Adapter(VecEnv):
         space = spaces.Box(-LIMIT, LIMIT, (columns,), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
         self._stranding_cost, self._inputs, self._late_is_lost = stranding_cost, inputs, late_is_lost
+        self._senses_on_the_go = senses_on_the_go
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)
         self._start_s = time.time()
@@ -71,9 +75,15 @@ class SB3Adapter(VecEnv):
         self._returns[:], self._lengths[:] = 0.0, 0
         return self._seen(observations, np.ones(self.num_envs, np.bool_))
 
+    def begin(self, which: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Begin the missions of a mask of shape (num_envs,) anew, whatever they have come to; the others wait."""
+        observations, _ = self.env.reset(options={"reset_mask": which})
+        self._returns[which], self._lengths[which] = 0.0, 0
+        return self._seen(observations, which)
+
     def step_async(self, actions: NDArray[Any]) -> None:
         """Take the actions of the next step."""
-        self._actions = actions
+        self._actions = sensing_on_the_go(np.asarray(actions)) if self._senses_on_the_go else actions
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step all missions."""

@@ -9,6 +9,13 @@ STARTS = (SCRATCH, DMAX)
 _MOST_HIDDEN = 4096  # 17 million weights in the second layer
 
 
+_BY_START = {
+    SCRATCH: {"learning_rate": 3e-3, "gae_lambda": 0.98, "entropy": 0.0},
+    DMAX: {"learning_rate": 2e-3, "gae_lambda": 0.9, "entropy": 0.003},
+}
+"""Who has to find the return first must look far ahead; who begins with it learns more from what is near."""
+
+
 class TrainingError(ValueError):
     """A training run that cannot be made or continued; the message says what to change."""
 
@@ -27,14 +34,16 @@ class PPOSettings:
     """Decisions in a gradient step; divides n_envs times n_steps."""
     epochs: int = 4
     """Passes over the decisions in an update."""
-    learning_rate: float = 3e-3
-    """Step size of Adam at the start; it falls linearly to a hundredth."""
+    learning_rate: float | None = None
+    """Step size of Adam at the start; it falls linearly to a hundredth. By default 2e-3 from dmax, else 3e-3."""
     discount: float = 0.9997
     """Discount factor, also of the shaping; the way home is about a hundred decisions long and must still count."""
-    gae_lambda: float = 0.98
-    """How far advantages look ahead (generalised advantage estimation)."""
+    gae_lambda: float | None = None
+    """How far advantages look ahead (generalised advantage estimation). By default 0.9 from dmax, 0.98 from scratch."""
     clip: float = 0.2
     """How far an update may move the probability of an action."""
+    entropy: float | None = None
+    """Weight of the entropy bonus at the start; it falls to 0. By default 0.003 from dmax, 0 from scratch."""
     stranding_cost: float = 0.5
     """Reward lost by stranding beyond the score, as a share of a good score: without it, gambling pays too well."""
     hidden: int = 64
@@ -48,15 +57,22 @@ class PPOSettings:
                 raise TrainingError(f"{name} = {getattr(self, name)} is not allowed; give a whole number of at least 1")
         if self.hidden > _MOST_HIDDEN:
             raise TrainingError(f"hidden = {self.hidden} is not allowed; give at most {_MOST_HIDDEN}")
-        for name in ("learning_rate", "discount", "gae_lambda", "clip"):
-            if not 0.0 < getattr(self, name) <= 1.0:
-                raise TrainingError(f"{name} = {getattr(self, name)} is not allowed; give a number in (0, 1]")
+        for name, value in {"discount": self.discount, "clip": self.clip, **self.by_start}.items():
+            if not (0.0 < value <= 1.0 or (name == "entropy" and value == 0.0)):
+                allowed = "[0, 1]" if name == "entropy" else "(0, 1]"
+                raise TrainingError(f"{name} = {value} is not allowed; give a number in {allowed}")
         if not 0.0 <= self.stranding_cost <= 100.0:
             raise TrainingError(f"stranding_cost = {self.stranding_cost} is not allowed; give a number in [0, 100]")
         if self.batch_size < 2 or self.rollout % self.batch_size:
             raise TrainingError(
                 f"batch_size = {self.batch_size} does not divide n_envs * n_steps = {self.rollout} into whole batches"
             )
+
+    @property
+    def by_start(self) -> dict[str, float]:
+        """The settings whose defaults hang on the start, as they are given or by default."""
+        given = {name: getattr(self, name) for name in _BY_START[self.start]}
+        return _BY_START[self.start] | {name: value for name, value in given.items() if value is not None}
 
     @property
     def rollout(self) -> int:

@@ -37,11 +37,20 @@ COLUMNS: tuple[tuple[str, str], ...] = (
     ("weight", "the same of climbing"),
     ("rest", "the same of all else"),
     ("headwind", "believed wind against the direction of travel, in 10 m/s"),
+    ("full", "a hundred times the share of the memory in use beyond that at which the rules stop, cut at -1 and 1"),
+    ("to_send", "decisions of standing here in which the radio sends all that is on board, minus 1, cut at 1"),
+    ("worth", "three times the logarithm of the interest here over that from which the rules sense, cut at -1 and 1"),
     ("look_back", "1 where `Belief.looks_back` would drive a decision home to tell the wind from the ground"),
 )
 """Name and meaning of each column; energies are shares of the usable energy. From a final return on there is nothing to
 decide about it, and all are 0, which saves half of the time."""
+_BELIEVED = tuple(name for name, _ in COLUMNS)
 _SPARE = len(NAMES)
+_FLEETING = (
+    "power", "speed", "sensing", "temperature", "forecast_east", "forecast_north", "east", "north", "full", "to_send",
+    "worth", "look_back",
+)  # fmt: skip
+"""What says nothing of how a mission will end beyond what the potential holds, as do slopes and interest."""
 
 # Logits of the first policies: other choices are to be tried now and then, but so that the trials do not cost much.
 _CRUISE, _NO_SENSING, _STOP, _GO, _RETURN = 4.0, 3.0, -3.0, 2.0, -2.2
@@ -49,9 +58,12 @@ _NO_SENSING_ON_SURVEYS = 1.0
 _AGAIN = 12.0
 """Of the share of the decisions that make a return final. Without it, one that is tried is hardly ever followed by the
 others, and nobody learns what a return is good for."""
-_CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 4.0, 6.0, -3.0, 10.0, 3.0
-_HALF, _HOME = 2.0, 20.0
-"""On surveys by the rule: of half of the sensing rate, and against sensing and stopping on the way home."""
+_CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 4.0, 6.0, -3.0, 10.0, 12.0
+_SENSE, _WORTH = 2.5, 4.0
+"""On surveys by the rule: of the pace's sensing rate, and of none by `worth`."""
+_STOP_ON_SURVEYS = (-4.0, 4.0, 5.0, -20.0)
+"""Of a stop for the radio: at all times, by `full`, by `to_send` and on the way home."""
+_ANY = 1e-6
 
 
 class BeliefInputs:
@@ -69,10 +81,14 @@ class BeliefInputs:
         s = known.shared[0]
         idle_w = float(ancillary_power(known.robot, 0.0))
         self._patrol, self._sees_posts = bool(s["mission"] == PATROL), sees_posts(known)
+        self._pace = PACES[known.mission]
+        self._sent = float(s["radio_hz"] * s["decision_s"] / s["backlog_limit"])  # of the memory, beside the base
+        sensing_w = float(ancillary_power(known.robot, self._pace.rate * s["max_sensing_hz"])) - idle_w
         # The next chance to turn is the next decision; of a patrol, whose posts are seen, a lap with its stops away.
         onwards_m = float(s["length_m"] if self._patrol else s["cruise_mps"] * s["decision_s"])
         onwards_s, stops_s = onwards_m / float(s["cruise_mps"]), 2.0 * float(s["pit_stop_s"]) if self._patrol else 0.0
-        self._onwards = {"onwards_m": onwards_m, "onwards_s": onwards_s, "onwards_j": idle_w * (onwards_s + stops_s)}
+        onwards_j = idle_w * (onwards_s + stops_s) + sensing_w * onwards_s
+        self._onwards = {"onwards_m": onwards_m, "onwards_s": onwards_s, "onwards_j": onwards_j}
         self._round_s = 2.0 * onwards_s + stops_s
 
     @property
@@ -118,6 +134,8 @@ class BeliefInputs:
         ratios = mean[:, [ROLLING, WEIGHT, GAIN]] * mean[:, [PER_CAPACITY]] - 1.0
         headwind_mps = (mean[:, EAST] + mean[:, GUST_EAST]) * feature(observations, "east")
         headwind_mps += (mean[:, NORTH] + mean[:, GUST_NORTH]) * feature(observations, "north")
+        threshold = max(self._pace.interest, _ANY)
+        sent = np.maximum(self._sent * feature(observations, "link"), _ANY)
         columns = (
             np.clip(30.0 * self._spare(observations, margin - self._deviations * deviation), -1.0, 1.0),
             margin,
@@ -127,6 +145,9 @@ class BeliefInputs:
             np.clip(way / (modelled + self._rule.cost_of_going_on(observations)) - 1.0, -1.0, 1.0),
             *ratios.T,
             0.1 * headwind_mps,
+            np.clip(100.0 * (feature(observations, "backlog") - self._pace.full), -1.0, 1.0),
+            np.minimum(feature(observations, "backlog") / sent - 1.0, 1.0),
+            np.clip(3.0 * np.log(np.maximum(2.0 * feature(observations, "interest"), _ANY) / threshold), -1.0, 1.0),
             belief.looks_back(observations),
         )
         return np.stack(columns, axis=1)
@@ -148,12 +169,19 @@ def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
     return BeliefInputs(known, float(description["deviations"]))
 
 
+def valued() -> NDArray[np.bool_]:
+    """Which inputs, with beliefs, the value is learned from, shape (inputs,): of the others it learns noise."""
+    fleeting = (*_FLEETING, "interest", "grade")
+    steady = (name not in fleeting and not name.startswith(("interest_", "grade_")) for name in NAMES + _BELIEVED)
+    return np.fromiter(steady, np.bool_)
+
+
 def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Weight (outputs, inputs) and bias (outputs,) of the policy that training starts from.
 
     With `inputs` it turns back as the d_max rule does, by what is believed: where `spare` is negative; on a survey it
-    senses at half of the rate all the way out. Without, it knows nothing of energy: it cruises, mostly without sensing,
-    now and then tries a return or a stop, and goes on with a return that it has begun.
+    senses and stops for the radio at the pace of the rules. Without, it knows nothing of energy: it cruises, mostly
+    without sensing, now and then tries a return or a stop, and goes on with a return that it has begun.
 
     Args:
         known: Constants of the environment.
@@ -177,9 +205,11 @@ def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[
     bias[cruise], bias[LEVELS], bias[stop] = _CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE
     weight[back, _SPARE], weight[back, returning] = -_RETURN_BY_RULE, _AGAIN_BY_RULE
     if survey:
-        none, half = LEVELS, LEVELS + LEVELS // 2
-        bias[half], bias[none] = _HALF, 0.0
-        weight[none + 1 : 2 * LEVELS, returning] = weight[stop, returning] = -_HOME
+        none, sense = LEVELS, LEVELS + round((LEVELS - 1) * PACES[known.mission].rate)
+        bias[none] = bias[sense] = _SENSE
+        full, to_send, worth = (len(NAMES) + _BELIEVED.index(name) for name in ("full", "to_send", "worth"))
+        weight[none, worth] = -_WORTH
+        bias[stop], weight[stop, full], weight[stop, to_send], weight[stop, returning] = _STOP_ON_SURVEYS
     return weight, bias
 
 
@@ -190,5 +220,5 @@ def _continuous(known: Known, columns: int, survey: bool, by_rule: bool) -> tupl
         # Each mode has a third of [-1, 1]: stop, go and return.
         weight[2, _SPARE], weight[2, INDEX["returning"]], bias[2] = -1.0 / 3.0, 1.0, 1.0 / 3.0
         if survey:
-            weight[1, INDEX["returning"]], bias[1] = -_HOME, 0.0
+            bias[1] = 0.0
     return weight, bias

@@ -19,7 +19,6 @@ import tyro
 from gymnasium import spaces
 from numpy.typing import NDArray
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from homeward import cli
@@ -32,6 +31,7 @@ from homeward.envs.features import FEATURES
 from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
+from homeward.installed import advice
 from homeward.physics import RobotError
 
 if TYPE_CHECKING:
@@ -137,9 +137,11 @@ def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDA
     if isinstance(policy.action_space, spaces.MultiDiscrete):
         parts = np.split(outputs, np.cumsum(policy.action_space.nvec)[:-1], axis=1)
         best = [np.sort(part, axis=1)[:, -2:] for part in parts]
-        return np.stack([second >= first - _ALMOST for second, first in (one.T for one in best)], axis=1)
-    borders = 1.5 * (actions[:, 2] + 1.0)
-    undecided[:, 2] = np.abs(borders - np.rint(borders)) < _ALMOST
+        undecided = np.stack([second >= first - _ALMOST for second, first in (one.T for one in best)], axis=1)
+    else:
+        borders = 1.5 * (actions[:, 2] + 1.0)
+        undecided[:, 2] = np.abs(borders - np.rint(borders)) < _ALMOST
+    undecided[:, 1] |= undecided[:, 2]  # who does not go senses nothing
     return undecided
 
 
@@ -155,7 +157,7 @@ def main(args: Args) -> onnx.ModelProto:
 
         from homeward.agents.trained.onnx_graph import to_onnx
     except ModuleNotFoundError as error:
-        raise ExportError(f"exporting needs {error.name}: pip install 'homeward[onnx]'") from None
+        raise ExportError(f"exporting needs {error.name}: {advice('onnx', str(error.name))}") from None
     policy = load_policy(args.policy)
     options, known = setting_of(policy, args.robot)
     model = to_onnx(policy, options, known)
@@ -174,7 +176,7 @@ def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
         table.add_column(heading, overflow="fold")
     for index, one in enumerate(quantities(known)):
         table.add_row(str(index), one.name, one.unit, one.meaning)
-    console = Console()
+    console = cli.Terminal()
     console.print(table)
     told = {one.key: one.value for one in model.metadata_props}
     if BELIEF in json.loads(told["inputs"]):
@@ -184,10 +186,10 @@ def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
             highlight=False, soft_wrap=True,
         )  # fmt: skip
     for name, meaning in json.loads(told["outputs"]).items():
-        console.print(f"{name}: {meaning}", highlight=False, soft_wrap=True)
+        console.print(f"{name}: {meaning}", soft_wrap=True)
     console.print(
         f"Ask every {float(told['decision_s']):g} s. Equal to the original in onnxruntime. Written to {out}",
-        markup=False, highlight=False, soft_wrap=True,
+        markup=False, soft_wrap=True,
     )  # fmt: skip
 
 

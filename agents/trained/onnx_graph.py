@@ -20,8 +20,10 @@ from homeward.envs import IDS
 from homeward.envs.actions import LEVELS, MODES, decode_actions, limits
 from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.options import Known, Options
+from homeward.envs.state import GO
 
 INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
+_SENSING_IF_IT_GOES = "sensing_if_it_goes"
 _OPSET, _IR_VERSION = 17, 8
 """Of 2022, so that the runtimes of older robots read the file."""
 
@@ -100,6 +102,10 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
         values = graph.apply("Gemm", values, *parameters, transB=1)
     decode = _decode_levels if isinstance(policy.action_space, spaces.MultiDiscrete) else _decode_box
     decode(graph, values, known)
+    # Who stops or heads home senses nothing, see `homeward.agents.trained.policy_file.sensing_on_the_go`.
+    senses = [mode == GO or not policy.senses_on_the_go for mode in range(len(MODES))]
+    allowed = graph.apply("Gather", graph.constant("modes_that_sense", senses), "mode")
+    graph.apply("Mul", _SENSING_IF_IT_GOES, allowed, into="sensing_hz")
     types = (TensorProto.FLOAT, TensorProto.FLOAT, TensorProto.INT64)
     model = helper.make_model(
         helper.make_graph(
@@ -146,6 +152,11 @@ def _limits(known: Known) -> dict[str, tuple[float, float]]:
     return dict(zip(OUTPUTS, limits(known), strict=False))
 
 
+def _before_mode(output: str) -> str:
+    """Name of a command before the mode is known."""
+    return _SENSING_IF_IT_GOES if output == "sensing_hz" else output
+
+
 def _decode_levels(graph: _Graph, values: str, known: Known) -> None:
     """The likeliest level of each part, as the command that it stands for."""
     starts = np.cumsum([0, LEVELS, LEVELS, len(MODES)])
@@ -160,7 +171,7 @@ def _decode_levels(graph: _Graph, values: str, known: Known) -> None:
         else:
             level = graph.apply("ArgMax", scores, axis=1, keepdims=0)
             commands = graph.constant(f"{output}_levels", np.linspace(*_limits(known)[output], LEVELS))
-            graph.apply("Gather", commands, level, into=output)
+            graph.apply("Gather", commands, level, into=_before_mode(output))
 
 
 def _decode_box(graph: _Graph, values: str, known: Known) -> None:
@@ -176,7 +187,7 @@ def _decode_box(graph: _Graph, values: str, known: Known) -> None:
         else:
             low, high = _limits(known)[output]
             above = graph.apply("Mul", share, graph.constant(f"{output}_per_share", (high - low) / 2.0))
-            graph.apply("Add", above, graph.constant(f"{output}_least", low), into=output)
+            graph.apply("Add", above, graph.constant(f"{output}_least", low), into=_before_mode(output))
 
 
 def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str, str]:

@@ -19,10 +19,14 @@ from homeward.agents.base import Observations, Policy
 from homeward.agents.trained.inputs import COLUMNS, BeliefInputs, inputs_from
 from homeward.envs.features import NAMES
 from homeward.envs.options import Known
-from homeward.files import read_json, write_whole
+from homeward.envs.state import GO
+from homeward.files import read_bytes, read_json, write_whole
 
 WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
 SCHEMA = 2
+_MOST_BYTES, _MOST_LAYERS = 100_000_000, 100
+ON_THE_GO = {"senses": "on the go"}
+"""Of a description: the policy was trained with `sensing_on_the_go`."""
 _ROWS = 64
 """Missions at a time: larger products are spread over threads, whose waiting costs more than they gain."""
 
@@ -31,6 +35,19 @@ Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inpu
 
 class PolicyFileError(ValueError):
     """A policy file that cannot be used; the message says which and why."""
+
+
+def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
+    """Actions, shape (n, 3), with nothing sensed by who stops or heads home: there is no new ground to be seen.
+
+    Choices of speed, sensing and mode are drawn each for itself: without this, whoever tries a stop pays for sensing in
+    vain, and learns that stops do not pay.
+    """
+    continuous = actions.dtype.kind == "f"
+    modes = (1.5 * (actions[:, 2] + 1.0)).astype(np.int64) if continuous else actions[:, 2]
+    kept: NDArray[Any] = actions.copy()
+    kept[modes != GO, 1] = -1 if continuous else 0
+    return kept
 
 
 @dataclass(frozen=True)
@@ -49,6 +66,11 @@ class NetworkPolicy(Policy):
     action_space: spaces.Space[Any]
     description: Mapping[str, Any]
     inputs: BeliefInputs | None = None
+
+    @property
+    def senses_on_the_go(self) -> bool:
+        """Whether it was trained to sense nothing where it stops or heads home."""
+        return ON_THE_GO.items() <= self.description.items()
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission: int64 levels, or float32 within the box, shape (n, 3).
@@ -87,10 +109,11 @@ class NetworkPolicy(Policy):
         """The likeliest action by outputs of the last layer, or the mean one."""
         if isinstance(self.action_space, spaces.Box):
             clipped: NDArray[np.float32] = np.clip(outputs, self.action_space.low, self.action_space.high)
-            return clipped
+            return sensing_on_the_go(clipped) if self.senses_on_the_go else clipped
         assert isinstance(self.action_space, spaces.MultiDiscrete)
         parts = np.split(outputs, np.cumsum(self.action_space.nvec)[:-1], axis=1)
-        return np.stack([part.argmax(axis=1) for part in parts], axis=1)
+        actions = np.stack([part.argmax(axis=1) for part in parts], axis=1)
+        return sensing_on_the_go(actions) if self.senses_on_the_go else actions
 
     def check_spaces(self, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:
         """Check that the policy fits an environment.
@@ -110,7 +133,7 @@ class NetworkPolicy(Policy):
 
 
 def save_policy(
-    folder: Path,
+    folder: str | Path,
     layers: Sequence[Layer],
     action_space: spaces.Space[Any],
     details: Mapping[str, Any],
@@ -128,7 +151,7 @@ def save_policy(
     Raises:
         OSError: The folder cannot be written to.
     """
-    tensors = {}
+    folder, tensors = Path(folder), {}
     for index, (weight, bias) in enumerate(layers):
         tensors[f"layers.{index}.weight"] = np.ascontiguousarray(weight, np.float32)
         tensors[f"layers.{index}.bias"] = np.ascontiguousarray(bias, np.float32)
@@ -146,7 +169,7 @@ def save_policy(
     write_whole(folder / DESCRIPTION, json.dumps(description, indent=2) + "\n")
 
 
-def load_policy(path: Path, known: Known | None = None) -> NetworkPolicy:
+def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
     """Read a policy.
 
     Args:
@@ -156,6 +179,7 @@ def load_policy(path: Path, known: Known | None = None) -> NetworkPolicy:
     Raises:
         PolicyFileError: A file is missing, truncated, or not a policy of this version of the observations.
     """
+    path = Path(path)
     folder = path.parent if path.name in (WEIGHTS, DESCRIPTION) else path
     description = _read_description(folder / DESCRIPTION)
     weights = _read(folder / WEIGHTS)
@@ -165,15 +189,15 @@ def load_policy(path: Path, known: Known | None = None) -> NetworkPolicy:
         )
     try:
         tensors = load(weights)
-    except SafetensorError as error:
+    except (SafetensorError, ValueError, OverflowError, KeyError, TypeError) as error:  # of shapes that numpy refuses
         raise PolicyFileError(f"{folder / WEIGHTS} is not a safetensors file: {error}") from None
     try:
         action_space = _action_space(description["action_space"])
         layers = tuple(
             (tensors[f"layers.{index}.weight"], tensors[f"layers.{index}.bias"])
-            for index in range(int(description["network"]["layers"]))
+            for index in range(_layers(description["network"]["layers"]))
         )
-    except (KeyError, TypeError, ValueError, AssertionError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, AssertionError) as error:
         raise PolicyFileError(f"{folder / DESCRIPTION} does not describe {WEIGHTS}: {error!r}") from None
     _check_layers(folder / WEIGHTS, layers, action_space, len(NAMES) + len(COLUMNS) * ("inputs" in description))
     inputs = None
@@ -189,7 +213,9 @@ def load_policy(path: Path, known: Known | None = None) -> NetworkPolicy:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path, _MOST_BYTES)
+    except ValueError as error:
+        raise PolicyFileError(f"{path} is {error}: no policy of homeward") from None
     except OSError as error:
         raise _unreadable(path, error) from None
 
@@ -233,6 +259,12 @@ def _action_space(described: Mapping[str, Any]) -> spaces.Space[Any]:
     if described["type"] == "Box":
         return spaces.Box(np.array(described["low"], np.float32), np.array(described["high"], np.float32))
     raise ValueError(f"action space {described['type']!r}")
+
+
+def _layers(count: Any) -> int:
+    if not isinstance(count, int) or not 0 <= count <= _MOST_LAYERS:
+        raise ValueError(f"layers = {count!r}")
+    return count
 
 
 def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Space[Any], inputs: int) -> None:

@@ -18,7 +18,7 @@ _COLOURS = 128
 
 
 def write_gif(
-    path: Path, frames: Sequence[NDArray[np.uint8]], frames_per_s: float = 15.0, width: int | None = None,
+    path: str | Path, frames: Sequence[NDArray[np.uint8]], frames_per_s: float = 15.0, width: int | None = None,
     hold_s: float = 2.0,
 ) -> None:  # fmt: skip
     """Write pictures as an animated GIF that repeats for ever.

@@ -14,6 +14,7 @@ from homeward.envs.state import MISSION_DTYPE
 from homeward.envs.viewer.outlook import Outlook
 from homeward.envs.viewer.scene import Scene, look
 from homeward.envs.viewer.text import describe
+from homeward.installed import advice
 
 MODES = ("human", "rgb_array", "ansi")
 FRAMES_PER_S = 15
@@ -36,7 +37,7 @@ class Viewer:
         if mode not in MODES:
             raise RenderModeError(f"render_mode = {mode!r} is not allowed; choose from None, {', '.join(MODES)}")
         if mode != "ansi" and importlib.util.find_spec("pygame") is None:
-            raise RenderModeError(f"render_mode = {mode!r} needs pygame: pip install 'homeward[view]'")
+            raise RenderModeError(f"render_mode = {mode!r} needs pygame: {advice('view', 'pygame-ce')}")
         self.mode = mode
         self._batch, self._index = batch, index
         self._trail: list[bytes] = []

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import learn
 from benchmarks.learn import Args, Driven, Result, Sampled, interval, main, summary
-from homeward.agents.learning.curve import Point
+from homeward.agents.evaluation.learning_curve import Point
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import AGENTS, Request
 from homeward.agents.trained.policy_file import NetworkPolicy

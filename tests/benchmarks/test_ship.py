@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.ship import Args, main
-from homeward.agents.learning.curve import Point, read_curve, write_curve
+from homeward.agents.evaluation.learning_curve import Point, read_curve, write_curve
 from homeward.agents.trained.inputs import COLUMNS, make_inputs
 from homeward.agents.trained.policy_file import PolicyFileError, load_policy, save_policy
 from homeward.envs.actions import action_space

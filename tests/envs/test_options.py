@@ -104,8 +104,8 @@ def test_a_decision_a_second_is_allowed_for_every_preset(robot: str) -> None:
 
 def test_a_wrong_keyword_lists_the_right_ones() -> None:
     options = (
-        "robot, route, difficulty, instruments, weather, action_type, shaping, discount, decision_s, true_robot, "
-        "scaled_for, "
+        "robot, route, difficulty, instruments, weather, action_type, shaping, discount, decision_s, randomise, "
+        "true_robot, scaled_for, "
     )
     with pytest.raises(OptionError, match=options + "render_mode$"):
         gym.make(IDS["Patrol"], rute="box")

@@ -11,6 +11,7 @@ from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.reward import TERMS
+from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from tests.envs.rollouts import MISSIONS, drive, feature, make, mission, random_actions
 
@@ -137,6 +138,17 @@ def test_the_potential_is_worked_out_with_exact_numbers(mission_id: str) -> None
         assert misread > 3
 
 
+def findable(env: HomewardEnv, way_m: float) -> float:
+    """Information on the metres ahead, by their interest, with the samples a metre that memory and radio allow."""
+    m, s = mission(env), env.batch.known.shared[0]
+    borders_m = np.clip(np.arange(s["places"] + 1) * s["place_m"] - m["position_m"], 0.0, way_m)
+    interest = float(np.diff(borders_m) @ env.batch.routes["places"]["interest"][0, : s["places"]])
+    sent = float(0.5 * s["radio_hz"] / (1.0 + (m["position_m"] / s["link_m"]) ** 2) * way_m / s["cruise_mps"])
+    room = float(s["backlog_limit"] - m["backlog"]) + sent
+    per_m = min(room / max(way_m, 1e-9), float(s["max_sensing_hz"] / s["cruise_mps"]))
+    return interest * per_m / (per_m + float(s["saturation_per_m"]))
+
+
 @pytest.mark.parametrize("instruments", INSTRUMENTS)
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_the_potential_is_that_of_the_true_energy(mission_id: str, instruments: str) -> None:
@@ -150,18 +162,18 @@ def test_the_potential_is_that_of_the_true_energy(mission_id: str, instruments: 
             assert m["potential"] == 0.0
             break
         here_m = float(m["position_m"] - m["place"] * s["place_m"])
-        way_home_j = float(m["here"]["home_cost_j"] + here_m * m["here"]["home_j_per_m"])
-        margin_j = float(m["energy_j"] / m["capacity_j"] * s["usable_j"]) - way_home_j
-        out_m = 0.5 * max(margin_j, 0.0) / float(s["energy_per_m"])
+        way_home_j = float(m["here"]["true_home_cost_j"] + here_m * m["here"]["true_home_j_per_m"])
+        margin_j = float(m["energy_j"]) - way_home_j
+        out_m = max(margin_j, 0.0) / float(s["energy_per_m"] + s["cruise_w"] / s["cruise_mps"])
         room_m = min(out_m, float(s["length_m"] - m["position_m"]))
         more = {
             "OutAndBack": max(float(m["position_m"] - m["furthest_m"]) + room_m, 0.0),
-            "Survey": room_m * float(s["information_per_m"]),
-            "Patrol": out_m / float(s["length_m"]),
+            "Survey": findable(env, room_m),
+            "Patrol": 0.5 * max(margin_j, 0.0) / float(s["energy_per_m"] * s["length_m"]),
         }[mission_id]
-        fits = float(np.clip(1.0 + 10.0 * margin_j / s["usable_j"], 0.0, 1.0))
+        fits = float(np.clip(1.0 + 50.0 * margin_j / s["usable_j"], 0.0, 1.0))
         expected = fits * (step.info["score"] + more) / float(s["score_scale"])
-        assert m["potential"] == pytest.approx(expected, rel=1e-6)  # places are kept in single precision
+        assert m["potential"] == pytest.approx(expected, rel=1e-5)  # places are kept in single precision
         shaping = float(s["discount"]) * expected
         assert step.info["reward_terms"]["shaping"] <= shaping * (1.0 + 1e-6)
 
@@ -183,3 +195,20 @@ def test_a_return_that_is_not_final_still_hopes() -> None:
     score = float(mission(env)["score"] / env.batch.known.shared["score_scale"][0])
     assert potentials[0] == pytest.approx(potentials[1], rel=0.1) and potentials[1] > 1.5 * score
     assert potentials[2] == pytest.approx(score)
+
+
+def test_the_potential_reckons_with_the_true_way_home() -> None:
+    """In weather that stays, the energy that a robot comes home with is the margin with which it turned."""
+    env = make("OutAndBack", difficulty="uncertain", decision_s=None, weather="still")
+    s = env.batch.known.shared[0]
+    cruise = round(4.0 * (s["cruise_mps"] - s["min_speed_mps"]) / (s["max_speed_mps"] - s["min_speed_mps"]))
+    assert s["min_speed_mps"] + 0.25 * cruise * (s["max_speed_mps"] - s["min_speed_mps"]) == s["cruise_mps"]
+    for seed in range(5):
+        env.reset(seed=seed)
+        list(drive(env, [[cruise, 0, GO]] * 20))
+        m = mission(env)
+        here_m = float(m["position_m"] - m["place"] * s["place_m"])
+        margin_j = float(m["energy_j"] - m["here"]["true_home_cost_j"] - here_m * m["here"]["true_home_j_per_m"])
+        list(drive(env, [[cruise, 0, RETURN]] * 40))
+        assert mission(env)["home"]
+        assert float(mission(env)["energy_j"]) == pytest.approx(margin_j, rel=2e-3)

@@ -233,3 +233,31 @@ def test_a_profile_is_a_route_file(tmp_path: Path) -> None:
     rows = np.column_stack(list(found.columns().values()))
     np.savetxt(path, rows, delimiter=",", header=",".join(found.columns()), comments="")
     np.testing.assert_allclose(load_route(path, 50.0).grade_rad, np.arctan(0.02), atol=1e-3)
+
+
+def test_a_fix_at_the_origin_of_the_globe_is_left_out(tmp_path: Path) -> None:
+    distance_m = np.arange(0.0, 2000.0, 10.0)
+    path = write_gpx(tmp_path / "way.gpx", distance_m, 100.0 + np.sin(distance_m / 100.0))
+    whole = smoothed(path).distance_m[-1]
+    text = path.read_text().split("<trkpt ")
+    text[90] = 'lat="0" lon="0">' + text[90].partition(">")[2]
+    path.write_text("<trkpt ".join(text))
+    with pytest.warns(UserWarning, match="1 of 200 points are at latitude 0, longitude 0.*left out"):
+        route = smoothed(path)
+    assert route.distance_m[-1] == pytest.approx(whole, rel=1e-3)
+
+
+def test_a_track_that_jumps_says_where(tmp_path: Path) -> None:
+    distance_m = np.arange(0.0, 2000.0, 10.0)
+    distance_m[90] = 5e6
+    with pytest.raises(RouteError, match="point 91 is 4999 km from the one before"):
+        smoothed(write_gpx(tmp_path / "way.gpx", distance_m, np.zeros(200)))
+
+
+@pytest.mark.parametrize("header", ["lat,lon,ele", "Latitude,Longitude,Altitude", "lat,lng,height"])
+def test_the_names_that_loggers_write_are_a_track(tmp_path: Path, header: str) -> None:
+    distance_m = np.arange(0.0, 2000.0, 10.0)
+    path = write_csv(tmp_path / "way.csv", distance_m, 100.0 + 10.0 * np.sin(distance_m / 100.0))
+    plain = load_route(path, 50.0)
+    path.write_text(path.read_text().replace("latitude_deg,longitude_deg,elevation_m", header))
+    assert load_route(path, 50.0).length_m == plain.length_m

@@ -7,16 +7,19 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import homeward  # noqa: F401 - registers the environments
 from homeward.agents.learning import sb3_vec_env
+from homeward.agents.learning.ppo import make_model, stagger
 from homeward.agents.learning.sb3_adapter import SB3Adapter
+from homeward.agents.learning.settings import PPOSettings
 from homeward.agents.trained.inputs import make_inputs
-from homeward.envs.features import NAMES
-from homeward.envs.options import OptionError
+from homeward.envs.features import INDEX, NAMES
+from homeward.envs.options import OptionError, Options
 from homeward.envs.vector import HomewardVectorEnv
 
 COUNT = 6
@@ -166,3 +169,45 @@ def test_native_missions_under_stable_baselines3() -> None:
     np.testing.assert_array_equal(env.reset(), expected)
     with pytest.raises(OptionError, match="unknown env 'homeward/Nowhere-v0'; choose from"):
         sb3_vec_env("homeward/Nowhere-v0", 3)
+
+
+def test_missions_begin_anew_when_asked_and_the_others_wait() -> None:
+    env = native()
+    env.seed(0)
+    env.reset()
+    go = np.tile([4, 2, 1], (COUNT, 1))
+    for _ in range(3):
+        seen = np.asarray(env.step(go)[0])
+    which = np.arange(COUNT) < 2
+    begun = env.begin(which)
+    assert (begun[which, INDEX["time"]] == 0.0).all() and (begun[which, INDEX["distance"]] == 0.0).all()
+    np.testing.assert_array_equal(begun[~which], seen[~which])
+
+
+def test_who_learns_senses_on_the_go_alone() -> None:
+    missions = HomewardVectorEnv(3, autoreset_mode="SameStep", decision_s=DECISION_S)
+    env = SB3Adapter(missions, senses_on_the_go=True)
+    env.seed(0)
+    env.reset()
+    seen = np.asarray(env.step(np.array([[4, 4, mode] for mode in range(3)]))[0])
+    assert seen[:, INDEX["sensing"]].tolist() == [0.0, 1.0, 0.0]
+
+
+def test_training_begins_with_missions_at_all_stages() -> None:
+    settings = PPOSettings(n_envs=64, n_steps=8, batch_size=64, hidden=8)
+    model = make_model(Options("Survey"), settings, seed=0)
+    stagger(model)
+    assert isinstance(model._last_obs, np.ndarray)
+    assert len(np.unique(model._last_obs[:, INDEX["time"]])) > 20
+
+
+def test_the_value_sees_nothing_fleeting() -> None:
+    model = make_model(Options("Survey"), PPOSettings(n_envs=4, n_steps=4, batch_size=16, hidden=8), seed=0)
+    env = model.get_env()
+    assert env is not None
+    seen = torch.from_numpy(np.asarray(env.reset()).copy())
+    other = seen.clone()
+    other[:, [INDEX["power"], INDEX["interest"], INDEX["interest_1"], INDEX["grade"]]] += 1.0
+    assert (model.policy.predict_values(other) == model.policy.predict_values(seen)).all()
+    other[:, INDEX["consumption"]] += 1.0
+    assert (model.policy.predict_values(other) != model.policy.predict_values(seen)).all()

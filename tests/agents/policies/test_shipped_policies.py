@@ -7,7 +7,7 @@ from scipy import stats
 
 from homeward.agents import make_policy
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
-from homeward.agents.learning.curve import read_curve
+from homeward.agents.evaluation.learning_curve import read_curve
 from homeward.agents.registry import SHIPPED, shipped
 from homeward.agents.trained.policy_file import NetworkPolicy
 from homeward.agents.trained.provenance import differences
@@ -17,7 +17,7 @@ from homeward.envs.vector import HomewardVectorEnv
 
 EPISODES = 300
 LEAST_GAIN = {
-    ("ppo", "OutAndBack"): 0.04, ("ppo", "Patrol"): -0.03, ("ppo", "Survey"): -0.08,
+    ("ppo", "OutAndBack"): 0.04, ("ppo", "Patrol"): -0.03, ("ppo", "Survey"): 0.02,
     ("ppo_scratch", "OutAndBack"): -0.02, ("ppo_scratch", "Patrol"): -0.06, ("ppo_scratch", "Survey"): -0.2,
 }  # fmt: skip
 """Share of the rule's score that is gained at least, 95 % sure: paired, on these episodes."""

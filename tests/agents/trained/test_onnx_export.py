@@ -15,7 +15,7 @@ onnxruntime = pytest.importorskip("onnxruntime")
 from homeward.agents.trained.inputs import COLUMNS, make_inputs  # noqa: E402
 from homeward.agents.trained.onnx_export import Args, ExportError, check_equal, main, setting_of  # noqa: E402
 from homeward.agents.trained.onnx_graph import BELIEF, INPUT, OUTPUTS, quantities, to_onnx  # noqa: E402
-from homeward.agents.trained.policy_file import NetworkPolicy, load_policy, save_policy  # noqa: E402
+from homeward.agents.trained.policy_file import ON_THE_GO, NetworkPolicy, load_policy, save_policy  # noqa: E402
 from homeward.agents.trained.provenance import robot_hash  # noqa: E402
 from homeward.envs.actions import action_space, encode_actions  # noqa: E402
 from homeward.envs.features import INDEX, NAMES  # noqa: E402
@@ -38,7 +38,8 @@ def save_drawn_policy(
         for before, after in ((columns, 16), (16 + columns, outputs))
     ]
     training = {"env": "homeward/Survey-v0", "robot": "husky", "action_type": action_type, "seed": 3}
-    save_policy(folder, layers, space, {"training": training} | description, inputs)
+    going = ON_THE_GO if beliefs else {}
+    save_policy(folder, layers, space, {"training": training} | going | description, inputs)
     return load_policy(folder, known)
 
 

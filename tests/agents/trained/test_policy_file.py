@@ -3,6 +3,7 @@
 import hashlib
 import itertools
 import json
+import os
 import pickle
 import subprocess
 import sys
@@ -18,9 +19,20 @@ from safetensors.numpy import save
 import homeward  # noqa: F401 - registers the environments
 from homeward.agents import AgentError, make_policy
 from homeward.agents.trained.inputs import COLUMNS, make_inputs
-from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, Layer, PolicyFileError, load_policy, save_policy
+from homeward.agents.trained.policy_file import (
+    DESCRIPTION,
+    ON_THE_GO,
+    WEIGHTS,
+    Layer,
+    PolicyFileError,
+    load_policy,
+    save_policy,
+    sensing_on_the_go,
+)
+from homeward.envs.actions import decode_actions, encode_actions
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, known_of
+from homeward.envs.state import GO, RETURN, STOP
 
 DISCRETE = spaces.MultiDiscrete([5, 5, 3])
 CONTINUOUS = spaces.Box(-1.0, 1.0, (3,), np.float32)
@@ -57,9 +69,10 @@ def test_what_is_read_is_what_was_written(folder: Path, path: str) -> None:
     assert sorted(entry.name for entry in folder.iterdir()) == [DESCRIPTION, WEIGHTS]
 
 
+@pytest.mark.parametrize("going", [False, True])
 @pytest.mark.parametrize("start", ["scratch", "dmax"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, start: str) -> None:
+def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, start: str, going: bool) -> None:
     from homeward.agents.learning.network import layers_of
     from homeward.agents.learning.ppo import inputs_of, make_model
     from homeward.agents.learning.settings import PPOSettings
@@ -68,7 +81,8 @@ def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: s
     options = Options("Survey", action_type=action_type)
     model, known = make_model(options, settings, seed=0), known_of(options)
     model.learn(settings.rollout)
-    save_policy(tmp_path, layers_of(model), model.action_space, {}, inputs_of(settings, known))
+    details = ON_THE_GO if going else {}
+    save_policy(tmp_path, layers_of(model), model.action_space, details, inputs_of(settings, known))
     policy = load_policy(tmp_path, known)
     begun = np.ones(500, np.bool_)
     observations = np.random.default_rng(0).uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
@@ -76,7 +90,18 @@ def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: s
     expected, _ = model.predict(observations if twin is None else twin(observations, begun), deterministic=True)
     actions = policy.act(observations, begun)
     assert actions.dtype == (np.int64 if action_type == "discrete" else np.float32)
-    np.testing.assert_allclose(actions, expected, atol=1e-5)
+    np.testing.assert_allclose(actions, sensing_on_the_go(expected) if going else expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+def test_nothing_is_sensed_but_on_the_go(action_type: str) -> None:
+    known = known_of(Options("Survey", action_type=action_type))
+    modes = np.array([STOP, GO, RETURN])
+    actions = encode_actions(known, [0.3, 0.5, 1.0], 50.0, modes)
+    kept = decode_actions(known, sensing_on_the_go(actions))
+    assert kept.sensing_hz.tolist() == [0.0, 50.0, 0.0]
+    assert kept.mode.tolist() == modes.tolist()
+    np.testing.assert_array_equal(kept.speed_mps, decode_actions(known, actions).speed_mps)
 
 
 def test_a_continuous_policy_stays_within_the_box(tmp_path: Path) -> None:
@@ -227,3 +252,28 @@ def test_foreign_inputs_are_refused(believing: Path, inputs: Any) -> None:
     rewrite(believing, inputs=inputs)
     with pytest.raises(PolicyFileError, match="tells of other inputs than this version has, train again"):
         load_policy(believing, known_of(Options("Survey")))
+
+
+@pytest.mark.parametrize("layers", ["1e400", "100000000000000000000", "-1", "2.5", '"two"', "[]", "null", "true"])
+def test_a_count_of_layers_that_is_none_is_refused(folder: Path, layers: str) -> None:
+    path = folder / "policy.json"
+    data = json.loads(path.read_text())
+    count = data["network"]["layers"]
+    text = path.read_text().replace(f'"layers": {count}', f'"layers": {layers}')
+    assert text != path.read_text()
+    path.write_text(text)
+    with pytest.raises(PolicyFileError):
+        load_policy(folder)
+
+
+def test_pipes_and_devices_are_refused_at_once(folder: Path) -> None:
+    for name in ("policy.json", "policy.safetensors"):
+        kept = (folder / name).read_bytes()
+        for make in (os.mkfifo, lambda path: path.symlink_to("/dev/zero")):
+            (folder / name).unlink()
+            make(folder / name)
+            with pytest.raises(PolicyFileError):
+                load_policy(folder)
+        (folder / name).unlink()
+        (folder / name).write_bytes(kept)
+    load_policy(str(folder))

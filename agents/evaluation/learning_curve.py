@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from homeward.agents.base import Policy
-from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation.episodes import episode_seeds, run_episodes
 from homeward.agents.learning.folder import CURVE
 from homeward.agents.learning.settings import TrainingError
 from homeward.envs.options import Options
