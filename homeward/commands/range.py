@@ -4,6 +4,9 @@
 their robot up their incline, moving 36.7 % of the time, with each part's share. ROBOT is a preset (`homeward robots`)
 or your own TOML file; where it has effects that the paper leaves out, the compiled model drives until the battery is
 empty instead. `--plot range.png` shows how range and shares change with the speed.
+
+With `--route track.gpx` it says with a 90 % interval what the route takes there and back, and how likely the robot is
+to get there and back; `--plot fan.png` shows the energy left on the way, and the point of no return.
 """
 
 from __future__ import annotations
@@ -16,15 +19,19 @@ from typing import Annotated
 import numpy as np
 import tyro
 from rich import box
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from homeward import Robot, RobotError, cli, load_robot, quantities
+from homeward.companion.readings import CompanionError
+from homeward.envs.routes import RouteError
 from homeward.files import write_whole
 from homeward.physics import d_max, model, optimal_speed, replay
 
 _CYCLES = 100
 """Drives and stops of the mission that a robot with effects is followed through."""
+_PLACES = 160.0
+"""Places of a route on a d_max, over which slopes are averaged."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +48,13 @@ class Args:
     """Speed while moving, m/s; the one with the longest range if left out."""
     sensing_hz: float = 0.0
     """Sensing rate, Hz."""
+    route: str | None = None
+    """Track (.gpx, .fit, .csv) or profile to drive there and back instead, with what is not known of robot and day."""
+    risk: float = 1e-3
+    """Risk of not getting home that is accepted: the point of no return of --route goes by it."""
     plot: Path | None = None
-    """Picture to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed."""
+    """Picture to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed; of a route the energy
+    left on the way there and back."""
 
 
 class RangeError(ValueError):
@@ -105,26 +117,29 @@ def main(args: Args) -> None:
 
     Raises:
         RobotError: There is no such robot, or its file is wrong.
-        RangeError: Another argument cannot be used.
+        RangeError, RouteError, CompanionError: Another argument cannot be used.
         OSError: The picture cannot be written.
     """
     mission = _mission(args)
+    if args.route is not None:
+        _on_route(args, args.route, mission)
+        return
     robot = mission.robot
     best_mps = float(optimal_speed(robot, mission.grade_rad, mission.duty, mission.sensing_hz))
     speed_mps = best_mps if args.speed_mps is None else args.speed_mps
     range_m, parts = mission.range_m(speed_mps), mission.parts_j_per_m(speed_mps)
-    console = Console()
+    console = cli.Terminal()
     chosen = "the speed with the longest range" if args.speed_mps is None else f"{best_mps:.2f} m/s would go furthest"
     slope = "on the flat" if args.grade == 0.0 else f"{abs(args.grade):g}° {'up' if args.grade > 0.0 else 'down'}hill"
     lasts = quantities.duration(range_m / (speed_mps * mission.duty)) if math.isfinite(range_m) else "ever"
     far = quantities.distance(range_m) if math.isfinite(range_m) else "any distance: the slope drives it for nothing"
     console.print(
-        f"[bold]{robot.name}: {far}[/bold] on one charge, in {lasts}\n"
+        Text.assemble((f"{cli.printable(robot.name)}: {far}", "bold"), f" on one charge, in {lasts}"),
         f"at {speed_mps:.2f} m/s ({chosen}), {slope}, moving {mission.duty:.1%} of the time, "
         f"sensing at {mission.sensing_hz:g} Hz",
-        highlight=False,
+        sep="\n",
     )
-    console.print(_table(mission, speed_mps, parts))
+    console.show(_table(mission, speed_mps, parts), ("of a charge", "mean power"))
     by = f"the model with {', '.join(robot.active_effects)}" if robot.active_effects else "Eq. 8"
     console.print(
         f"By {by}: {quantities.energy(robot.usable_energy_j)} usable, drive efficiency {robot.traction_efficiency:.2%}."
@@ -135,7 +150,22 @@ def main(args: Args) -> None:
         from homeward.commands.range_plot import range_picture
 
         write_whole(args.plot, range_picture(mission, speed_mps, args.plot.suffix))
-        console.print(f"Written to {args.plot}", markup=False, highlight=False)
+        console.print(f"Written to {args.plot}")
+
+
+def _on_route(args: Args, name: str, mission: Mission) -> None:
+    from homeward.envs.route_files import load_route
+    from homeward.watch import outlook
+
+    if args.grade != 0.0 or args.duty != 1.0 or args.sensing_hz != 0.0:
+        raise RangeError("--grade, --duty and --sensing-hz are not allowed with --route: slopes are those of the route")
+    route = load_route(name, float(d_max(mission.robot)) / _PLACES)
+    found = outlook.outlook_of(mission.robot, route, args.speed_mps, args.risk)
+    console = cli.Terminal()
+    outlook.show(console, mission.robot, name, route.length_m, found)
+    if args.plot is not None:
+        write_whole(args.plot, outlook.picture(mission.robot, route.length_m, found, args.plot.suffix))
+        console.print(f"Written to {args.plot}")
 
 
 def _mission(args: Args) -> Mission:
@@ -173,4 +203,4 @@ def _table(mission: Mission, speed_mps: float, parts: dict[str, float]) -> Table
 
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
-    return cli.run(main, Args, __doc__, (RobotError, RangeError))
+    return cli.run(main, Args, __doc__, (RobotError, RangeError, CompanionError, RouteError))

@@ -6,7 +6,6 @@ import dataclasses
 import difflib
 import numbers
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from importlib.resources import files
@@ -17,9 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.files import STANDARD_INPUT, read_toml
 from homeward.physics import model
 from homeward.physics.bounds import Bounds
 from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
+from homeward.physics.plausible import warn_of_implausible
+from homeward.physics.uncertainty import Uncertainty, UncertaintyError, from_table
 
 
 class RobotError(ValueError):
@@ -81,6 +83,7 @@ class Robot:
     traction_n_per_a: float = _quantity("drive", "wheel thrust per ampere, N/A (0: unknown)", _NOT_NEGATIVE, 0.0)
     description: str = ""
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict, hash=False)
+    uncertainty: Uncertainty | None = None
 
     def __post_init__(self) -> None:
         for name in ("name", "description"):
@@ -161,6 +164,8 @@ class Robot:
         for effect_id, parameters in self.effects.items():
             lines += ["", f"[effects.{effect_id}]"]
             lines += [f"{name} = {value!r}" for name, value in parameters.items()]
+        if self.uncertainty is not None:
+            lines += ["", self.uncertainty.to_toml().rstrip("\n")]
         return "\n".join(lines) + "\n"
 
 
@@ -188,10 +193,12 @@ def load_robot(robot: str | Path | Robot) -> Robot:
     """Load a robot by preset name or from a TOML file; a `Robot` is returned as it is.
 
     Args:
-        robot: Preset name (see `preset_names`), path of a TOML file, or a `Robot`.
+        robot: Preset name (see `preset_names`), path of a TOML file ("-": standard input), or a `Robot`.
 
     Raises:
         RobotError: Unknown name, unreadable file, or a field that is wrong, missing or unphysical.
+
+    A value that is allowed but that no ground robot is known to have raises a `PlausibilityWarning`.
 
     >>> round(load_robot("rusti").overall_efficiency, 6)
     0.086144
@@ -201,19 +208,21 @@ def load_robot(robot: str | Path | Robot) -> Robot:
     if not isinstance(robot, str | Path):
         raise RobotError(f"robot = {robot!r} is not a preset name, a path or a Robot")
     source = _preset_folder() / f"{robot}.toml" if robot in preset_names() else Path(robot)
-    if not os.path.isfile(source):
+    if str(source) != STANDARD_INPUT and not os.path.isfile(source):
         raise RobotError(
             f"robot {str(robot)!r} is neither a preset nor a file; presets: {', '.join(preset_names())}"
             f"{_did_you_mean(str(robot), preset_names())}"
         )
     try:
-        data = tomllib.loads(source.read_text(encoding="utf-8"))
-    except (ValueError, OSError, RecursionError) as error:
+        data = read_toml(source)
+    except (ValueError, OSError) as error:
         raise RobotError(f"{source}: not a readable TOML file: {error}") from error
     try:
-        return _from_tables(data)
+        loaded = _from_tables(data)
     except RobotError as error:
         raise RobotError(f"{source}: {error}") from None
+    warn_of_implausible(loaded, str(source))
+    return loaded
 
 
 def _preset_folder() -> Any:
@@ -224,8 +233,13 @@ def _from_tables(data: dict[str, Any]) -> Robot:
     sections: dict[str, dict[str, Any]] = {}
     for quantity in _QUANTITIES:
         sections.setdefault(quantity.metadata["section"], {})[quantity.name] = quantity
-    _refuse_unknown(data, ["name", "description", "effects", *sections], "")
+    _refuse_unknown(data, ["name", "description", "effects", "uncertainty", *sections], "")
     values: dict[str, Any] = {"effects": data.get("effects", {}), "description": data.get("description", "")}
+    if "uncertainty" in data:
+        try:
+            values["uncertainty"] = from_table(data["uncertainty"])
+        except UncertaintyError as error:
+            raise RobotError(f"uncertainty.{error}") from None
     if "name" not in data:
         raise RobotError('name is missing; give the robot a name, such as name = "my_robot"')
     values["name"] = data["name"]

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import io
 import math
 import pickle
+import re
+import time
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -18,6 +21,7 @@ from hypothesis import strategies as st
 from homeward import Robot, RobotError, load_robot
 from homeward.physics import EFFECTS, preset_names
 from homeward.physics.bounds import Bounds
+from homeward.physics.plausible import PlausibilityWarning, implausible
 from homeward.physics.robot import ROBOT_DTYPE
 from tests.physics.drives import PLAIN, robots
 
@@ -249,10 +253,11 @@ def test_a_file_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     def refuse(*args: Any, **kwargs: Any) -> str:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_text", refuse)
+    monkeypatch.setattr("homeward.files.open_regular", refuse)
     assert refusal(path) == f"{path}: not a readable TOML file: [Errno 13] Permission denied"
 
 
+@pytest.mark.filterwarnings("ignore::homeward.physics.plausible.PlausibilityWarning")  # drawn within bounds, no more
 @given(robot=robots(), name=st.text(min_size=1), description=st.text(), note=st.text())
 def test_toml_round_trip(
     robot: Robot, name: str, description: str, note: str, tmp_path_factory: pytest.TempPathFactory
@@ -320,3 +325,48 @@ def test_comments_stay_on_their_line() -> None:
     text = PLAIN.to_toml({"mass_kg": "weighed\nmass_kg = 3.0"})
     assert tomllib.loads(text)["body"]["mass_kg"] == PLAIN.mass_kg
     assert tables()["battery"]["rated_energy_j"] == PLAIN.rated_energy_j
+
+
+def test_a_byte_order_mark_is_no_part_of_a_robot_file(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(load_robot("husky").to_toml(), "utf-8-sig")
+    assert load_robot(path) == load_robot("husky")
+
+
+def test_a_robot_comes_from_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = load_robot("husky").to_toml().encode()
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(text)))
+    assert load_robot("-") == load_robot("husky")
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "a" + ".a" * 50_000 + " = 1", "a = " + "[" * 50 + "]" * 50])
+def test_deep_files_are_refused_at_once(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(text)
+    began = time.monotonic()
+    assert "not a readable TOML file" in refusal(path)
+    assert time.monotonic() - began < 1.0
+
+
+@pytest.mark.parametrize("preset", preset_names())
+def test_presets_are_plausible(preset: str) -> None:
+    assert implausible(load_robot(preset)) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"mass_kg": 50_000.0}, "mass_kg = 50000"),
+        ({"rated_energy_j": 480.0}, "rated_energy_j = 480"),  # watt hours
+        ({"rolling_resistance": 0.9}, "rolling_resistance = 0.9"),
+        ({"nominal_voltage_v": 24_000.0}, "nominal_voltage_v = 24000"),
+        ({"controller_w": 50_000.0}, "W is known"),
+        ({"mass_kg": 9000.0}, "rated_energy_j / mass_kg = 192 J/kg"),
+    ],
+)
+def test_implausible_values_warn(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(dataclasses.replace(load_robot("husky"), **changes).to_toml())
+    with pytest.warns(PlausibilityWarning, match=f"robot.toml: .*{re.escape(said)}.*is the unit right") as caught:
+        load_robot(path)
+    assert caught[0].filename == __file__

@@ -83,7 +83,7 @@ def test_outputs_can_be_read_back(turning: Analysis, tmp_path: Path) -> None:
     written = write_outputs(turning, folder)
     assert sorted(path.name for path in folder.iterdir()) == sorted(path.name for path in written)
     assert Diagnosis.from_json((folder / "diagnosis.json").read_text()) == turning.diagnosis
-    assert load_robot(folder / "corrected.toml") == turning.corrected
+    assert replace(load_robot(folder / "corrected.toml"), uncertainty=None) == turning.corrected
 
 
 def test_changed_lines_say_what_they_were(short_drive: Drive, husky: Robot) -> None:

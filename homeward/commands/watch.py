@@ -1,0 +1,111 @@
+"""Replay recordings of a robot as if live, and see how far to trust what the companion says.
+
+`homeward watch RUN... --robot corrected.toml` feeds each recording to a companion (docs/on_the_robot.md) and asks it at
+each moment what the rest of the drive will take. It prints, by what was left of the way, how often the 90 % interval
+held what it then took, and how far off it was in all; DIR/watch.html shows it, DIR/watch.csv holds every moment. RUN is
+a table or a ROS bag, read without ROS, with battery power, or voltage and current. In a terminal it shows the drive
+meanwhile.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import tyro
+from rich import box
+from rich.table import Table
+
+from homeward import cli, quantities
+from homeward.companion import CompanionError
+from homeward.diagnosis import RecordingError, read_recording
+from homeward.diagnosis.tell.report import check_writable, write_texts
+from homeward.physics import RobotError, load_robot
+from homeward.watch.coverage import Row, rows_of
+from homeward.watch.live import LiveView
+from homeward.watch.page import verdict, watch_html
+from homeward.watch.replay import Watched, run_all
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to watch."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each."""
+    robot: str
+    """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
+    columns: str | None = None
+    """Mapping for foreign recordings, of columns or, for bags, of topics: shipped name or TOML file."""
+    soc: float | None = None
+    """State of charge at the start, 0 to 1; as recorded, or full, if left out."""
+    cutoff_v: float | None = None
+    """Voltage at which the battery is cut off, V."""
+    risk: float = 1e-3
+    """Risk of not getting home that is accepted: the point of no return goes by it."""
+    speed: float = 0.0
+    """Times as fast as it was recorded that a terminal shows it; 0: as fast as it goes."""
+    quiet: bool = False
+    """Show nothing while it is replayed."""
+    out: Path = Path("runs/watch")
+    """Folder for watch.html and watch.csv."""
+
+
+def main(args: Args) -> list[Watched]:
+    """Replay, print the table and write the page.
+
+    Raises:
+        RobotError, RecordingError, CompanionError: Input that cannot be used.
+        OSError: The output folder cannot be written to.
+    """
+    if not args.runs:
+        raise RecordingError("no recording is given; name at least one file")
+    robot = load_robot(args.robot)
+    recordings = [read_recording(path, args.columns) for path in args.runs]
+    check_writable(args.out)
+    console = cli.Terminal()
+    keywords = {"soc": args.soc, "risk": args.risk, "cutoff_v": args.cutoff_v}
+    with contextlib.ExitStack() as stack:
+        show = None
+        if console.is_terminal and not args.quiet:
+            show = stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show
+        runs = run_all(recordings, robot, show, **keywords)
+    rows = rows_of(runs)
+    console.show(table_of(rows))
+    console.print(verdict(rows[-1]))
+    for text in runs[0].advice.rests_on:
+        console.print(f"  {text}", style="dim")
+    texts = {"watch.html": watch_html(runs, robot), "watch.csv": moments_of(runs).to_csv(index=False)}
+    page = write_texts(args.out, texts)[0]
+    console.print(f"Page: {page}", soft_wrap=True)
+    return runs
+
+
+def table_of(rows: list[Row]) -> Table:
+    """Coverage, bias and error by what was left of the way; the last row is all of it."""
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("way left", "moments", "in the 90 %\ninterval", "bias", "median\nerror", "half\ninterval"):
+        table.add_column(heading, justify="left" if heading == "way left" else "right")
+    for row in rows:
+        if row is rows[-1]:
+            table.add_section()
+        low, high = (quantities.distance(metres) for metres in row.metres)
+        table.add_row(
+            "all" if row is rows[-1] else f"{high} to {low}", str(row.moments), f"{row.covered:.0%}",
+            f"{row.bias:+.1%}", f"{row.error:.1%}", f"{row.width:.1%}",
+        )  # fmt: skip
+    return table
+
+
+def moments_of(runs: list[Watched]) -> pd.DataFrame:
+    """Every moment of every run, one a row."""
+    names = ("time_s", "left_m", "took_j", "mean_j", "low_j", "high_j")
+    return pd.concat([pd.DataFrame({"run": one.name, **{name: getattr(one, name) for name in names}}) for one in runs])
+
+
+def run() -> int:
+    """Run from the command line, see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (RobotError, RecordingError, CompanionError))

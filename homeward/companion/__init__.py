@@ -1,0 +1,8 @@
+"""On the robot: how far is home, how sure are we, when must we turn."""
+
+from homeward.companion.advice import Advice, Spread
+from homeward.companion.companion import Companion
+from homeward.companion.readings import CompanionError
+from homeward.companion.way import RouteLike
+
+__all__ = ["Advice", "Companion", "CompanionError", "RouteLike", "Spread"]

@@ -1,0 +1,98 @@
+"""What the companion answers: numbers with how sure they are, and in words what they rest on."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from homeward import quantities
+from homeward.estimation.tails import deviations
+
+_COVERED = 0.9
+
+
+class Spread(NamedTuple):
+    """A number that is not known exactly, distributed as Student's t (`homeward.estimation.tails`).
+
+    Attributes:
+        mean: Its mean.
+        sd: Its standard deviation.
+    """
+
+    mean: float
+    sd: float
+
+    def quantile(self, share: float) -> float:
+        """Below which it is with a probability.
+
+        >>> round(Spread(100.0, 10.0).quantile(0.05), 1)
+        80.6
+        """
+        return self.mean + self.sd * deviations(share)
+
+    @property
+    def low(self) -> float:
+        """Lower end of the central 90 % interval."""
+        return self.quantile(0.5 - 0.5 * _COVERED)
+
+    @property
+    def high(self) -> float:
+        """Upper end of the central 90 % interval."""
+        return self.quantile(0.5 + 0.5 * _COVERED)
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What to know at a moment of a drive. Energies are as the robot's own meter has them.
+
+    Attributes:
+        time_s: Of the reading that it follows.
+        way_home_m: How far home is, by the way that the robot would take.
+        energy_left_j: In the battery, down to the cut-off voltage where one was given.
+        energy_home_j: What the way home takes, at `home_mps`, turning now.
+        margin_j: Energy left less way home.
+        chance_home: Probability of getting home when turning now.
+        risk: Probability of not getting home that is accepted, by which the next three go.
+        turn_in_m: How far the robot may drive on before it must turn, 0 where it must now.
+        turn_in_s: In how much time that is, at its present pace.
+        turn_now: Whether it must turn now; it stays so until the robot is home or what was known has changed.
+        chance_there_and_back: Probability of getting to the end of the route and home; None without a route.
+        looks_back: Whether to drive towards home for a moment would tell wind and robot apart now.
+        rests_on: What the reckoning rests on, a sentence each.
+        warnings: What is wrong with the readings now, a sentence each.
+    """
+
+    time_s: float
+    way_home_m: float
+    energy_left_j: Spread
+    energy_home_j: Spread
+    margin_j: Spread
+    chance_home: float
+    risk: float
+    turn_in_m: float
+    turn_in_s: float
+    turn_now: bool
+    chance_there_and_back: float | None
+    looks_back: bool
+    rests_on: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Numbers, texts and lists for JSON; of a spread also its 90 % interval."""
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        for name, value in values.items():
+            if isinstance(value, Spread):
+                values[name] = {"mean": value.mean, "sd": value.sd, "low": value.low, "high": value.high}
+        return values
+
+    def __str__(self) -> str:
+        left, home = (
+            f"{quantities.energy(one.mean)} ({quantities.energy(max(one.low, 0.0))} to {quantities.energy(one.high)})"
+            for one in (self.energy_left_j, self.energy_home_j)
+        )
+        turn = "turn now" if self.turn_now else (
+            f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"
+        )  # fmt: skip
+        way = quantities.distance(self.way_home_m)
+        return f"{left} left; home is {way} away and takes {home}; chance {self.chance_home:.2%}; {turn}"

@@ -1,0 +1,64 @@
+"""A voltage at which the battery is cut off: how much energy is left until then."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+_FORGETS = 0.97
+"""Weight that a window keeps from one to the next: some thirty count."""
+_LEAST_WINDOWS, _LEAST_SPAN = 8, 0.03
+"""Windows, and share of the battery used over them, from which a fall of the voltage is believed."""
+
+
+class Cutoff:
+    """Fits the voltage as a - R I - b u, with the current I and the share u of the battery used, and extends it.
+
+    A straight line: where a battery's voltage falls steeply near its end, the cut-off comes earlier than it says, and
+    where the fall is steep at first, later.
+
+    Args:
+        voltage_v: At which the battery is cut off.
+    """
+
+    def __init__(self, voltage_v: float) -> None:
+        self.voltage_v = voltage_v
+        self._normal, self._moment = np.zeros((3, 3)), np.zeros(3)
+        self._windows, self._first, self._now = 0, math.nan, (math.nan, math.nan, math.nan)
+
+    def see(self, voltage_v: float, current_a: float, used: float) -> None:
+        """Take in the means of a window and the share of the battery used."""
+        if not math.isfinite(voltage_v + current_a + used):
+            return
+        row = np.array([1.0, -current_a, -used])
+        self._normal = _FORGETS * self._normal + np.outer(row, row)
+        self._moment = _FORGETS * self._moment + row * voltage_v
+        self._windows += 1
+        self._first = used if math.isnan(self._first) else self._first
+        self._now = voltage_v, current_a, used
+
+    def left(self) -> float:
+        """Share of the battery until the cut-off at the present current; infinite where it cannot be told yet."""
+        voltage_v, _, used = self._now
+        if voltage_v <= self.voltage_v:
+            return 0.0
+        if self._windows < _LEAST_WINDOWS or abs(used - self._first) < _LEAST_SPAN:
+            return math.inf
+        fall = float(np.linalg.lstsq(self._normal, self._moment, rcond=1e-9)[0][2])
+        return (voltage_v - self.voltage_v) / fall if fall > 0.0 else math.inf
+
+    def state(self) -> dict[str, Any]:
+        """For a restart."""
+        return {
+            "normal": self._normal.tolist(), "moment": self._moment.tolist(), "windows": self._windows,
+            "first": self._first, "now": list(self._now),
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from `state`."""
+        self._normal, self._moment = np.array(state["normal"]), np.array(state["moment"])
+        self._windows, self._first = int(state["windows"]), float(state["first"])
+        voltage_v, current_a, used = state["now"]
+        self._now = voltage_v, current_a, used

@@ -1,0 +1,225 @@
+"""What comes from the robot, checked: missing, late, repeated and absurd readings are left out and said."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from homeward.physics import Robot, ancillary_power, model
+
+Position = float | tuple[float, float]
+
+
+class CompanionError(ValueError):
+    """A companion that cannot be made or fed so; the message says what to give."""
+
+
+class Reading(NamedTuple):
+    """What was read at a moment, NaN (or None) where an instrument was silent."""
+
+    dt_s: float
+    speed_mps: float
+    power_w: float
+    soc: float
+    grade_rad: float
+    heading_rad: float
+    voltage_v: float
+    current_a: float
+    sensing_hz: float
+    position: Position | None
+
+
+# Chosen: wide enough for any drive of the robot, narrow enough to tell a broken instrument or another unit.
+_SPEEDS = 2.0
+"""Top speeds beyond which a speed is absurd."""
+_POWERS = 20.0
+"""Powers at top speed up the steepest of usual slopes beyond which a power is."""
+_STEEP = 0.3  # rad, of that
+_STEEPEST = 0.8  # rad
+_SOC_SLACK = 0.02
+_HELD = 3.0
+"""Usual times between readings of an instrument for which its last value holds."""
+_LEAST_HOLD_S = 0.5
+_JUMPS = 5
+"""Positions in a row that are too far away until the robot is taken to be there."""
+_BACK = 3
+"""Readings in a row from before the last one until the clock is taken to have been set back."""
+_STAYS_S = 60.0
+"""Time for which a warning is shown."""
+_GAP = 3.0
+"""Usual times between readings beyond which readings are missing."""
+
+
+class _Held:
+    """The last value of an instrument, and how often it comes."""
+
+    def __init__(self) -> None:
+        self.value, self.at_s, self.every_s = math.nan, math.nan, math.nan
+
+    def see(self, value: float, now_s: float) -> None:
+        if math.isfinite(value):
+            since_s = now_s - self.at_s
+            if since_s > 0.0:
+                # Drawn towards the new one; a gap does not become usual at once.
+                step_s = min(since_s, 2.0 * self.every_s) if math.isfinite(self.every_s) else since_s
+                self.every_s = step_s if math.isnan(self.every_s) else 0.8 * self.every_s + 0.2 * step_s
+            self.value, self.at_s = value, now_s
+
+    def now(self, now_s: float, dt_s: float) -> float:
+        """The value for the time since the reading before, NaN where it is too old or stands for too long."""
+        usual_s = self.every_s if math.isfinite(self.every_s) else dt_s
+        allowed_s = max(_HELD * usual_s, _LEAST_HOLD_S) * (1.0 + 1e-9)
+        return self.value if now_s - self.at_s <= allowed_s and dt_s <= allowed_s else math.nan
+
+
+class Readings:
+    """Checks readings as they come.
+
+    Attributes:
+        clock_s: Time since the first reading, s: it never goes back.
+        counts: How many readings were left out, by what was wrong with them.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.clock_s, self.counts = 0.0, dict[str, int]()
+        force_n = float(model.traction_force(robot, robot.max_speed_mps, _STEEP))
+        full_w = float(model.drive_power(robot, force_n, robot.max_speed_mps))
+        self._most_w = _POWERS * (full_w + float(ancillary_power(robot, robot.max_sensing_hz)))
+        self._most_mps = _SPEEDS * robot.max_speed_mps
+        self._last_s, self._ignored_s, self._back = math.nan, math.nan, 0
+        self._power, self._grade, self._heading = _Held(), _Held(), _Held()
+        self._clock = _Held()
+        self._place: Position | None = None
+        self._place_at_s, self._jumps = 0.0, 0
+        self._said: deque[tuple[float, str]] = deque(maxlen=8)
+
+    def take(self, time_s: float, given: dict[str, Any]) -> Reading | None:
+        """Check what was read; None where there is nothing new in it.
+
+        Args:
+            time_s: When, s.
+            given: Values by name, None where an instrument was silent.
+
+        Raises:
+            CompanionError: A value is not a number.
+        """
+        given = {name: _number(name, value) for name, value in given.items() if name != "position"} | {
+            "position": _position(given["position"])
+        }
+        dt_s = self._passed_s(_number("time_s", time_s))
+        if dt_s is None:
+            return None
+        self.clock_s += dt_s
+        usual_s = self._clock.every_s
+        self._clock.see(0.0, self.clock_s)
+        if dt_s > _GAP * usual_s and dt_s > _LEAST_HOLD_S:
+            self.say(f"no reading for {dt_s:.0f} s")
+        speed = self._within("speed_mps", given["speed_mps"], -self._most_mps, self._most_mps, "km/h?")
+        voltage = self._within("voltage_v", given["voltage_v"], 0.1, 1500.0, "mV?")
+        current = self._within("current_a", given["current_a"], -1500.0, 1500.0, "mA?")
+        power = given["power_w"] if math.isfinite(given["power_w"]) else voltage * current
+        power = self._within("power_w", power, -self._most_w, self._most_w, "mW?")
+        soc = self._within("soc", given["soc"], -_SOC_SLACK, 1.0 + _SOC_SLACK, "per cent?")
+        grade = self._within("grade_rad", given["grade_rad"], -_STEEPEST, _STEEPEST, "degrees?")
+        heading = self._within("heading_rad", given["heading_rad"], -1e3, 1e3, "degrees?")
+        for held, value in ((self._power, power), (self._grade, grade), (self._heading, heading)):
+            held.see(value, self.clock_s)
+        had_power = math.isfinite(self._power.value)
+        power = self._power.now(self.clock_s, dt_s)
+        if had_power and math.isnan(power):
+            self.say(f"no power for {self.clock_s - self._power.at_s:.0f} s: the model fills in", "no power")
+        sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, 1e5, "Hz")
+        return Reading(
+            dt_s, speed, power, min(max(soc, 0.0), 1.0) if math.isfinite(soc) else math.nan,
+            self._grade.now(self.clock_s, dt_s), self._heading.now(self.clock_s, dt_s), voltage, current,
+            sensing if math.isfinite(sensing) else 0.0, self._place_now(given["position"]),
+        )  # fmt: skip
+
+    def say(self, text: str, kind: str | None = None) -> None:
+        """Warn for a while; a warning of the same kind is replaced."""
+        kind = kind or text
+        kept = [(at_s, other) for at_s, other in self._said if not other.startswith(kind)]
+        self._said = deque([*kept, (self.clock_s, text)], maxlen=8)
+
+    def warnings(self) -> tuple[str, ...]:
+        """What is wrong now, a sentence each."""
+        return tuple(text for at_s, text in self._said if self.clock_s - at_s <= _STAYS_S)
+
+    def _passed_s(self, time_s: float) -> float | None:
+        """Time since the reading before; None where this one is not later."""
+        if not math.isfinite(time_s):
+            self._leave_out("readings without a time")
+            return None
+        if math.isnan(self._last_s):
+            self._last_s = time_s
+            return 0.0
+        dt_s = time_s - self._last_s
+        if dt_s > 0.0:
+            self._last_s, self._back = time_s, 0
+            return dt_s
+        if dt_s == 0.0:
+            self._leave_out("repeated readings")
+            return None
+        self._back = self._back + 1 if self._back == 0 or time_s > self._ignored_s else 1
+        self._ignored_s = time_s
+        if self._back < _BACK:
+            self._leave_out("late readings")
+            return None
+        self.say(f"the clock was set back by {-dt_s:.0f} s: time goes on as before")
+        self._last_s, self._back = time_s, 0
+        every_s = self._clock.every_s
+        return _BACK * every_s if math.isfinite(every_s) else 0.0
+
+    def _within(self, name: str, value: float, low: float, high: float, hint: str) -> float:
+        if math.isnan(value) or low <= value <= high:
+            return value
+        self._leave_out(f"absurd {name}", f" (the last {value:.4g}; allowed {low:.4g} to {high:.4g}; {hint})")
+        return math.nan
+
+    def _leave_out(self, what: str, more: str = "") -> None:
+        self.counts[what] = self.counts.get(what, 0) + 1
+        self.say(f"{what} left out: {self.counts[what]}{more}", what)
+
+    def _place_now(self, position: Position | None) -> Position | None:
+        """A position that the robot may have come to, None where there is none."""
+        if position is None:
+            if self._place is not None and self.clock_s - self._place_at_s > _LEAST_HOLD_S:
+                away_s = self.clock_s - self._place_at_s
+                self.say(f"no position for {away_s:.0f} s: reckoned from speed and heading", "no position")
+            return None
+        if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
+            apart_m = float(np.linalg.norm(np.subtract(position, self._place)))
+            most_m = self._most_mps * max(self.clock_s - self._place_at_s, 1.0) * 2.0
+            if apart_m > most_m and self._jumps < _JUMPS:
+                self._jumps += 1
+                self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")
+                return None
+        self._place, self._place_at_s, self._jumps = position, self.clock_s, 0
+        return position
+
+
+def _number(name: str, value: Any) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise CompanionError(f"{name} = {value!r} is not a number; give a number, or None where nothing was read")
+    number = float(value)
+    return number if math.isfinite(number) else math.nan
+
+
+def _position(value: Any) -> Position | None:
+    if value is None:
+        return None
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        return float(value) if math.isfinite(value) else None
+    try:
+        east_m, north_m = (float(one) for one in value)
+    except (TypeError, ValueError):
+        raise CompanionError(
+            f"position = {value!r} is not allowed; give metres from home along the way, or (east, north) in metres"
+        ) from None
+    return (east_m, north_m) if math.isfinite(east_m + north_m) else None

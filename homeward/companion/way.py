@@ -1,0 +1,209 @@
+"""Where the robot is on its way: along a route, along the trail that it leaves, or by metres from home."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.companion.readings import CompanionError, Position, Reading
+
+Array = NDArray[np.float64]
+
+
+class RouteLike(Protocol):
+    """A route cut into places of equal length, such as `homeward.envs.routes.Route`; arrays of shape (places,)."""
+
+    @property
+    def place_m(self) -> float:
+        """Length of a place, m."""
+
+    @property
+    def grade_rad(self) -> Array:
+        """Slope angle along the way out, rad."""
+
+    @property
+    def heading_rad(self) -> Array:
+        """Direction of the way out, rad counter-clockwise from east."""
+
+
+class Step(NamedTuple):
+    """What a reading says of the way."""
+
+    position_m: float  # way home
+    way_m: float  # driven since the reading before
+    heading_rad: float  # of travel; NaN: unknown
+    reckoned_m: float  # driven since a position was read
+
+
+_MOST_CRUMBS = 1024
+_OFF_ROUTE_M = 50.0
+
+
+class Way:
+    """Follows the robot by positions, by speed and heading between them, and keeps the way home.
+
+    A robot that is told `(east, north)` leaves a trail of crumbs. Its way home is the shortest along the trail: where
+    it comes by an earlier crumb, what it drove in between is left out. With a route, the way home is back along that.
+
+    Args:
+        home: Coordinates of home, `"here"` for where the first reading is, or None where positions are metres.
+        route: The route, if there is one.
+        crumb_m: Distance of crumbs: a robot that comes nearer than that to one may go on from there.
+    """
+
+    def __init__(self, home: Position | str | None, route: RouteLike | None, crumb_m: float) -> None:
+        self.home, self.crumb_m = home, crumb_m
+        self.position_m, self.reckoned_m = 0.0, 0.0
+        self.route_m = None if route is None else float(route.place_m) * len(route.grade_rad)
+        self._heading_rad, self._sign = math.nan, 1.0
+        self._xy = np.zeros(2) if not isinstance(home, tuple) else np.array(home, dtype=np.float64)
+        self._crumbs, self._at_m, self._count = np.zeros((_MOST_CRUMBS, 2)), np.zeros(_MOST_CRUMBS), 0
+        self._corners: Array | None = None
+        if route is not None:
+            along = route.place_m * np.stack((np.cos(route.heading_rad), np.sin(route.heading_rad)), axis=-1)
+            self._corners = np.concatenate((np.zeros((1, 2)), np.cumsum(along, axis=0)))
+            self._route_heading = np.asarray(route.heading_rad, dtype=np.float64)
+            self._place_m = float(route.place_m)
+        self.off_route_m = 0.0
+        self._told_metres = False
+
+    def follow(self, reading: Reading) -> Step:
+        """Take in a reading.
+
+        Raises:
+            CompanionError: It cannot be known where the robot is, or home was never set.
+        """
+        before_m, speed = self.position_m, reading.speed_mps
+        driven_m = abs(speed) * reading.dt_s if math.isfinite(speed) else math.nan
+        if isinstance(reading.position, float):
+            self._told_metres = True
+            self.position_m, self.reckoned_m = max(reading.position, 0.0), 0.0
+            moved_m = self.position_m - before_m
+            if moved_m:
+                self._sign = math.copysign(1.0, moved_m)
+            return Step(self.position_m, abs(moved_m), reading.heading_rad, 0.0)
+        heading = reading.heading_rad
+        if reading.position is not None:
+            moved = self._move_to(reading.position)
+            if math.isnan(heading) and float(np.hypot(*moved)) > 0.0:
+                heading = math.atan2(moved[1], moved[0])
+            way_m = driven_m if math.isfinite(driven_m) else float(np.hypot(*moved))
+            self._heading_rad, self.reckoned_m = heading if math.isfinite(heading) else self._heading_rad, 0.0
+        else:
+            way_m = self._reckon(driven_m, heading, speed)
+            self.reckoned_m += way_m
+        if not self._told_metres:
+            self.position_m = self._way_home_m()
+        return Step(self.position_m, way_m, heading, self.reckoned_m)
+
+    def _move_to(self, position: tuple[float, float]) -> Array:
+        if self._count == 0:
+            if self.home is None:
+                raise CompanionError(
+                    "home was never set: give Companion(home=(east, north)), or home='here' for where it begins"
+                )
+            self._lay(np.array(position if self.home == "here" else self.home, dtype=np.float64), 0.0)
+            self._xy = np.array(position, dtype=np.float64)
+            return np.zeros(2)
+        moved = np.subtract(position, self._xy)
+        self._xy = np.array(position, dtype=np.float64)
+        return moved
+
+    def _reckon(self, driven_m: float, heading: float, speed: float) -> float:
+        """Go on by speed and heading; where that cannot be, away from home."""
+        driven_m = driven_m if math.isfinite(driven_m) else 0.0
+        if self._told_metres:
+            self.position_m = max(self.position_m + self._sign * driven_m, 0.0)
+        elif self._corners is not None and self._count == 0:
+            self._along_route(driven_m, heading, speed)
+        elif math.isfinite(heading) or math.isfinite(self._heading_rad):
+            if self._count == 0:
+                self._lay(self._xy, 0.0)
+            self._heading_rad = heading if math.isfinite(heading) else self._heading_rad
+            forward = math.copysign(driven_m, speed) if math.isfinite(speed) else 0.0
+            self._xy = self._xy + forward * np.array([math.cos(self._heading_rad), math.sin(self._heading_rad)])
+        elif driven_m > 0.0 and self._count == 0:
+            raise CompanionError(
+                "no position and no route: give position= (metres from home, or east and north), or heading_rad= with "
+                "speed_mps=, or Companion(route=...)"
+            )
+        return driven_m
+
+    def _along_route(self, driven_m: float, heading: float, speed: float) -> None:
+        sign = math.copysign(1.0, speed) if math.isfinite(speed) and speed else 1.0
+        if math.isfinite(heading):
+            place = min(int(self.position_m / self._place_m), len(self._route_heading) - 1)
+            sign = math.copysign(1.0, math.cos(heading - self._route_heading[place])) * sign
+        self._sign = sign
+        assert self.route_m is not None
+        self.position_m = min(max(self.position_m + sign * driven_m, 0.0), self.route_m)
+
+    def _way_home_m(self) -> float:
+        if self._count == 0:
+            return self.position_m
+        if self._corners is not None:
+            return self._on_route_m()
+        apart_m = np.hypot(*(self._crumbs[: self._count] - self._xy).T)
+        total_m = np.where(apart_m <= self.crumb_m, self._at_m[: self._count] + apart_m, np.inf)
+        total_m[-1] = self._at_m[self._count - 1] + apart_m[-1]
+        # Of equals the last.
+        nearest = self._count - 1 - int(np.argmin(total_m[::-1]))
+        self._count = nearest + 1
+        if apart_m[nearest] >= self.crumb_m:
+            self._lay(self._xy, float(total_m[nearest]))
+        return float(total_m[nearest])
+
+    def _lay(self, place: Array, at_m: float) -> None:
+        if self._count == _MOST_CRUMBS:  # every second one goes: memory is bounded, the trail is not
+            half = _MOST_CRUMBS // 2
+            self._crumbs[:half], self._at_m[:half] = self._crumbs[::2].copy(), self._at_m[::2].copy()
+            self._count, self.crumb_m = half, 2.0 * self.crumb_m
+        self._crumbs[self._count], self._at_m[self._count] = place, at_m
+        self._count += 1
+
+    def _on_route_m(self) -> float:
+        """Metres along the route of the point of it that is nearest, not far from where the robot was on it."""
+        assert self._corners is not None
+        origin = self._crumbs[0]
+        starts, ends = self._corners[:-1] + origin, self._corners[1:] + origin
+        along = ends - starts
+        share = np.clip(((self._xy - starts) * along).sum(axis=1) / self._place_m**2, 0.0, 1.0)
+        apart_m = np.hypot(*(starts + share[:, None] * along - self._xy).T)
+        at_m = (np.arange(len(share)) + share) * self._place_m
+        # A route that crosses itself: what lies far along it counts as further away.
+        best = int(np.argmin(apart_m + 0.1 * np.abs(at_m - self.position_m)))
+        self.off_route_m = float(apart_m[best])
+        return float(at_m[best] + self.off_route_m)
+
+    def beyond(self, home: Position) -> tuple[float, float]:
+        """Where a home that moved is: from which metre of the trail to go there, and how far that then is, m."""
+        if isinstance(home, float):
+            return max(home, 0.0), max(-home, 0.0)
+        if self._count == 0:
+            return 0.0, float(np.hypot(*np.subtract(home, self._xy)))
+        crumbs = np.concatenate((self._crumbs[: self._count], self._xy[None]))
+        at_m = np.append(self._at_m[: self._count], self.position_m)
+        leg_m = np.hypot(*(crumbs - np.asarray(home)).T)
+        best = int(np.argmin(self.position_m - at_m + leg_m))
+        return float(at_m[best]), float(leg_m[best])
+
+    def state(self) -> dict[str, Any]:
+        """For a restart."""
+        used = self._count
+        return {
+            "position_m": self.position_m, "reckoned_m": self.reckoned_m, "sign": self._sign, "xy": self._xy.tolist(),
+            "crumb_m": self.crumb_m, "crumbs": self._crumbs[:used].round(3).tolist(),
+            "at_m": self._at_m[:used].round(3).tolist(), "told_metres": self._told_metres,
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from `state`."""
+        self.position_m, self.reckoned_m, self._sign = (float(state[k]) for k in ("position_m", "reckoned_m", "sign"))
+        self._xy, self.crumb_m = np.array(state["xy"], dtype=np.float64), float(state["crumb_m"])
+        self._count = len(state["at_m"])
+        self._crumbs[: self._count] = np.reshape(state["crumbs"], (-1, 2))
+        self._at_m[: self._count] = state["at_m"]
+        self._told_metres = bool(state["told_metres"])

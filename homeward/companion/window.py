@@ -1,0 +1,99 @@
+"""What was read since the estimator last took in a reading, summed up."""
+
+from __future__ import annotations
+
+import math
+
+from homeward.companion.readings import Reading
+from homeward.companion.way import Step
+
+_COVERED = 0.5
+"""Share of the time for which a power must have been read, or the model fills in."""
+_UNREAD = 0.3
+"""Standard deviation of the mean power in the time without a reading, as a share. Chosen: stops and bends."""
+_PLAUSIBLE = 0.15
+"""Share of the way by which the change of the way home may differ from it, for a way straight out or back."""
+
+
+class Window:
+    """Sums since the last reading of the estimator.
+
+    Attributes:
+        time_s: Its length.
+        way_m: Driven in it.
+        other_j: Energy by the robot's own model beyond driving steadily: electronics, turning, speeding up.
+        extra_j: Of that, of the drive.
+        soc: Last state of charge read in it, NaN if none.
+    """
+
+    def __init__(self) -> None:
+        self.time_s = self.way_m = self.other_j = self.extra_j = 0.0
+        self.soc = math.nan
+        self._read_j = self._read_s = self._sine_m = self._graded_m = 0.0
+        self._east_m = self._north_m = self._headed_m = self._speed_m = self._speedy_m = 0.0
+        self._volt_s = self._amp_s = self._electric_s = 0.0
+
+    def add(self, reading: Reading, step: Step, modelled_w: float, drive_w: float, steady_w: float) -> None:
+        """Add a reading, with the powers by the model since the one before: all, of the drive, of steady driving."""
+        dt_s, way_m = reading.dt_s, step.way_m
+        self.time_s += dt_s
+        self.way_m += way_m
+        self.other_j += (modelled_w - steady_w) * dt_s
+        self.extra_j += (drive_w - steady_w) * dt_s
+        if math.isfinite(reading.power_w):
+            self._read_j += reading.power_w * dt_s
+            self._read_s += dt_s
+        if math.isfinite(reading.soc):
+            self.soc = reading.soc
+        if math.isfinite(reading.grade_rad):
+            self._sine_m += math.sin(reading.grade_rad) * way_m
+            self._graded_m += way_m
+        if math.isfinite(step.heading_rad):
+            self._east_m += math.cos(step.heading_rad) * way_m
+            self._north_m += math.sin(step.heading_rad) * way_m
+            self._headed_m += way_m
+        if math.isfinite(reading.speed_mps) and reading.speed_mps != 0.0:
+            self._speed_m += abs(reading.speed_mps) * way_m
+            self._speedy_m += way_m
+        if math.isfinite(reading.voltage_v + reading.current_a):
+            self._volt_s += reading.voltage_v * dt_s
+            self._amp_s += reading.current_a * dt_s
+            self._electric_s += dt_s
+
+    @property
+    def power_w(self) -> float:
+        """Mean power as it was read, NaN where it was for too little of the time."""
+        return self._read_j / self._read_s if self._read_s >= _COVERED * self.time_s and self._read_s else math.nan
+
+    @property
+    def power_noise(self) -> float:
+        """Error of that beyond the meter's, as a share, for the time without a reading."""
+        return _UNREAD * (1.0 - self._read_s / self.time_s) if self.time_s else 0.0
+
+    @property
+    def speed_mps(self) -> float:
+        """Mean speed by the way, NaN if none was read."""
+        return self._speed_m / self._speedy_m if self._speedy_m else math.nan
+
+    @property
+    def sine(self) -> float:
+        """Mean sine of the slope in the direction of travel, NaN if none was read."""
+        return self._sine_m / self._graded_m if self._graded_m else math.nan
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Mean direction of travel, east and north; shorter than 1 where it changed, NaN if none was read."""
+        if not self._headed_m:
+            return math.nan, math.nan
+        return self._east_m / self._headed_m, self._north_m / self._headed_m
+
+    @property
+    def electric(self) -> tuple[float, float]:
+        """Mean voltage and current, NaN if not read."""
+        return (
+            (self._volt_s / self._electric_s, self._amp_s / self._electric_s) if self._electric_s else (math.nan,) * 2
+        )
+
+    def straight(self, change_m: float) -> bool:
+        """Whether the way home changed by what was driven: straight away from home, or back as it came."""
+        return abs(abs(change_m) - self.way_m) <= _PLAUSIBLE * max(self.way_m, abs(change_m)) + 1e-6

@@ -1,0 +1,157 @@
+"""How sure a robot file is: what a diagnosis leaves open of the robot, and how well its instruments read."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+_MOST_NUMBERS = 64
+_INSTRUMENTS: dict[str, float] = {
+    "power_gain": 0.5, "power_noise": 10.0, "soc_step": 0.5, "soc_noise": 0.5, "soc_lag_s": 3600.0,
+    "speed_noise": 0.5, "grade_noise": 0.5,
+}  # fmt: skip
+"""Sizes of the instruments' errors, standard deviations unless `homeward.envs.instruments` says otherwise, and the most
+that each may be."""
+
+
+class UncertaintyError(ValueError):
+    """An `[uncertainty]` table that cannot be used; the message says what is allowed."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """The table `[uncertainty]` of a robot file; shares are of the value that the file has.
+
+    Attributes:
+        source: Where it comes from.
+        fitted: Names of what was fitted: `idle_power`, `sample_energy`, `rolling`, `drag`, `mass`, `capacity`, or those
+            of effects, such as `turning.scrub`.
+        covariance: Of their errors as shares, shape (fitted, fitted).
+        between_runs: Standard deviation of the energy of a run about what the file says, a share; None: not known.
+        unexplained: Standard deviation of power that nothing explains, a share of the mean power.
+        unexplained_m: Way over which that is correlated, m.
+        instruments: Sizes of the instruments' errors by name, as far as they are known.
+
+    Raises:
+        UncertaintyError: A value is not allowed.
+    """
+
+    source: str = ""
+    fitted: tuple[str, ...] = ()
+    covariance: tuple[tuple[float, ...], ...] = ()
+    between_runs: float | None = None
+    unexplained: float = 0.0
+    unexplained_m: float = 0.0
+    instruments: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.source, str):
+            raise UncertaintyError(f"source = {self.source!r} is not a text")
+        count = len(self.fitted)
+        if count > _MOST_NUMBERS or len(set(self.fitted)) != count or not all(isinstance(n, str) for n in self.fitted):
+            raise UncertaintyError(f"fitted = {list(self.fitted)!r}; give at most {_MOST_NUMBERS} names, each once")
+        self._check_covariance(count)
+        for name, value, most in (
+            ("between_runs", 0.0 if self.between_runs is None else self.between_runs, 10.0),
+            ("unexplained", self.unexplained, 100.0), ("unexplained_m", self.unexplained_m, 1e6),
+        ):  # fmt: skip
+            _check(name, value, most)
+        for name, value in self.instruments:
+            if name not in _INSTRUMENTS:
+                raise UncertaintyError(
+                    f"instruments.{name} = {value!r} is not a known field; known: {', '.join(_INSTRUMENTS)}"
+                )
+            _check(f"instruments.{name}", value, _INSTRUMENTS[name])
+
+    def _check_covariance(self, count: int) -> None:
+        if count == 0 and not self.covariance:
+            return
+        try:
+            matrix = np.array(self.covariance, dtype=np.float64)
+        except (TypeError, ValueError):
+            matrix = np.full((1, 1), np.nan)
+        if matrix.shape != (count, count) or not np.isfinite(matrix).all():
+            raise UncertaintyError(f"covariance is not a table of {count} x {count} numbers, one for each of fitted")
+        if np.abs(matrix - matrix.T).max() > 1e-6 * max(np.abs(matrix).max(), 1e-300):
+            raise UncertaintyError("covariance is not symmetric; give the covariance of each pair twice")
+        if np.linalg.eigvalsh(matrix).min() < -1e-6 * max(np.abs(matrix).max(), 1e-300):
+            raise UncertaintyError("covariance has a negative eigenvalue: no numbers vary so together")
+
+    def variance(self, name: str) -> float | None:
+        """Variance of the error of one that was fitted, as a share; None where it was not.
+
+        >>> Uncertainty(fitted=("mass",), covariance=((0.01,),)).variance("mass")
+        0.01
+        """
+        return self.covariance[self.fitted.index(name)][self.fitted.index(name)] if name in self.fitted else None
+
+    def unexplained_over(self, way_m: float) -> float:
+        """Standard deviation over a way of what nothing explains, as a share of its energy.
+
+        Of an exponential correlation of length L the mean over a way x has the variance 2 L / x - 2 (L / x)^2 (1 -
+        exp(-x / L)), in units of that at a point.
+
+        >>> one = Uncertainty(unexplained=0.3, unexplained_m=10.0)
+        >>> round(one.unexplained_over(0.001), 3), round(one.unexplained_over(2000.0), 4)
+        (0.3, 0.0299)
+        """
+        if self.unexplained == 0.0 or self.unexplained_m == 0.0 or way_m <= 1e-6 * self.unexplained_m:
+            return self.unexplained if way_m <= 1e-6 * self.unexplained_m else 0.0
+        share = self.unexplained_m / way_m
+        return self.unexplained * math.sqrt(max(2.0 * share * (1.0 - share * -math.expm1(-1.0 / share)), 0.0))
+
+    def to_toml(self) -> str:
+        """Text of the table, which `from_table` reads back."""
+        lines = ["[uncertainty]", f"source = {_quoted(self.source)}"]
+        lines.append(f"fitted = [{', '.join(map(_quoted, self.fitted))}]")
+        rows = (f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in self.covariance)
+        lines.append(f"covariance = [{', '.join(rows)}]  # of their errors as shares")
+        if self.between_runs is not None:
+            lines.append(f"between_runs = {self.between_runs:.6g}  # standard deviation of a run's energy, a share")
+        lines.append(f"unexplained = {self.unexplained:.6g}  # standard deviation of power nothing explains, a share")
+        lines.append(f"unexplained_m = {self.unexplained_m:.6g}  # over which it is correlated, m")
+        if self.instruments:
+            lines += ["", "[uncertainty.instruments]", *(f"{name} = {value:.6g}" for name, value in self.instruments)]
+        return "\n".join(lines) + "\n"
+
+
+def from_table(table: Any) -> Uncertainty:
+    """The uncertainty that a table of a robot file gives.
+
+    Raises:
+        UncertaintyError: A field is unknown or a value not allowed.
+    """
+    if not isinstance(table, Mapping):
+        raise UncertaintyError(f"uncertainty = {table!r} is not a table")
+    known = [one.name for one in fields(Uncertainty)]
+    for name in table:
+        if name not in known:
+            raise UncertaintyError(f"{name} is not a known field; known: {', '.join(known)}")
+    values = dict(table)
+    instruments = values.pop("instruments", {})
+    if not isinstance(instruments, Mapping):
+        raise UncertaintyError(f"instruments = {instruments!r} is not a table")
+    for name in ("fitted", "covariance"):
+        if not isinstance(values.get(name, []), list):
+            raise UncertaintyError(f"{name} = {values[name]!r} is not a list")
+    rows = values.pop("covariance", [])
+    if not all(isinstance(row, list) for row in rows):
+        raise UncertaintyError("covariance is not a list of lists of numbers")
+    return Uncertainty(
+        **{**values, "fitted": tuple(values.get("fitted", ()))}, covariance=tuple(map(tuple, rows)),
+        instruments=tuple(instruments.items()),
+    )  # fmt: skip
+
+
+def _check(name: str, value: Any, most: float) -> None:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0.0 <= float(value) <= most:
+        raise UncertaintyError(f"{name} = {value!r} is not allowed; give a number in [0, {most:g}]")
+
+
+def _quoted(text: str) -> str:
+    return '"' + "".join(c if c.isprintable() and c not in '"\\' else "?" for c in text) + '"'

@@ -1,0 +1,99 @@
+"""The live view in a terminal: battery, way home, point of no return, and the last warnings."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from types import TracebackType
+
+from rich import box
+from rich.console import Console, Group
+from rich.live import Live
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from homeward import quantities
+from homeward.companion import Advice, Spread
+
+_PER_S = 8.0
+"""Pictures a second."""
+
+
+def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[str, ...]) -> Panel:
+    """One picture.
+
+    Args:
+        name: Of the robot or its recording.
+        advice: What the companion says.
+        since_s: Time since the start, s.
+        full_j: Energy of a full battery by the robot's file, J.
+        said: The last warnings.
+    """
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim")
+    grid.add_column(min_width=42)
+    left = max(min(advice.energy_left_j.mean / full_j, 1.0), 0.0)
+    takes = max(min(advice.energy_home_j.mean / full_j, 1.0), 0.0)
+    grid.add_row("battery", _with_bar(left, _between(advice.energy_left_j), "green" if left > takes else "red"))
+    home = f"{_between(advice.energy_home_j)}, {quantities.distance(advice.way_home_m)}"
+    grid.add_row("way home", _with_bar(takes, home, "cyan"))
+    grid.add_row("chance to get home", Text(f"{advice.chance_home:.2%}"))
+    if advice.turn_now:
+        grid.add_row("point of no return", Text("TURN NOW", style="bold red"))
+    else:
+        within = f"in {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}"
+        grid.add_row("point of no return", Text(f"{within} (risk {advice.risk:g})"))
+    for warning in said:
+        grid.add_row("warning", Text(warning, style="yellow"))
+    return Panel(grid, title=Text(f"{name}: {quantities.duration(since_s)}"), box=box.ROUNDED, width=86)
+
+
+def _with_bar(share: float, text: str, style: str) -> Group:
+    return Group(ProgressBar(total=1.0, completed=share, width=40, complete_style=style), Text(text))
+
+
+def _between(one: Spread) -> str:
+    low, high = quantities.energy(max(one.low, 0.0)), quantities.energy(max(one.high, 0.0))
+    return f"{quantities.energy(max(one.mean, 0.0))} ({low} to {high})"
+
+
+class LiveView:
+    """Shows advice as it comes, a few pictures a second.
+
+    Args:
+        console: Terminal.
+        full_j: Energy of a full battery by the robot's file, J.
+        speed: Times as fast as it was recorded; 0 for as fast as it goes.
+    """
+
+    def __init__(self, console: Console, full_j: float, speed: float = 0.0) -> None:
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._full_j, self._speed, self._drawn_s, self._begun_s = full_j, speed, 0.0, time.monotonic()
+        self._said: deque[str] = deque(maxlen=4)
+        self._name = ""
+
+    def __enter__(self) -> LiveView:
+        self._live.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.__exit__(kind, error, trace)
+
+    def show(self, name: str, advice: Advice, since_s: float, duration_s: float) -> None:
+        """Show an advice, if it is time for a picture."""
+        if name != self._name:
+            self._name, self._begun_s = name, time.monotonic()
+            self._said.clear()
+        for text in advice.warnings:
+            if text not in self._said:
+                self._said.append(text)
+        if self._speed > 0.0:
+            time.sleep(max(self._begun_s + since_s / self._speed - time.monotonic(), 0.0))
+        now_s = time.monotonic()
+        if now_s - self._drawn_s >= 1.0 / _PER_S or since_s >= duration_s:
+            self._drawn_s = now_s
+            self._live.update(view(name, advice, since_s, self._full_j, tuple(self._said)), refresh=True)

@@ -1,0 +1,158 @@
+"""`homeward range ROBOT --route ROUTE`: energy and range with intervals, and the chance to get there and back."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from rich import box
+from rich.table import Table
+
+from homeward import quantities
+from homeward.cli import Terminal
+from homeward.companion import Advice, Companion, Spread
+from homeward.companion.way import RouteLike
+from homeward.estimation import WAY_DTYPE
+from homeward.physics import Robot
+
+Array = NDArray[np.float64]
+
+_POINTS = 60
+"""Points of the picture on the way there and back."""
+_QUANTILES = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What is to be expected of a route before it is driven; arrays of shape (points,).
+
+    Attributes:
+        advice: Of the companion at home, with a full battery.
+        driven_m: Way there and back.
+        left_j: Quantiles of the energy left, 5, 50 and 95 %, shape (points, 3).
+        there_j: What the way to the end takes.
+        both_j: What the way there and back takes.
+        range_m: Quantiles of how far it gets on the way there and back, as `left_j`; infinite where it lasts.
+    """
+
+    advice: Advice
+    driven_m: Array
+    left_j: Array
+    there_j: Spread
+    both_j: Spread
+    range_m: tuple[float, ...]
+
+
+def outlook_of(robot: Robot, route: RouteLike, speed_mps: float | None, risk: float) -> Outlook:
+    """Ask a companion at home what a route will take, at a speed, m/s, or that with the longest range.
+
+    Raises:
+        CompanionError: An argument cannot be used.
+    """
+    companion = Companion(robot, route=route, cruise_mps=speed_mps, risk=risk, soc=1.0)
+    advice = companion.update(0.0, position=0.0)
+    out = _ways(route, companion.vehicle.cruise_mps)
+    back = out[::-1].copy()
+    for name in ("sine", "east", "north"):
+        back[name] *= -1.0
+    both = np.concatenate((out, back))
+    total_m = float(both["way_m"].sum())
+    driven_m = np.linspace(0.0, total_m, _POINTS + 1)
+    ends = np.cumsum(both["way_m"])
+    left = [companion.after(_first(both, ends, float(way_m))) for way_m in driven_m]
+    left_j = np.array([[one.quantile(share) for share in _QUANTILES] for one in left])
+    reach = tuple(_empty_m(driven_m, left_j[:, k]) for k in range(len(_QUANTILES)))
+    standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * 0.5 * total_m
+    there_j, both_j = companion.ahead(out, standing_j), companion.ahead(both, 2.0 * standing_j)
+    return Outlook(advice, driven_m, left_j, there_j, both_j, reach)
+
+
+def _ways(route: RouteLike, speed_mps: float) -> NDArray[np.void]:
+    ways = np.zeros(len(route.grade_rad), WAY_DTYPE)
+    ways["way_m"], ways["sine"], ways["speed_mps"] = route.place_m, np.sin(route.grade_rad), speed_mps
+    ways["east"], ways["north"] = np.cos(route.heading_rad), np.sin(route.heading_rad)
+    return ways
+
+
+def _first(ways: NDArray[np.void], ends: Array, way_m: float) -> NDArray[np.void]:
+    """The first metres of a way."""
+    count = int(np.searchsorted(ends, way_m - 1e-6)) + 1
+    part = ways[:count].copy()
+    part["way_m"][-1] -= ends[count - 1] - way_m
+    return np.asarray(part[part["way_m"] > 0.0])
+
+
+def _empty_m(driven_m: Array, left_j: Array) -> float:
+    """Where the energy is down to nothing, m; infinite where it is not."""
+    below = np.flatnonzero(left_j < 0.0)
+    if not len(below):
+        return float("inf")
+    k = int(below[0])
+    return float(np.interp(0.0, [left_j[k], left_j[k - 1]], [driven_m[k], driven_m[k - 1]]))
+
+
+def show(console: Terminal, robot: Robot, route_name: str, length_m: float, found: Outlook) -> None:
+    """Print what is to be expected."""
+    advice = found.advice
+    assert advice.chance_there_and_back is not None
+    console.print(
+        f"{robot.name} on {quantities.distance(length_m)} out and back: chance to get there and back "
+        f"{advice.chance_there_and_back:.1%}",
+        style="bold",
+    )
+    console.print(f"Route: {route_name}")
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("", "expected", "90 % interval"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for name, one in (
+        ("in the battery", advice.energy_left_j), ("there", found.there_j), ("there and back", found.both_j),
+    ):  # fmt: skip
+        low, high = quantities.energy(max(one.low, 0.0)), quantities.energy(one.high)
+        table.add_row(name, quantities.energy(one.mean), f"{low} to {high}")
+    low, middle, high = map(_far, found.range_m)
+    table.add_row("range on this way", middle, f"{low} to {high}" if low != high else low)
+    console.show(table)
+    turn = quantities.distance(min(advice.turn_in_m, length_m))
+    end = ", which is its end" if advice.turn_in_m >= length_m else ""
+    console.print(f"Point of no return at a risk of {advice.risk:g}: {turn} from home{end}.")
+    for text in advice.rests_on:
+        if not text.startswith(("energy by", "neither", "no power", "no position", "no heading")):
+            console.print(f"  {text}", style="dim")
+
+
+def _far(metres: float) -> str:
+    return quantities.distance(metres) if np.isfinite(metres) else "there and back"
+
+
+def picture(robot: Robot, length_m: float, found: Outlook, suffix: str) -> bytes:
+    """Energy left over the way there and back as a fan, with the point of no return.
+
+    Args:
+        robot: The robot.
+        length_m: Of the route.
+        found: What is to be expected.
+        suffix: `.png`, `.svg` or `.pdf`.
+    """
+    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+    axis = figure.subplots()
+    km, kj = found.driven_m / 1000.0, found.left_j / 1000.0
+    axis.fill_between(km, np.maximum(kj[:, 0], 0.0), np.maximum(kj[:, 2], 0.0), color="#56b4e9", alpha=0.4,
+                      linewidth=0.0, label="energy left, 5 to 95 %")  # fmt: skip
+    axis.plot(km, np.maximum(kj[:, 1], 0.0), color="#0072b2", label="median")
+    axis.axvline(length_m / 1000.0, color="black", linewidth=0.8, linestyle=":", label="end of the route")
+    turn_m = min(found.advice.turn_in_m, length_m)
+    level = float(np.interp(turn_m, found.driven_m, found.left_j[:, 1])) / 1000.0
+    axis.plot([turn_m / 1000.0], [level], "o", color="#d55e00", label=f"point of no return, risk {found.advice.risk:g}")
+    axis.set_xlabel("driven, there and back, km")
+    axis.set_ylabel("energy left, kJ")
+    axis.set_ylim(bottom=0.0)
+    axis.legend(frameon=False, fontsize=9)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.grid(alpha=0.25, linewidth=0.6)
+    figure.suptitle(f"{robot.name}: there and back {found.advice.chance_there_and_back:.1%}", fontsize=11)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)
+    return buffer.getvalue()

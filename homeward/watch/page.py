@@ -1,0 +1,88 @@
+"""One page of what was watched: predictions against what came, and how far to trust them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+
+import numpy as np
+import plotly.offline
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from plotly.subplots import make_subplots
+
+from homeward import quantities
+from homeward.diagnosis.tell.formats import labels, page
+from homeward.physics import Robot
+from homeward.watch.coverage import Row, rows_of
+from homeward.watch.replay import Watched
+
+_MOST_RUNS = 12
+"""Runs that are drawn; all count in the table."""
+_INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
+
+
+def watch_html(runs: Sequence[Watched], robot: Robot, dropped: Sequence[str] = ()) -> str:
+    """The page, which needs no network; what was named by others is escaped.
+
+    Args:
+        runs: What was watched, at least one.
+        robot: The robot.
+        dropped: What was said of recordings that were set aside.
+    """
+    environment = Environment(
+        loader=PackageLoader("homeward.watch"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {
+        "percent": lambda share: f"{100.0 * share:.0f} %", "signed": lambda share: f"{100.0 * share:+.1f} %",
+        "distance": quantities.distance, "duration": quantities.duration,
+    }  # fmt: skip
+    names = labels([one.name for one in runs])
+    rows = rows_of(runs)
+    return page(
+        environment, "watch.html", runs=runs, names=names, rows=rows, robot=robot.name, dropped=list(dropped),
+        verdict=verdict(rows[-1]), rests_on=runs[0].advice.rests_on, drawn=min(len(runs), _MOST_RUNS),
+        css=Markup(_css()), plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs),
+    )  # fmt: skip
+
+
+def verdict(whole: Row) -> str:
+    """What the row of all moments comes to, in a sentence."""
+    trust = "as often as it should" if 0.8 <= whole.covered <= 0.97 else (
+        "too seldom: it is surer than it should be" if whole.covered < 0.8 else "too often: it could be surer"
+    )  # fmt: skip
+    return (
+        f"The 90 % interval held what the rest took at {100.0 * whole.covered:.0f} % of {whole.moments} moments, "
+        f"{trust}; in all it predicted {abs(100.0 * whole.bias):.1f} % too {'much' if whole.bias > 0.0 else 'little'}."
+    )
+
+
+def _css() -> str:
+    return (files("homeward.diagnosis.tell") / "templates" / "report.css").read_text("utf-8")
+
+
+def figure(runs: Sequence[Watched]) -> Markup:
+    """Energy of the rest over what is left of the way, predicted with its interval and as it came; a panel a run."""
+    shown = list(runs[:_MOST_RUNS])
+    made = make_subplots(len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12))
+    for row, one in enumerate(shown, start=1):
+        x = np.concatenate((one.left_m, one.left_m[::-1])).round(1)
+        band = np.concatenate((one.high_j, one.low_j[::-1])) / 1000.0
+        first = row == 1
+        made.add_scatter(
+            x=x, y=band.round(4), fill="toself", fillcolor=_BAND, mode="none", name="90 % interval", hoverinfo="skip",
+            showlegend=first, legendgroup="band", row=row, col=1,
+        )  # fmt: skip
+        for name, values, colour in (("predicted", one.mean_j, _PREDICTED), ("what it took", one.took_j, _INK)):
+            made.add_scatter(
+                x=one.left_m.round(1), y=(values / 1000.0).round(4), mode="lines", name=name,
+                line={"color": colour, "width": 1.6}, showlegend=first, legendgroup=name, row=row, col=1,
+            )  # fmt: skip
+        made.update_yaxes(title_text="energy of the rest, kJ", rangemode="tozero", row=row, col=1)
+        made.update_xaxes(title_text="way left, m", autorange="reversed", row=row, col=1)
+    made.update_layout(
+        height=90 + 260 * len(shown), margin={"l": 60, "r": 15, "t": 30, "b": 45}, template="plotly_white",
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom"},
+    )  # fmt: skip
+    return Markup(made.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False}))

@@ -1,0 +1,238 @@
+"""A recording, replayed to a companion as if live: at each moment what the rest takes by it, against what it then took.
+
+The way of the rest, its speeds and its stops are taken from the recording, as if the robot had a map and a schedule:
+what is put to the proof is what the companion knows of the robot, the ground and the wind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.companion import Advice, Companion, CompanionError
+from homeward.diagnosis.read.recordings import Recording
+from homeward.diagnosis.read.signals import Signals, signals, speed_of, steps_s
+from homeward.estimation import WAY_DTYPE, Prior
+from homeward.estimation.drive import modelled_driving
+from homeward.physics import Robot, d_max, optimal_speed, replay
+
+Array = NDArray[np.float64]
+
+_STRETCHES = 48
+"""Pieces of a recording's way, of equal length, over which ground, wind and speed are taken to be alike."""
+_WINDOWS = 40
+"""Readings that the estimator takes in of a recording at least."""
+_LEAST_WINDOW_S = 2.0
+_MOST_FED = 20_000
+"""Samples that are fed; of longer recordings, means of neighbours."""
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What was predicted in a run, and what came; arrays of shape (moments,).
+
+    Attributes:
+        name: Of the recording.
+        time_s: Since its start.
+        left_m: Way that was then still to come.
+        took_j: Energy that the rest then took.
+        mean_j: What was predicted of it.
+        low_j: Lower end of the 90 % interval.
+        high_j: Upper end.
+        length_m: Way of the whole run.
+        advice: The last advice.
+        warnings: What was warned of, with the time of the first such warning, s.
+    """
+
+    name: str
+    time_s: Array
+    left_m: Array
+    took_j: Array
+    mean_j: Array
+    low_j: Array
+    high_j: Array
+    length_m: float
+    advice: Advice
+    warnings: tuple[tuple[float, str], ...]
+
+    @property
+    def covered(self) -> NDArray[np.bool_]:
+        """Where the truth was in the interval, shape (moments,)."""
+        return np.asarray((self.low_j <= self.took_j) & (self.took_j <= self.high_j))
+
+
+class Rest:
+    """The rest of a recording from any of its samples, as far as its map and schedule say it."""
+
+    def __init__(self, run: Signals, companion: Companion) -> None:
+        self._v = companion.vehicle
+        step_s = np.append(steps_s(run.time_s), 0.0)
+        self.way_m = np.abs(run.speed_mps) * step_s
+        forward = np.where(run.speed_mps < 0.0, -1.0, 1.0)
+        sine, heading = forward * np.sin(run.grade_rad), heading_of(run)
+        along = np.stack((forward * np.cos(heading), forward * np.sin(heading)), axis=-1)
+        modelled = replay(
+            companion.robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+            accel_mps2=run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
+            base_distance_m=run.base_distance_m, direction=run.direction,
+        )  # fmt: skip
+        self.left_m = _rest(self.way_m)
+        self.took_j = _rest(run.observed * step_s)
+        self._modelled_j = _rest(modelled.power_w * step_s)
+        self._sine_m, self._speed_m = _rest(sine * self.way_m), _rest(np.abs(run.speed_mps) * self.way_m)
+        self._east_m, self._north_m = (_rest(along[:, axis] * self.way_m) for axis in range(2))
+        at_m = self.left_m[0] * (1.0 - np.arange(_STRETCHES + 1) / _STRETCHES)
+        # Samples with which stretches begin: what is left falls.
+        self._edges = np.unique(np.searchsorted(-self.left_m, -at_m))
+        self._edges[-1] = len(run.time_s)
+
+    def from_sample(self, sample: int) -> tuple[NDArray[np.void], float]:
+        """Stretches of the rest, `WAY_DTYPE`, and what the model has for all else in it, J."""
+        starts = np.concatenate(([sample], self._edges[self._edges > sample])).astype(np.intp)
+        ways = np.zeros(len(starts) - 1, WAY_DTYPE)
+        length_m = -np.diff(self.left_m[starts])
+        driven = length_m > 0.0
+        per_m = 1.0 / np.where(driven, length_m, 1.0)
+        for name, total in (
+            ("sine", self._sine_m), ("speed_mps", self._speed_m), ("east", self._east_m), ("north", self._north_m),
+        ):  # fmt: skip
+            ways[name] = -np.diff(total[starts]) * per_m
+        ways["way_m"] = length_m
+        ways = ways[driven & (ways["speed_mps"] > 0.0)]
+        steady_j = sum(modelled_driving(self._v, float(w["sine"]), float(w["speed_mps"])) * w["way_m"] for w in ways)
+        return ways, float(self._modelled_j[sample] - steady_j)
+
+
+def _rest(values: Array) -> Array:
+    """Sum from each sample to the end, and 0 for the end, shape (n + 1,)."""
+    return np.append(np.cumsum(values[::-1])[::-1], 0.0)
+
+
+def heading_of(run: Signals) -> Array:
+    """Heading, recorded or by the turning rate from east, rad, shape (n,)."""
+    if "heading_rad" in run.context and np.isfinite(run.context["heading_rad"]).all():
+        return run.context["heading_rad"]
+    return np.concatenate(([0.0], np.cumsum(run.yaw_rate_radps[:-1] * steps_s(run.time_s))))
+
+
+def turns(recording: Recording) -> bool:
+    """Whether a recording says which way the robot went."""
+    names = ("heading_rad", "yaw_rate_radps")
+    return any(name in recording.channels for name in names) or "wheel_left_mps" in recording.channels
+
+
+def window_of(robot: Robot, duration_s: float) -> float:
+    """Time over which readings are summed up, s: the companion's own, or less for a short recording."""
+    lasts_s = float(d_max(robot)) / float(optimal_speed(robot))
+    return max(min(lasts_s / 200.0, duration_s / _WINDOWS), _LEAST_WINDOW_S)
+
+
+def watch(
+    recording: Recording,
+    robot: Robot,
+    *,
+    soc: float | None = None,
+    prior: Prior | None = None,
+    risk: float = 1e-3,
+    cutoff_v: float | None = None,
+    show: Callable[[Advice, float, float], None] | None = None,
+) -> Watched:
+    """Replay a recording to a companion whose home is where it began.
+
+    Args:
+        recording: With battery power, or voltage and current.
+        robot: The robot, as its file says.
+        soc: State of charge at the start; as recorded, or full, if left out.
+        prior: What is known beforehand, instead of what follows from the file.
+        risk: Of not getting home that is accepted.
+        cutoff_v: Voltage at which the battery is cut off.
+        show: Called with each advice, the time in the recording and how long it is, s.
+
+    Raises:
+        CompanionError: The recording has motor current only, or the robot stood.
+    """
+    run = signals(recording, robot)
+    if run.unit != "W":
+        raise CompanionError(
+            f"{recording.name}: has motor currents only, which follow torque, and the way home takes energy; record "
+            "power_w, or voltage_v and current_a"
+        )
+    duration_s = float(run.time_s[-1] - run.time_s[0])
+    window_s = window_of(robot, duration_s)
+    companion = Companion(
+        robot, home="here" if turns(recording) else None, soc=soc, prior=prior, risk=risk, cutoff_v=cutoff_v,
+        window_s=window_s,
+    )  # fmt: skip
+    rest = Rest(run, companion)
+    if rest.left_m[0] <= 0.0:
+        raise CompanionError(f"{recording.name}: the robot stood all the time; there is no way to predict")
+    given = _readings(recording, run, turns(recording))
+    moments: list[tuple[float, float, float, float, float, float]] = []
+    warned: dict[str, float] = {}
+    next_s, advice, stride = 0.0, None, -(-len(run.time_s) // _MOST_FED)
+    for first in range(0, len(run.time_s), stride):
+        last = min(first + stride, len(run.time_s)) - 1
+        since_s = float(run.time_s[last] - run.time_s[0])
+        reading = {name: _mean(values[first : last + 1]) for name, values in given.items()}
+        advice = companion.update(since_s, **reading)
+        for text in advice.warnings:
+            warned.setdefault(text.split(":")[0].split(" (")[0], since_s)
+        if show is not None:
+            show(advice, since_s, duration_s)
+        if since_s >= next_s and rest.left_m[last] > 0.0:
+            spread = companion.ahead(*rest.from_sample(last))
+            took = float(rest.took_j[last])
+            moments.append((since_s, float(rest.left_m[last]), took, spread.mean, spread.low, spread.high))
+            next_s = since_s + window_s
+    assert advice is not None
+    time_s, left_m, took_j, mean_j, low_j, high_j = np.array(moments).T
+    said = tuple((at_s, text) for text, at_s in warned.items())
+    whole_m = float(rest.left_m[0])
+    return Watched(recording.name, time_s, left_m, took_j, mean_j, low_j, high_j, whole_m, advice, said)
+
+
+def _mean(values: Array) -> float | None:
+    good = values[np.isfinite(values)]
+    return float(good.mean()) if len(good) else None
+
+
+def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, Array]:
+    """What is fed, arrays of shape (n,): as recorded where the robot would read it so.
+
+    A slope from elevations is smoothed over the drive, and a heading from turning rates is summed up from the start.
+    """
+    raw = recording.channels
+    kept = np.isin(raw["time_s"], run.time_s)
+    given: dict[str, Array] = {"speed_mps": speed_of(raw)[kept], "sensing_hz": run.sensing_hz}
+    for name in ("voltage_v", "current_a", "soc"):
+        if name in raw:
+            given[name] = raw[name][kept]
+    if "power_w" in raw:
+        given["power_w"] = raw["power_w"][kept]
+    if "grade_rad" in run.context:
+        grade = raw["grade_rad"][kept] if "grade_rad" in raw else run.grade_rad
+        given["grade_rad"] = np.where(run.speed_mps < 0.0, -grade, grade)
+    if has_turns:
+        given["heading_rad"] = heading_of(run)
+    else:
+        # No heading: home is as far as was driven.
+        given["position"] = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * steps_s(run.time_s))))
+    return given
+
+
+def run_all(
+    recordings: list[Recording], robot: Robot, show: Callable[..., Any] | None = None, **keywords: Any
+) -> list[Watched]:
+    """Replay recordings one after the other, see `watch`."""
+    return [watch(one, robot, show=None if show is None else _named(show, one.name), **keywords) for one in recordings]
+
+
+def _named(show: Callable[..., Any], name: str) -> Callable[[Advice, float, float], None]:
+    def shown(advice: Advice, since_s: float, duration_s: float) -> None:
+        show(name, advice, since_s, duration_s)
+
+    return shown

@@ -1,0 +1,326 @@
+"""The companion knows how far home is and how sure that is, says when to turn, and takes what happens to robots."""
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from homeward.agents.belief import prior_of
+from homeward.companion import Advice, Companion, CompanionError
+from homeward.companion.priors import known_of
+from homeward.envs.options import Options
+from homeward.envs.options import known_of as known_env_of
+from homeward.envs.routes import Route
+from homeward.physics import load_robot
+from homeward.physics.uncertainty import Uncertainty
+from tests.companion.robots import Driven
+
+HOME = math.pi
+
+
+def companion(**keywords: Any) -> Companion:
+    return Companion("husky", **{"home": (0.0, 0.0), **keywords})
+
+
+@pytest.mark.parametrize(("rolling", "health"), [(0.85, 0.95), (1.25, 0.85)])
+def test_it_learns_what_home_takes_and_what_is_left(rolling: float, health: float) -> None:
+    one, robot = companion(), Driven(rolling=rolling, health=health)
+    advice = robot.drive(one, 0.0, 2000.0)
+    takes_j = robot.power_w() * 2000.0
+    assert advice.way_home_m == pytest.approx(2000.0, rel=1e-3)
+    assert advice.energy_home_j.low < takes_j < advice.energy_home_j.high
+    assert advice.energy_home_j.mean == pytest.approx(takes_j, rel=0.07)  # the wind of the way home it cannot know
+    assert advice.energy_left_j.mean == pytest.approx(robot.left_j, rel=0.03)
+    assert not advice.turn_now and advice.chance_home > 0.9999
+
+
+def test_who_turns_when_it_says_so_comes_home_with_little_left() -> None:
+    one, robot = companion(), Driven(rolling=1.2, health=0.85)
+    advice = robot.drive(one, 0.0, 60.0)
+    before_m = math.inf
+    while not advice.turn_now:
+        assert advice.turn_in_m < before_m + 500.0
+        before_m = advice.turn_in_m
+        advice = robot.drive(one, 0.0, 30.0)
+    reached_m = robot.xy[0]
+    while robot.xy[0] > 0.5:
+        advice = robot.drive(one, HOME, 30.0)
+        assert advice.turn_now == (advice.way_home_m > 0.0)  # latched
+    assert 0.02 < robot.left_j / robot.full_j < 0.35
+    assert reached_m > 3000.0
+
+
+def test_the_way_home_follows_the_trail_and_short_cuts_of_it() -> None:
+    one, robot = companion(), Driven()
+    robot.drive(one, 0.0, 300.0)
+    assert robot.drive(one, 0.5 * math.pi, 300.0).way_home_m == pytest.approx(600.0, rel=0.02)
+    robot.drive(one, math.pi, 300.0)
+    closing = robot.drive(one, -0.5 * math.pi, 299.0)  # a square: it is back at home
+    assert closing.way_home_m == pytest.approx(1.0, abs=0.5)
+    out = robot.drive(one, 0.0, 500.0)
+    back = robot.drive(one, HOME, 200.0)
+    assert back.way_home_m == pytest.approx(out.way_home_m - 200.0, rel=0.01)
+    takes_j = robot.power_w() * back.way_home_m
+    assert back.energy_home_j.low < takes_j < back.energy_home_j.high
+
+
+def test_it_takes_an_update_of_any_rate_alike() -> None:
+    slow, fast = companion(), companion()
+    by_minute = Driven(every_s=30.0, rolling=1.1).drive(slow, 0.0, 1500.0)
+    by_tenth = Driven(every_s=0.1, rolling=1.1).drive(fast, 0.0, 1500.0)
+    assert by_tenth.energy_home_j.mean == pytest.approx(by_minute.energy_home_j.mean, rel=0.01)
+    assert by_tenth.energy_home_j.sd == pytest.approx(by_minute.energy_home_j.sd, rel=0.1)
+
+
+def test_an_update_takes_less_than_a_millisecond_and_memory_is_bounded() -> None:
+    one, robot, times_s = companion(), Driven(every_s=0.05), []
+    for _ in range(2000):
+        robot.time_s += 0.05
+        robot.xy = robot.xy + np.array([0.05, 0.0])
+        start = time.perf_counter()
+        one.update(robot.time_s, **robot.reads(0.0))
+        times_s.append(time.perf_counter() - start)
+    assert np.quantile(times_s, 0.25) < 1e-3  # not the median: the machine may be busy with other tests
+    sizes = []
+    for _ in range(3):
+        robot.drive(one, 0.3, 200.0)
+        robot.drive(one, 0.3 + math.pi, 200.0)
+        sizes.append(len(json.dumps(one.state())))
+    assert max(sizes) < 60_000 and sizes[-1] < 1.2 * sizes[0]
+
+
+def test_it_imports_no_learning_library() -> None:
+    code = (
+        "import sys, homeward.companion; print([name for name in ('torch', 'pandas', 'plotly') if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True)
+    assert (run.returncode, run.stdout.strip()) == (0, "[]"), run.stdout + run.stderr
+
+
+def test_generic_ranges_are_those_of_uncertain_missions() -> None:
+    expected = prior_of(known_env_of(Options("OutAndBack", difficulty="uncertain")), 0.2)
+    ours = known_of(load_robot("husky"), has_forecast=True).prior
+    for name in set(expected._fields) - {"slope_within_place"}:  # routes of the environments are as even as their maps
+        assert getattr(ours, name) == pytest.approx(getattr(expected, name), rel=5e-3), name
+
+
+def sd_of(**other: Any) -> Advice:
+    one, robot = companion(), Driven()
+    robot.drive(one, 0.0, 900.0)
+    return robot.drive(one, 0.0, 300.0, **other)
+
+
+def test_what_is_missing_widens_and_is_said() -> None:
+    whole = sd_of()
+    assert whole.warnings == ()
+    for silent, words in (("power_w", "no power"), ("position", "no position")):
+        lacking = sd_of(**{silent: None})
+        assert lacking.margin_j.sd > 1.02 * whole.margin_j.sd, silent
+        assert any(one.startswith(words) for one in lacking.warnings), lacking.warnings
+    nothing, robot = companion(), Driven()
+    robot.drive(nothing, 0.0, 900.0)
+    later = nothing.update(robot.time_s + 300.0)
+    assert later.margin_j.sd > 1.02 * whole.margin_j.sd
+    assert later.way_home_m > 900.0  # it is taken to have gone on
+    assert "no reading for 300 s" in later.warnings
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("power_w", 1e6), ("speed_mps", 40.0), ("soc", 87.0), ("grade_rad", 5.7), ("position", (1e5, 0.0))],
+)
+def test_absurd_readings_are_left_out_and_said(name: str, value: Any) -> None:
+    one, robot = companion(), Driven()
+    before = robot.drive(one, 0.0, 900.0)
+    after = robot.drive(one, 0.0, 3.0, **{name: value})
+    assert after.way_home_m == pytest.approx(before.way_home_m + 3.0, abs=1.0)
+    assert after.energy_left_j.mean == pytest.approx(before.energy_left_j.mean, rel=0.01)
+    assert any(one.startswith(f"absurd {name} left out") for one in after.warnings), after.warnings
+
+
+def test_repeated_and_late_readings_count_once_and_a_clock_set_back_goes_on() -> None:
+    one, robot = companion(), Driven()
+    before = robot.drive(one, 0.0, 900.0)
+    again = one.update(900.0, **robot.reads(0.0))
+    late = one.update(890.0, **robot.reads(0.0))
+    assert again.energy_left_j == late.energy_left_j == before.energy_left_j
+    assert any("repeated" in text for text in again.warnings) and any("late" in text for text in late.warnings)
+    robot.time_s = 100.0  # the clock was set back
+    after = robot.drive(one, 0.0, 60.0)
+    assert after.way_home_m == pytest.approx(960.0, abs=1.0)
+    assert any("clock was set back" in text for text in after.warnings)
+    assert after.energy_home_j.low < robot.power_w() * 960.0 < after.energy_home_j.high
+
+
+def test_without_power_the_state_of_charge_tells() -> None:
+    one, robot = companion(), Driven(rolling=1.25)
+    advice = robot.drive(one, 0.0, 3000.0, power_w=None)
+    assert advice.energy_home_j.low < robot.power_w() * 3000.0 < advice.energy_home_j.high
+    assert "no power: energy by the model and the state of charge" in advice.rests_on
+
+
+def test_voltage_times_current_is_power() -> None:
+    watts, amps = companion(), companion()
+    by_power = Driven().drive(watts, 0.0, 600.0)
+    robot = Driven()
+    by_current = robot.drive(amps, 0.0, 600.0, power_w=None, voltage_v=24.0, current_a=robot.power_w() / 24.0)
+    assert by_current.energy_home_j.mean == pytest.approx(by_power.energy_home_j.mean, rel=1e-9)
+
+
+def test_a_swapped_battery_is_full_again_and_unlatches() -> None:
+    one, robot = companion(), Driven(health=0.8)
+    advice = robot.drive(one, 0.0, 60.0)
+    while not advice.turn_now:
+        advice = robot.drive(one, 0.0, 30.0)
+    cost_j = advice.energy_home_j.mean
+    one.swap_battery()
+    robot.used_j = 0.0
+    after = robot.drive(one, 0.0, 30.0)
+    assert not after.turn_now
+    assert after.energy_left_j.low < robot.full_j < after.energy_left_j.high * 1.02
+    assert after.energy_home_j.mean == pytest.approx(cost_j, rel=0.05)  # of the robot it forgets nothing
+
+
+def test_a_battery_that_is_not_full_at_the_start() -> None:
+    one, robot = companion(), Driven()
+    robot.used_j = 0.6 * robot.full_j
+    advice = robot.drive(one, 0.0, 600.0)
+    assert advice.energy_left_j.low < robot.left_j < advice.energy_left_j.high
+    assert companion(soc=0.4).update(0.0, position=(0.0, 0.0)).energy_left_j.mean < 0.5 * robot.full_j
+
+
+def test_home_that_moves() -> None:
+    one, robot = companion(), Driven()
+    at_home = robot.drive(one, 0.0, 1000.0).energy_home_j.mean
+    one.move_home((800.0, 0.0))
+    nearer = robot.drive(one, 0.0, 1.0)
+    assert nearer.way_home_m == pytest.approx(201.0, abs=9.0)
+    assert nearer.energy_home_j.mean == pytest.approx(0.2 * at_home, rel=0.1)
+    one.move_home((1001.0, 300.0))
+    beside = robot.drive(one, 0.0, 1.0)
+    assert beside.way_home_m == pytest.approx(1.3 * 300.0, rel=0.05)
+    assert any("home has moved" in text for text in beside.rests_on)
+    one.take_home(None)
+    assert robot.drive(one, 0.0, 1.0).way_home_m == pytest.approx(1003.0, abs=1.0)
+
+
+def route(sines: Any, place_m: float = 50.0) -> Route:
+    grade, nothing = np.arcsin(np.asarray(sines, float)), np.zeros(len(sines))
+    return Route(place_m, grade, nothing, nothing, nothing)
+
+
+def test_another_way_home_is_costed_by_its_slopes_and_grows_shorter() -> None:
+    one, robot = companion(), Driven()
+    flat = robot.drive(one, 0.0, 1000.0)
+    one.take_home(route([0.05] * 30))
+    steep = robot.drive(one, 0.0, 1.0)
+    r = robot.robot
+    climbs_j = r.mass_kg * 9.81 * 0.05 * 1500.0 / r.traction_efficiency
+    assert steep.way_home_m == pytest.approx(1500.0, abs=2.0)
+    assert steep.energy_home_j.mean == pytest.approx(1.5 * flat.energy_home_j.mean + climbs_j, rel=0.1)
+    assert robot.drive(one, 0.0, 100.0).way_home_m == pytest.approx(1400.0, abs=3.0)
+
+
+def test_a_route_is_known_ahead() -> None:
+    flat = Companion("husky", route=route([0.0] * 60, 100.0))
+    hill = Companion("husky", route=route([0.0] * 10 + [0.3] * 50, 100.0))
+    ahead = [Driven().drive(one, 0.0, 900.0, position=None) for one in (flat, hill)]
+    assert ahead[0].way_home_m == ahead[1].way_home_m == pytest.approx(899.0)
+    assert ahead[1].turn_in_m < 0.9 * ahead[0].turn_in_m
+    assert ahead[0].chance_there_and_back is not None and ahead[1].chance_there_and_back is not None
+    assert ahead[0].chance_there_and_back > ahead[1].chance_there_and_back
+    robot = Driven()
+    robot.time_s = 900.0
+    assert robot.drive(flat, HOME, 300.0, position=None).way_home_m == pytest.approx(599.0)
+
+
+def test_a_cut_off_voltage_keeps_energy_in_the_battery() -> None:
+    free, bound = companion(), companion(cutoff_v=21.0)
+    answers = []
+    for one in (free, bound):
+        robot = Driven()
+        for _ in range(50):
+            used = robot.used_j / robot.full_j
+            volts = 25.0 - 6.0 * used - 0.05 * 6.0  # 21 V where 0.62 of the battery is used
+            advice = robot.drive(one, 0.0, 60.0, power_w=None, voltage_v=volts, current_a=robot.power_w() / volts)
+        answers.append(advice)
+    left = 0.62 * robot.full_j - robot.used_j
+    assert answers[1].energy_left_j.mean == pytest.approx(left, rel=0.08)
+    assert answers[1].turn_in_m < answers[0].turn_in_m
+    assert answers[1].chance_home <= answers[0].chance_home
+
+
+def test_a_restart_goes_on_as_if_nothing_had_been(tmp_path: Path) -> None:
+    one, robot = companion(), Driven(rolling=1.15)
+    robot.drive(one, 0.0, 1234.0)
+    one.save(tmp_path / "state.json")
+    other = companion()
+    other.load(tmp_path / "state.json")
+    assert other._advise() == one._advise()
+    robot.time_s += 60.0  # the robot stood while it restarted
+    on = robot.drive(other, 0.0, 300.0)
+    assert on.way_home_m == pytest.approx(1534.0, abs=2.0)
+    assert on.energy_home_j.low < robot.power_w() * 1534.0 < on.energy_home_j.high
+
+
+@pytest.mark.parametrize("content", ["{}", "[]", "nonsense", '{"schema": 1, "robot": "rusti"}'])
+def test_a_state_that_cannot_be_used_is_refused(tmp_path: Path, content: str) -> None:
+    (tmp_path / "state.json").write_text(content)
+    with pytest.raises(CompanionError, match="state"):
+        companion().load(tmp_path / "state.json")
+
+
+@pytest.mark.parametrize(
+    ("keywords", "said"),
+    [
+        ({"risk": 0.0}, "risk = 0.0"), ({"soc": 87.0}, "soc = 87.0"), ({"home": "there"}, "home = 'there'"),
+        ({"cruise_mps": 99.0}, "cruise_mps"), ({"window_s": -1.0}, "window_s"),
+    ],
+)  # fmt: skip
+def test_arguments_that_cannot_be_used(keywords: dict[str, Any], said: str) -> None:
+    with pytest.raises(CompanionError, match=said):
+        companion(**keywords)
+
+
+def test_no_way_to_know_where_it_is() -> None:
+    with pytest.raises(CompanionError, match="no position and no route"):
+        one = Companion("husky")
+        one.update(0.0, speed_mps=1.0)
+        one.update(1.0, speed_mps=1.0)
+    with pytest.raises(CompanionError, match="home was never set"):
+        Companion("husky").update(0.0, position=(3.0, 4.0))
+    with pytest.raises(CompanionError, match="power_w = 'much' is not a number"):
+        companion().update(0.0, power_w="much")  # type: ignore[arg-type]
+    with pytest.raises(CompanionError, match="position"):
+        companion().update(0.0, position=(1.0, 2.0, 3.0))  # type: ignore[arg-type]
+
+
+def test_advice_can_be_written_as_json_and_read_by_people() -> None:
+    advice = Driven().drive(companion(), 0.0, 60.0)
+    assert json.loads(json.dumps(advice.to_json()))["energy_left_j"]["mean"] == advice.energy_left_j.mean
+    assert "home is 60 m away" in str(advice) and "turn within" in str(advice)
+
+
+def test_a_robot_file_that_says_how_sure_it_is() -> None:
+    husky = load_robot("husky")
+
+    def of(**sizes: Any) -> Advice:
+        sure = Uncertainty(source="a test", **sizes)
+        return Driven().drive(Companion(dataclasses.replace(husky, uncertainty=sure), home=(0.0, 0.0)), 0.0, 120.0)
+
+    known = {"fitted": ("rolling", "mass"), "covariance": ((1e-4, 0.0), (0.0, 1e-4))}
+    narrow, uneven = of(**known), of(**known, unexplained=0.5, unexplained_m=30.0)
+    differs = of(**known, between_runs=0.2)
+    generic = Driven().drive(companion(), 0.0, 120.0)
+    assert narrow.energy_home_j.sd < generic.energy_home_j.sd
+    assert uneven.energy_home_j.sd > 2.0 * narrow.energy_home_j.sd
+    assert differs.energy_home_j.sd > narrow.energy_home_j.sd
+    assert any("says how sure it is: a test" in text for text in narrow.rests_on)
+    assert any("generic ranges" in text for text in generic.rests_on)

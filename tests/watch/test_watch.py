@@ -1,0 +1,130 @@
+"""Recordings replayed as if live: predictions hold where the model does, and misses are shown."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from homeward.commands.watch import Args, main
+from homeward.companion import Companion, CompanionError
+from homeward.diagnosis import RecordingError, read_recording
+from homeward.diagnosis.read.signals import signals
+from homeward.physics import load_robot, replay
+from homeward.watch.coverage import rows_of
+from homeward.watch.live import LiveView, view
+from homeward.watch.page import verdict, watch_html
+from homeward.watch.replay import Rest, Watched, watch
+
+
+def drive(folder: Path, seed: int, rolling: float = 1.0, spoiled: float = 1.0) -> Path:
+    """A Husky's drive of 40 minutes with stops and hills by the physics kernel, in steps of 1 s.
+
+    From the middle on it takes `spoiled` times as much.
+    """
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(2400.0)
+    speed = np.repeat(rng.choice([0.0, 0.5, 0.8, 1.0, 1.0], 40), 60)
+    grade = 0.05 * np.sin(time_s / 300.0 + rng.uniform(0.0, 6.0))
+    robot = load_robot("husky")
+    power = replay(robot, time_s, speed, grade_rad=grade, accel_mps2=0.0).power_w
+    flat = replay(robot, time_s, 0.0 * time_s).power_w
+    power = flat + rolling * (power - flat)
+    power[1200:] *= spoiled
+    power *= 1.0 + 0.005 * rng.normal(size=2400)
+    path = folder / f"run{seed}.csv"
+    pd.DataFrame(
+        {"time_s": time_s, "speed_mps": speed, "power_w": power, "grade_rad": grade, "heading_rad": time_s / 2000.0}
+    ).to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Watched]:
+    folder = tmp_path_factory.mktemp("drives")
+    return [watch(read_recording(drive(folder, seed)), load_robot("husky")) for seed in range(6)]
+
+
+def test_predictions_hold_where_the_model_does(runs: list[Watched]) -> None:
+    rows = rows_of(runs)
+    assert rows[-1].moments == sum(len(one.time_s) for one in runs) and rows[-1].runs == 6
+    assert rows[-1].covered > 0.8 and abs(rows[-1].bias) < 0.03
+    early, late = rows[0], rows[-3]
+    assert late.error < early.error + 0.02 and late.width < early.width  # it has learned on the way
+
+
+def test_what_was_left_and_what_it_took_are_those_of_the_recording(runs: list[Watched], tmp_path: Path) -> None:
+    table = pd.read_csv(drive(tmp_path, 0))
+    one = runs[0]
+    np.testing.assert_allclose(one.left_m[0], table["speed_mps"].iloc[:-1].sum(), rtol=0.02)
+    np.testing.assert_allclose(one.took_j[0], table["power_w"].iloc[:-1].sum(), rtol=0.02)
+    assert (np.diff(one.left_m) <= 0.0).all() and (np.diff(one.took_j) < 0.0).all()
+
+
+def test_a_change_that_nobody_could_foresee_is_a_miss(tmp_path: Path) -> None:
+    spoiled = watch(read_recording(drive(tmp_path, 0, spoiled=1.6)), load_robot("husky"))
+    early = spoiled.time_s < 1000.0
+    assert early.any() and not spoiled.covered[early & (spoiled.time_s > 300.0)].any()
+    assert rows_of([spoiled])[-1].bias < -0.05
+    assert "too seldom" in verdict(rows_of([spoiled])[0]) or rows_of([spoiled])[0].covered >= 0.8
+
+
+def test_nothing_of_the_future_is_told(tmp_path: Path) -> None:
+    """Up to a moment, predictions are alike, whatever the drive takes later."""
+    plain, spoiled = (
+        watch(read_recording(drive(tmp_path, 0, spoiled=factor)), load_robot("husky")) for factor in (1.0, 1.5)
+    )
+    before = plain.time_s < 1190.0
+    np.testing.assert_allclose(plain.mean_j[before], spoiled.mean_j[before], rtol=1e-9)
+
+
+def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = tuple(drive(tmp_path, seed, rolling=1.2) for seed in range(2))
+    main(Args(paths, "husky", out=tmp_path / "out"))
+    printed = capsys.readouterr().out
+    assert "in the 90 %" in printed and "way left" in printed and "watch.html" in printed
+    page = (tmp_path / "out" / "watch.html").read_text("utf-8")
+    assert "run0.csv" in page and "run1.csv" in page and "plotly" in page and "http-equiv" not in page
+    moments = pd.read_csv(tmp_path / "out" / "watch.csv")
+    assert set(moments["run"]) == set(map(str, paths)) and (moments["low_j"] < moments["high_j"]).all()
+
+
+def test_names_on_the_page_are_escaped(runs: list[Watched]) -> None:
+    page = watch_html([replace(runs[0], name="<i>sneaky.csv")], load_robot("husky"), ["<i>sneaky too"])
+    assert "<i>sneaky" not in page and page.count("&lt;i&gt;sneaky") == 2
+
+
+def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: list[Watched]) -> None:
+    console = Console(width=100, record=True, force_terminal=True)
+    console.print(view("run0", runs[0].advice, 2400.0, 1.728e6, ("no power for 3 s",)))
+    text = console.export_text()
+    for part in ("battery", "way home", "point of no return", "no power for 3 s", "40 min"):
+        assert part in text
+    with LiveView(console, 1.728e6) as live:
+        live.show("run0", runs[0].advice, 2400.0, 2400.0)
+
+
+def test_what_cannot_be_watched_takes_one_line(tmp_path: Path) -> None:
+    table = pd.read_csv(drive(tmp_path, 0))
+    table.assign(speed_mps=0.0).to_csv(tmp_path / "stood.csv", index=False)
+    currents = table.drop(columns="power_w").assign(motor_left_a=2.0, motor_right_a=2.0)
+    currents.to_csv(tmp_path / "amps.csv", index=False)
+    for name, said in (("stood.csv", "stood all the time"), ("amps.csv", "motor currents only")):
+        with pytest.raises(CompanionError, match=said):
+            main(Args((tmp_path / name,), "husky", out=tmp_path / "out"))
+    with pytest.raises(RecordingError, match="no recording"):
+        main(Args((), "husky"))
+
+
+def test_the_rest_of_a_recording_sums_up_to_all_of_it(tmp_path: Path) -> None:
+    robot = load_robot("husky")
+    run = signals(read_recording(drive(tmp_path, 3)), robot)
+    rest: Any = Rest(run, Companion(robot, home="here"))
+    ways, other_j = rest.from_sample(0)
+    assert ways["way_m"].sum() == pytest.approx(rest.left_m[0])
+    assert other_j > 0.0
+    later, _ = rest.from_sample(1500)
+    assert later["way_m"].sum() == pytest.approx(rest.left_m[1500])
