@@ -15,8 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import homeward  # noqa: F401 - first: it says in a line what is not installed
+
+# isort: split
 import tyro
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from homeward import cli
@@ -33,6 +35,11 @@ from homeward.diagnosis.tell.report import check_writable, write_outputs
 from homeward.group_inputs import Grouped, grouped_runs
 from homeward.physics import RobotError
 
+ASSUMED = "husky"
+"""Robot of recordings that are said to be of none."""
+SHIPPED_ROBOT = "husky"
+"""Robot of the recording that ships."""
+
 
 @dataclass(frozen=True)
 class Args:
@@ -47,7 +54,8 @@ class Args:
     standing: bool = False
     """The robot stood while it recorded: a recording without a motion channel then gives its ancillary power."""
     robot: str | None = None
-    """Robot that the simulator uses: preset name or TOML file; the data set's own, or husky, if left out."""
+    """Robot that the simulator uses: preset name or TOML file; if left out, the data set's own, or husky, and a line
+    says so."""
     columns: str | None = None
     """Mapping for foreign recordings, of columns or, for bags, of topics: shipped name or TOML file."""
     dataset: str | None = None
@@ -62,7 +70,8 @@ def main(args: Args) -> Analysis | Comparison:
     """Diagnose, or compare groups; write the outputs and print the verdict.
 
     Raises:
-        RecordingError, RobotError, DatasetError: Input that cannot be used.
+        RecordingError, RobotError, DatasetError: Input that cannot be used; where that shows only when all of it has
+            been looked at, the report that says why is written nonetheless.
         OSError: The output folder cannot be written to.
     """
     if args.group:
@@ -74,7 +83,9 @@ def main(args: Args) -> Analysis | Comparison:
     if all(stands(one) for one in recordings):
         level = compare_standing(recordings, ["these runs"] * len(recordings))
         write_groups(level, args.out)
-        show_groups(level, Console())
+        show_groups(level, cli.Terminal())
+    if not analysis.diagnosis.recordings:
+        raise RecordingError(f"{analysis.diagnosis.summary} (report in {args.out})")
     return analysis
 
 
@@ -91,9 +102,9 @@ def _compare(args: Args) -> Comparison:
     else:
         comparison = compare_driving(_diagnose(recordings, _robot_of(args, groups), args), recordings, labels)
     page = write_groups(comparison, args.out)[-1]
-    console = Console()
+    console = cli.Terminal()
     show_groups(comparison, console)
-    console.print(f"Page: {page}", markup=False, highlight=False, soft_wrap=True)
+    console.print(f"Page: {page}", soft_wrap=True)
     return comparison
 
 
@@ -113,9 +124,9 @@ def _refuse_twice(recordings: list[Recording], labels: list[str]) -> None:
         seen[one.sha256] = f"{one.name} ({label})"
 
 
-def _robot_of(args: Args, groups: list[Grouped]) -> str:
+def _robot_of(args: Args, groups: list[Grouped]) -> str | None:
     datasets = [one.dataset for one in groups if one.dataset is not None]
-    return args.robot or (_robot_of_dataset(datasets[0]) if datasets else "husky")
+    return args.robot or (_robot_of_dataset(datasets[0]) if datasets else None)
 
 
 def _robot_of_dataset(name: str) -> str:
@@ -125,8 +136,10 @@ def _robot_of_dataset(name: str) -> str:
     return robot
 
 
-def _diagnose(recordings: list[Recording], robot: str, args: Args) -> Analysis:
-    console = Console(stderr=True)
+def _diagnose(recordings: list[Recording], robot: str | None, args: Args) -> Analysis:
+    if robot is None:
+        print(f"no --robot is given: {ASSUMED} is assumed; name yours, a preset or a TOML file", file=sys.stderr)
+    console = cli.Terminal(stderr=True)
     with Progress(
         TextColumn("{task.description:<22}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
     ) as bar:
@@ -135,16 +148,18 @@ def _diagnose(recordings: list[Recording], robot: str, args: Args) -> Analysis:
         def show(stage: str) -> None:
             bar.update(task, description=stage, completed=STAGES.index(stage))
 
-        analysis = analyse(recordings, robot, seed=args.seed, progress=show)
+        analysis = analyse(recordings, robot or ASSUMED, seed=args.seed, progress=show)
         bar.update(task, description="writing", completed=len(STAGES))
         written = write_outputs(analysis, args.out)
-    _print(analysis, written)
+    _print(analysis, recordings, written)
     return analysis
 
 
-def _inputs(args: Args) -> tuple[list[Path], str, str | None]:
+def _inputs(args: Args) -> tuple[list[Path], str | None, str | None]:
+    """Paths of the recordings, the robot if anything says which it is, and the mapping."""
     if args.dataset is None:
-        return list(args.runs) or [shipped_recording()], args.robot or "husky", args.columns
+        robot = args.robot or (None if args.runs else SHIPPED_ROBOT)
+        return list(args.runs) or [shipped_recording()], robot, args.columns
     if args.runs:
         raise RecordingError("give either RUN or --dataset, not both")
     name, _, group = args.dataset.partition("/")
@@ -152,14 +167,15 @@ def _inputs(args: Args) -> tuple[list[Path], str, str | None]:
     return runs, args.robot or _robot_of_dataset(name), args.columns or DATASETS[name].columns
 
 
-def _print(analysis: Analysis, written: list[Path]) -> None:
+def _print(analysis: Analysis, recordings: list[Recording], written: list[Path]) -> None:
+    how_read = {(one.name, note) for one in recordings for note in one.notes}
     for one in analysis.findings:
-        if is_bag(Path(one.recording)) and not one.refused:
-            print(f"{Path(one.recording).name}: {one.text}", file=sys.stderr)
-    console = Console()
+        if not one.refused and (is_bag(Path(one.recording)) or (one.recording, one.text) in how_read):
+            print(cli.printable(f"{Path(one.recording).name}: {one.text}"), file=sys.stderr)
+    console = cli.Terminal()
     terminal.show(analysis, console)
     report = next(path for path in written if path.suffix == ".html")
-    console.print(f"Report: {report}", markup=False, highlight=False, soft_wrap=True)
+    console.print(f"Report: {report}", soft_wrap=True)
 
 
 def run() -> int:

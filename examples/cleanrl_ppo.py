@@ -5,6 +5,10 @@
 
 from __future__ import annotations
 
+from homeward.installed import needed
+
+needed("train", "torch")
+
 import math
 import time
 from dataclasses import dataclass

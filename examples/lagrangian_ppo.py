@@ -9,6 +9,10 @@ end. Everything comes from the environments as they are: the reward, and the cos
 
 from __future__ import annotations
 
+from homeward.installed import needed
+
+needed("train", "torch", "stable_baselines3")
+
 import sys
 from collections import deque
 from dataclasses import dataclass

@@ -6,6 +6,10 @@ Minari's folder (`MINARI_DATASETS_PATH`) and opens with `minari.load_dataset("ho
 
 from __future__ import annotations
 
+from homeward.installed import needed
+
+needed("examples,train", "minari", "torch")
+
 from dataclasses import dataclass
 
 import gymnasium as gym

@@ -6,6 +6,10 @@ an older Gymnasium, though RLlib works with ours.
 
 from __future__ import annotations
 
+from homeward.installed import needed
+
+needed("examples,train", "ray", "torch")
+
 import os
 from dataclasses import dataclass
 from typing import Any

@@ -5,6 +5,10 @@
 
 from __future__ import annotations
 
+from homeward.installed import needed
+
+needed("examples,train", "torch", "torchrl")
+
 from dataclasses import dataclass
 
 import gymnasium as gym

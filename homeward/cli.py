@@ -1,18 +1,77 @@
-"""How the scripts run from the command line, and how they end."""
+"""How the scripts run from the command line, what they print, and how they end."""
 
 from __future__ import annotations
 
+import copy
+import os
 import sys
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import tyro
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
+from rich.text import Text
 
 Args = TypeVar("Args")
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C: 128 and the number of the signal, as shells have it."""
+
+_ANY_WIDTH = 10_000
+_LONGEST = 2000
+"""Characters of a message; what quotes a file may quote much of it."""
+
+
+class Terminal(Console):
+    """A console that prints text as it is: names given by others neither style it nor reach it as control characters.
+
+    What is styled is given as `rich.text.Text`, made of what `printable` returns.
+    """
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
+
+    def show(self, table: Table, expendable: Sequence[str] = ()) -> None:
+        """Print a table of figures; where the terminal is too narrow, columns are left out and a line names them.
+
+        Args:
+            table: The table; columns are taken from it. Where the output is no terminal it gets the width it wants.
+            expendable: Headings of columns that may be left out, the least important first.
+        """
+        wide = not self.is_terminal and "COLUMNS" not in os.environ
+        left_out = []
+        for heading in () if wide else expendable:
+            if self._natural_width(table) <= self.width:
+                break
+            column = next(one for one in table.columns if one.header == heading)
+            table.columns.remove(column)
+            left_out.append(" ".join(heading.split()))
+        self.print(table, width=max(self._natural_width(table), self.width) if wide else None, crop=not wide)
+        if left_out:
+            self.print(f"Left out in a terminal of {self.width} columns: {', '.join(left_out)}.")
+
+    def _natural_width(self, table: Table) -> int:
+        # The title and the caption wrap.
+        bare = copy.copy(table)
+        bare.title = bare.caption = None
+        return Measurement.get(self, self.options.update(max_width=_ANY_WIDTH), bare).maximum
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """As `Console.render_str`, with a question mark for each control character but ends of lines."""
+        return super().render_str("\n".join(map(printable, text.split("\n"))), **options)
+
+
+def printable(text: str) -> str:
+    """Text of one line with a question mark for each character that is none, such as an escape.
+
+    >>> printable("husky\\x1b[31m")
+    'husky?[31m'
+    """
+    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def run(
@@ -37,7 +96,9 @@ def run(
     """
     program, arguments = _called()
     try:
-        main(tyro.cli(args, prog=program, args=arguments, description=description))
+        with warnings.catch_warnings():
+            warnings.showwarning = _say_warning
+            main(tyro.cli(args, prog=program, args=arguments, description=description))
     except refused as error:
         code, message = getattr(error, "exit_code", 2), str(error)
     except OSError as error:
@@ -47,8 +108,20 @@ def run(
         code, message = INTERRUPTED, f"interrupted: {interrupted}"
     else:
         return 0
-    print(f"{program}: {' '.join(message.split())}", file=sys.stderr)
+    _say(program, message)
     return code
+
+
+def _say(program: str, message: str) -> None:
+    line = printable(" ".join(message.split()))
+    if len(line) > _LONGEST:
+        line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 4 :]}"
+    print(f"{program}: {line}", file=sys.stderr)
+
+
+def _say_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    program, _arguments = _called()
+    _say(program, f"warning: {message}")
 
 
 def _called() -> tuple[str, list[str]]:

@@ -1,37 +1,118 @@
-"""Files that are written whole or not at all."""
+"""Files that are read within limits, and written whole or not at all."""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import stat
+import sys
 import tempfile
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+
+STANDARD_INPUT = "-"
+"""Name that stands for standard input."""
 
 _MOST_BYTES = 1_000_000
-"""More than any JSON that the project reads of a run or a policy: some kilobytes."""
+"""More than any settings file that the project reads, TOML or JSON: some kilobytes."""
+_DEEPEST = 20
+"""More than any of them is nested."""
 
 
-def read_json(path: Path) -> Any:
+def open_regular(path: str | Path) -> BinaryIO:
+    """Open a regular file for reading; a pipe or device is refused without waiting for it or reading from it.
+
+    Raises:
+        OSError: It cannot be opened, or is something else.
+    """
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    mode = os.fstat(handle).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    kind = "a folder" if stat.S_ISDIR(mode) else "a pipe or device"
+    raise OSError(errno.EINVAL, f"is {kind}, not a file", str(path))
+
+
+def read_bytes(path: str | Path, most_bytes: int = _MOST_BYTES) -> bytes:
+    """All that a regular file holds or, where the path is "-", standard input.
+
+    Args:
+        path: The file.
+        most_bytes: What is larger is refused before it fills the memory.
+
+    Raises:
+        ValueError: It is larger.
+        OSError: It cannot be read.
+    """
+    if str(path) == STANDARD_INPUT:
+        content = sys.stdin.buffer.read(most_bytes + 1)
+    else:
+        with open_regular(path) as file:
+            content = file.read(most_bytes + 1)
+    if len(content) > most_bytes:
+        raise ValueError(f"larger than {most_bytes} bytes")
+    return content
+
+
+def read_text(path: str | Path, most_bytes: int = _MOST_BYTES) -> str:
+    """As `read_bytes`, decoded as UTF-8, with or without a byte order mark; a ValueError where it is something else."""
+    return read_bytes(path, most_bytes).decode("utf-8-sig")
+
+
+def read_json(path: str | Path) -> Any:
     """What a small JSON file holds.
 
     Raises:
-        ValueError: It is no JSON, no regular file, or too large to be one of the project's.
-        OSError: It cannot be read.
+        ValueError: It is no JSON, too large to be one of the project's, or nested too deeply.
+        OSError: It cannot be read, or is no regular file.
     """
-    if path.exists() and not path.is_file():
-        raise ValueError("not a regular file")
-    with path.open("rb") as file:
-        content = file.read(_MOST_BYTES + 1)
-    if len(content) > _MOST_BYTES:
-        raise ValueError(f"larger than {_MOST_BYTES} bytes")
+    content = read_bytes(path)
     try:
-        return json.loads(content)
+        data = json.loads(content)
     except RecursionError:
         raise ValueError("nested too deeply") from None
+    refuse_deep(data)
+    return data
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """What a small TOML file holds.
+
+    Raises:
+        ValueError: It is no TOML, too large to be one of the project's, or nested too deeply.
+        OSError: It cannot be read, or is no regular file.
+    """
+    text = read_text(path)
+    # A key of many dots takes the parser time and memory that grow with their square.
+    if any(line.count(".") > _MOST_DOTS for line in text.splitlines() if "=" in line or line.lstrip()[:1] == "["):
+        raise ValueError("a line has too many dots")
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    refuse_deep(data)
+    return data
+
+
+_MOST_DOTS = 1000
+"""In a line of a settings file; a row of numbers has some."""
+
+
+def refuse_deep(data: Any) -> None:
+    """Raise ValueError where lists and tables are nested deeper than a settings file's; they could not be shown."""
+    level, depth = [data], 0
+    while level:
+        if depth > _DEEPEST:
+            raise ValueError("nested too deeply")
+        inner = [one.values() if isinstance(one, Mapping) else one for one in level if isinstance(one, Mapping | list)]
+        level, depth = [value for values in inner for value in values], depth + 1
+
+
+def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write a file under a temporary name beside it and rename it; its folder is made where it is missing.
 
     Args:
@@ -41,6 +122,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
     Raises:
         OSError: The folder cannot be written to; whatever was there before is still there.
     """
+    path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:

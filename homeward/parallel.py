@@ -27,6 +27,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 import homeward
+from homeward.installed import advice
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -116,7 +117,7 @@ def check_workers(jobs: int, cluster: str | None) -> None:
     try:
         importlib.import_module("ray")
     except ModuleNotFoundError as error:
-        raise ClusterError(f"--cluster needs {error.name}: pip install 'homeward[ray]'") from None
+        raise ClusterError(f"--cluster needs {error.name}: {advice('ray', str(error.name))}") from None
     host, _, port = cluster.rpartition(":")
     try:
         # Ray itself goes on asking for many minutes.

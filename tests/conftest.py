@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 from hypothesis import settings
 
-from homeward.agents.learning import curve
+from homeward.agents.evaluation import learning_curve as curve
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # draws without a display
 

@@ -2,17 +2,20 @@
 
 import sys
 import time
+import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
 import requests
+from rich.table import Table
 
 import diagnose
 import evaluate
 import train
-from homeward import RobotError, datasets
+from homeward import RobotError, cli, datasets
 
 
 def end(
@@ -92,3 +95,41 @@ def test_a_local_folder_without_the_data_is_wrong_input(
     returned, said = end(diagnose, arguments, monkeypatch, capsys)
     assert returned == 2
     assert "does not exist" in said
+
+
+@pytest.mark.parametrize("name", ["[red]robot[/red]", "\x1b[31mrobot", "ro\rbot", ":robot:", "[/]"])
+def test_names_are_printed_as_text(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table(title=name)
+    table.add_column(name)
+    table.add_row(name)
+    terminal = cli.Terminal()
+    terminal.print(table)
+    terminal.print(name, soft_wrap=True)
+    shown = "".join(c if c.isprintable() else "?" for c in name)
+    assert capsys.readouterr().out.count(shown) == 4
+
+
+def test_a_warning_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["/somewhere/tool.py"])
+
+    def main(_: object) -> None:
+        warnings.simplefilter("always")
+        warnings.warn("look\n here \x1b[31m", stacklevel=1)
+
+    assert cli.run(main, Nothing, None, ()) == 0
+    assert capsys.readouterr().err == "tool.py: warning: look here ?[31m\n"
+
+
+def test_a_long_message_is_cut(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["/somewhere/tool.py"])
+
+    def main(_: object) -> None:
+        raise RobotError("x" * 10**6)
+
+    assert cli.run(main, Nothing, None, (RobotError,)) == 2
+    assert len(capsys.readouterr().err) < 3000
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """No arguments."""

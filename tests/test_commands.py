@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import homeward
@@ -18,15 +19,18 @@ from homeward import load_robot
 from homeward.commands.range import Mission
 from homeward.commands.routes import figures, generated_routes
 from homeward.datasets import DATASETS, LOCAL_FOLDER
+from homeward.diagnosis import read_recording
 from homeward.envs.route_files import load_route
 from homeward.physics import d_max, mission_energy
 from homeward.physics.robot import preset_names
 
 
-def call(arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+def call(
+    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], width: int = 100
+) -> tuple[int, str, str]:
     """Exit code, output and errors of `homeward ARGUMENTS`."""
     monkeypatch.setattr(sys, "argv", ["/somewhere/bin/homeward", *arguments.split()])
-    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("COLUMNS", str(width))
     code = command.run()
     captured = capsys.readouterr()
     return code, captured.out, captured.err
@@ -234,3 +238,52 @@ def test_scripts_run_as_subcommands(
 
 def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("--version", monkeypatch, capsys) == (0, f"homeward {homeward.__version__}\n", "")
+
+
+def test_columns_are_proposed_and_written(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    table = pd.DataFrame({"t (ms)": np.arange(100) * 100, "v [km/h]": 3.6, "P (W)": 50.0, "x": 0.0})
+    path, mapping = tmp_path / "run.csv", tmp_path / "map.toml"
+    table.rename(columns={"P (W)": "power (W)", "v [km/h]": "speed [km/h]"}).to_csv(path, index=False, sep=";")
+    code, out, err = call(f"columns {path}", monkeypatch, capsys)
+    assert (code, err) == (0, "")
+    assert "certain" in out and "its name says km/h" in out and "Not used: x" in out and "semicolons" in out
+    assert "With it the file reads: 100 samples over 9.9 s." in out and "[columns]" in out
+    code, out, err = call(f"columns {path} --out {mapping}", monkeypatch, capsys)
+    assert (code, err) == (0, "") and "--columns" in out
+    assert read_recording(path, mapping).channels["speed_mps"][0] == pytest.approx(1.0)
+    before = mapping.read_bytes()
+    code, _, err = call(f"columns {path} --out {mapping}", monkeypatch, capsys)
+    assert code == 2 and "is not replaced" in err and mapping.read_bytes() == before
+    table[["x"]].to_csv(path, index=False)
+    code, _, err = call(f"columns {path}", monkeypatch, capsys)
+    assert code == 2 and "no column looks like a channel" in err
+
+
+@pytest.mark.parametrize("width", [60, 80])
+@pytest.mark.parametrize(
+    "arguments",
+    ["robots", "routes", "datasets", "range husky", "range rusti --grade 5.71 --duty 0.367", "routes incline",
+     "evaluate --agents soc50 dmax_adaptive --episodes 4 --out OUT"],
+)  # fmt: skip
+def test_tables_fit_the_terminal(
+    arguments: str, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    code, out, _ = call(arguments.replace("OUT", str(tmp_path)), monkeypatch, capsys, width)
+    assert code == 0
+    assert "…" not in out and max(map(len, out.splitlines())) <= width
+    if width == 60 and arguments.startswith(("robots", "range husky", "evaluate")):
+        assert f"Left out in a terminal of {width} columns: " in out
+    if "evaluate" in arguments:
+        assert "soc50" in out and "dmax_adaptive" in out and "stranded" in out
+
+
+def test_a_name_with_markup_and_escapes_is_printed_as_text(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    robot = dataclasses.replace(load_robot("husky"), name="[red]x\x1b[31m[/red]")
+    (tmp_path / "r.toml").write_text(robot.to_toml())
+    for arguments in (f"range {tmp_path}/r.toml", f"routes incline --robot {tmp_path}/r.toml"):
+        code, out, _ = call(arguments, monkeypatch, capsys)
+        assert code == 0 and "[red]x?[31m[/red]" in out and "\x1b" not in out

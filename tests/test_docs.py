@@ -39,9 +39,9 @@ for yaw_rate_radps, lamp_w in ((0.0, 0.0), (-0.5, 2.0)):
 assert gym.spec("homeward/Frontier-v0").kwargs == {"mission": "Frontier"}
 known = known_of(Options("Frontier")).shared.view(np.recarray)[0]
 start = SimpleNamespace(furthest_m=0.0, position_m=0.0, returning=False)
-assert abs(reward.attainable(start, known, known.usable_j) / known.score_scale - 1.0) < 1e-9
+assert abs(reward.attainable(start, None, known, known.usable_j) / known.score_scale - 1.0) < 1e-9
 far = SimpleNamespace(furthest_m=30.0, position_m=10.0, returning=False)
-assert (reward.score(far, known), reward.attainable(far, known, 0.0)) == (900.0, 0.0)
+assert (reward.score(far, known), reward.attainable(far, None, known, 0.0)) == (900.0, 0.0)
 """
 
 THE_LAMP_IS_NAMED = """

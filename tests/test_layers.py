@@ -1,5 +1,5 @@
-"""Dependencies point one way: physics <- envs <- agents, physics <- estimation <- agents, physics <- diagnosis; `import
-homeward` stays light; and only the tests of the benchmarks need them."""
+"""Dependencies point one way: physics <- envs <- agents, physics <- estimation <- agents, estimation <-
+companion, physics <- diagnosis; `import homeward` stays light; and only the tests of the benchmarks need them."""
 
 import ast
 import subprocess
@@ -11,12 +11,15 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 FORBIDDEN = {
-    "homeward/physics": {"homeward.envs", "homeward.agents", "homeward.diagnosis", "homeward.estimation"},
-    "homeward/estimation": {"homeward.envs", "homeward.agents", "homeward.diagnosis"},
-    "homeward/diagnosis": {"homeward.envs", "homeward.agents", "homeward.estimation"},
-    "envs": {"homeward.agents", "homeward.diagnosis", "homeward.estimation"},
-    "agents": {"homeward.diagnosis"},
-}
+    "homeward/physics": {
+        "homeward.envs", "homeward.agents", "homeward.diagnosis", "homeward.estimation", "homeward.companion",
+    },
+    "homeward/estimation": {"homeward.envs", "homeward.agents", "homeward.diagnosis", "homeward.companion"},
+    "homeward/companion": {"homeward.envs", "homeward.agents", "homeward.diagnosis"},
+    "homeward/diagnosis": {"homeward.envs", "homeward.agents", "homeward.estimation", "homeward.companion"},
+    "envs": {"homeward.agents", "homeward.diagnosis", "homeward.estimation", "homeward.companion"},
+    "agents": {"homeward.diagnosis", "homeward.companion"},
+}  # fmt: skip
 PHYSICS_MAY_IMPORT = {"homeward", "llvmlite", "numba", "numpy"} | sys.stdlib_module_names  # llvmlite is a part of numba
 LEARNING = {"stable_baselines3", "tensorboard", "torch"}
 HEAVY = ("torch.", "stable_baselines3.", "matplotlib.pyplot.", "pandas.", "scipy.")

@@ -12,7 +12,6 @@ from typing import Annotated
 
 import tyro
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from homeward import cli
@@ -46,7 +45,7 @@ def main(args: Args) -> None:
     for name, dataset in DATASETS.items():
         groups = ", ".join(groups_of(name))
         table.add_row(name, dataset.robot or "", str(len(files_of(name))), groups, dataset.licence)
-    Console().print(table)
+    cli.Terminal().print(table)
 
 
 def run() -> int:

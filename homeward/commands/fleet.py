@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,6 @@ from typing import Annotated
 
 import tyro
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from homeward import Robot, RobotError, cli, load_robot
@@ -27,6 +27,8 @@ from homeward.diagnosis.tell.report import check_writable, write_outputs
 from homeward.files import write_whole
 from homeward.parallel import ClusterError, TaskError, check_workers, code_hash, run_tasks
 
+ASSUMED = "husky"
+"""Robot of those that are said to be none."""
 ROBOT, DIAGNOSIS, KEY = "robot.toml", "diagnosis.json", "inputs.sha256"
 
 
@@ -36,8 +38,9 @@ class Args:
 
     fleet: Annotated[Path, tyro.conf.Positional]
     """Folder with one folder of recordings a robot."""
-    robot: str = "husky"
-    """Robot file of those that have no robot.toml of their own: preset name or TOML file."""
+    robot: str | None = None
+    """Robot file of those that have no robot.toml of their own: preset name or TOML file; if left out, husky, and a
+    line says so."""
     columns: str | None = None
     """Mapping for foreign recordings: shipped name or TOML file."""
     out: Path = Path("runs/fleet")
@@ -103,7 +106,10 @@ def cases_of(args: Args) -> dict[str, Case]:
         raise RecordingError(f"cannot read {args.fleet}: {error.strerror}; give a folder of folders") from None
     if not folders:
         raise RecordingError(f"{args.fleet} holds no folder: give one with a folder of recordings a robot")
-    nominal, cases = load_robot(args.robot), {}
+    nominal, cases = load_robot(args.robot or ASSUMED), {}
+    if args.robot is None and (unknown := [one.name for one in folders if not (one / ROBOT).is_file()]):
+        said = f"no --robot is given: {ASSUMED} is assumed for {', '.join(unknown[:5])}{', ...' * (len(unknown) > 5)}"
+        print(cli.printable(said), file=sys.stderr)
     for folder in folders:
         files = sorted(entry for entry in folder.iterdir() if entry.name[0] != "." and entry.name != ROBOT)
         if not files:
@@ -147,10 +153,10 @@ def _print(found: dict[str, Diagnosis], known: int, out: Path) -> None:
         table.add_column(heading, overflow="fold")
     for row in _rows(found):
         table.add_row(*row)
-    console = Console()
+    console = cli.Terminal()
     console.print(table)
     before = f", {known} of them before" if known else ""
-    console.print(f"{len(found)} robots diagnosed{before}: {out}", markup=False, highlight=False, soft_wrap=True)
+    console.print(f"{len(found)} robots diagnosed{before}: {out}", soft_wrap=True)
 
 
 def run() -> int:

@@ -13,8 +13,8 @@ from typing import Annotated
 
 import tyro
 from rich import box
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from homeward import Robot, RobotError, cli, load_robot, quantities
 from homeward.physics import ancillary_power, d_max, optimal_speed
@@ -48,10 +48,10 @@ def main(args: Args) -> None:
         table.add_column(heading, justify="left" if heading == "robot" else "right", no_wrap=True)
     for name in preset_names():
         table.add_row(name, *_figures(load_robot(name)))
-    console = Console()
-    console.print(table)
+    console = cli.Terminal()
+    console.show(table, ("idle\nW", "drive\n%", "lasts\nh", "battery\nkJ", "speed\nm/s"))
     for name in preset_names():
-        console.print(f"[bold]{name}[/bold]: {load_robot(name).description}", highlight=False)
+        console.print(Text.assemble((name, "bold"), f": {load_robot(name).description}"))
 
 
 def _figures(robot: Robot) -> tuple[str, ...]:

@@ -17,7 +17,6 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from homeward import Robot, RobotError, cli, load_robot, quantities
@@ -54,7 +53,7 @@ def main(args: Args) -> None:
         RouteError, RobotError, OptionError: There is no such route or robot, or an argument cannot be used.
         OSError: The picture cannot be written.
     """
-    console = Console()
+    console = cli.Terminal()
     if args.route is None:
         console.print(_table())
         return
@@ -77,7 +76,7 @@ def main(args: Args) -> None:
         from homeward.commands.route_plot import routes_picture
 
         write_whole(args.plot, routes_picture(routes, args.route, args.plot.suffix))
-        console.print(f"Written to {args.plot}", markup=False, highlight=False)
+        console.print(f"Written to {args.plot}")
 
 
 def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.float64], str]]:

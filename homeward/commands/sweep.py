@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
-from rich.console import Console
 
 from homeward import cli
 from homeward.agents.learning.settings import PPOSettings, TrainingError
@@ -58,7 +57,7 @@ def main(args: Args) -> dict[str, Path]:
     check_workers(args.jobs, args.cluster)
     write_whole(args.train.out / MARK, "".join(f"{name}\n" for name in runs))
     folders = run_tasks(train_quietly, runs, jobs=args.jobs, cluster=args.cluster, title="runs")
-    Console(stderr=True).print(f"{len(folders)} runs in {args.train.out}", markup=False, soft_wrap=True)
+    cli.Terminal(stderr=True).print(f"{len(folders)} runs in {args.train.out}", soft_wrap=True)
     return folders
 
 

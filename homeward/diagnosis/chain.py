@@ -45,7 +45,7 @@ STAGES = (
 
 
 def diagnose(
-    recordings: Sequence[Recording | str | Path],
+    recordings: Recording | str | Path | Sequence[Recording | str | Path],
     robot: Robot | str | Path,
     columns: Columns | str | Path | None = None,
     seed: int = 0,
@@ -53,7 +53,7 @@ def diagnose(
     """Say whether a robot file explains recordings and, if not, what is off.
 
     Args:
-        recordings: Runs, or paths of their files.
+        recordings: Runs, or paths of their files; one by itself is a list of one.
         robot: Robot, preset name or TOML path that the simulator uses.
         columns: Mapping for foreign files.
         seed: Seed of the bootstrap draws.
@@ -66,7 +66,7 @@ def diagnose(
 
 
 def analyse(
-    recordings: Sequence[Recording | str | Path],
+    recordings: Recording | str | Path | Sequence[Recording | str | Path],
     robot: Robot | str | Path,
     columns: Columns | str | Path | None = None,
     seed: int = 0,
@@ -74,6 +74,7 @@ def analyse(
 ) -> Analysis:
     """As `diagnose`, with the evidence that the report shows; `progress` is called with the name of each stage."""
     robot = load_robot(robot)
+    recordings = [recordings] if isinstance(recordings, Recording | str | Path) else recordings
     if not recordings:
         raise RecordingError("no recordings given")
     progress("reading")

@@ -1,14 +1,19 @@
 """`diagnose.py`: exit 0 for any verdict, 2 with one line for input or output that cannot be used."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 
 import diagnose
 from homeward import load_robot
 from homeward.datasets import shipped_recording
-from homeward.diagnosis import Diagnosis
+from homeward.diagnosis import Diagnosis, analyse, read_recording
+from homeward.diagnosis import diagnose as diagnose_runs
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
@@ -71,3 +76,64 @@ def test_an_interrupted_diagnosis_leaves_what_an_earlier_one_wrote(
         assert run(monkeypatch, "--out", out) == 130
         assert capsys.readouterr().err.strip().splitlines()[-1].startswith("diagnose.py: interrupted")
         assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def drive(seed: int = 0) -> pd.DataFrame:
+    """A minute of a Husky-like drive."""
+    rng, time_s = np.random.default_rng(seed), np.arange(600) / 10.0
+    speed = np.clip(0.5 + 0.5 * np.sin(time_s / 7.0), 0.05, 1.0)
+    return pd.DataFrame(
+        {"time_s": time_s, "speed_mps": speed, "power_w": 60.0 + 120.0 * speed + rng.normal(0.0, 3.0, 600)}
+    )
+
+
+def test_what_is_assumed_and_how_a_table_was_read_is_said(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    drive().to_csv(tmp_path / "run.csv", index=False, sep=";", decimal=",")
+    assert run(monkeypatch, tmp_path / "run.csv", "--out", tmp_path / "out") == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
+    assert lines == [
+        "no --robot is given: husky is assumed; name yours, a preset or a TOML file",
+        "run.csv: read with cells separated by semicolons, decimal commas",
+    ]
+    assert run(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out") == 0
+    assert "assumed" not in capsys.readouterr().err
+
+
+def test_recordings_of_which_none_can_be_used_are_bad_input(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    drive().head(5).to_csv(tmp_path / "run.csv", index=False)
+    assert run(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out") == 2
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert last.startswith("diagnose.py: None of the recordings can be used: ") and "too short" in last
+    assert "too short" in (tmp_path / "out" / "report.html").read_text()
+
+
+CHANNELS: dict[str, Callable[[pd.DataFrame], Any]] = {
+    "sensing_hz": lambda table: 5.0 + 5.0 * np.sin(table.time_s / 11.0),
+    "heading_rad": lambda table: np.cumsum(0.03 * np.sin(table.time_s / 5.0)),
+    "base_distance_m": lambda table: np.cumsum(table.speed_mps) * 0.1,
+    "temperature_c": lambda table: 20.0 + table.time_s / 30.0,
+}
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_runs_of_which_one_lacks_a_channel(channel: str, tmp_path: Path) -> None:
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    drive(0).to_csv(paths[0], index=False)
+    table = drive(1)
+    table.assign(**{channel: CHANNELS[channel](table)}).to_csv(paths[1], index=False)
+    for order in (paths, paths[::-1]):
+        analysis = analyse(order, "husky")
+        assert len(analysis.diagnosis.recordings) == 2
+        said = [one.text for one in analysis.findings if one.recording == str(paths[0])]
+        assert any(text.startswith("lacks ") and f"{channel}, which other runs have" in text for text in said)
+
+
+def test_one_path_is_a_list_of_one(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    drive().to_csv(path, index=False)
+    found = [diagnose_runs(one, "husky") for one in (str(path), path, read_recording(path), [path])]
+    assert all(one == found[0] for one in found)

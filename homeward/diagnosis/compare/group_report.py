@@ -16,7 +16,7 @@ from homeward.diagnosis.tell.report import write_texts
 from homeward.diagnosis.tell.terminal import plain, say
 
 
-def write_groups(comparison: Comparison, folder: Path) -> list[Path]:
+def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
     """Write groups.json and groups.html, each whole or not at all.
 
     Raises:

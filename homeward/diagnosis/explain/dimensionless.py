@@ -69,9 +69,7 @@ def candidates(fit: Fitted, runs: Runs) -> Library:
         bases = [_Base("", "A", one, frozenset()), _Base("I_drive", "1", load)]
     else:
         weight_w = robot.mass_kg * GRAVITY_MPS2 * np.abs(runs.context["speed_mps"])
-        load = np.maximum(
-            fit.predicted - ancillary_power(fit.groups.robot, runs.context.get("sensing_hz", np.zeros(1))), 0.0
-        )
+        load = np.maximum(fit.predicted - ancillary_power(fit.groups.robot, runs.sensing_hz), 0.0)
         bases = [
             _Base("", "W", one, frozenset({"(v / v_max)", "(v / v_max)^2"})),  # with a higher power of v it is a load
             _Base("m g v", "1", weight_w),

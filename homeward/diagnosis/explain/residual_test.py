@@ -176,7 +176,7 @@ def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
     problem, even = fit.parameters, np.ones(len(runs.observed))
     standing = 0.0
     if runs.unit == "W":
-        standing = ancillary_power(problem.nominal, runs.context.get("sensing_hz", np.zeros(1)))
+        standing = ancillary_power(problem.nominal, runs.sensing_hz)
     load = np.nan_to_num(np.maximum(problem.predict(runs, problem.start) - standing, 0.0))
     mean = float(load.mean())
     return [(False, even), (True, load / mean)] if float(load.std()) > 0.1 * mean > 0.0 else [(False, even)]

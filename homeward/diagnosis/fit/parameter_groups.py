@@ -125,7 +125,7 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     per = gamma if runs.unit == "W" else thrust_n_per_a(robot)
     idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w if runs.unit == "W" else 0.0
     sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
-    fastest_hz = max(float(np.max(runs.context.get("sensing_hz", np.zeros(1)), initial=0.0)), robot.max_sensing_hz)
+    fastest_hz = max(float(np.max(runs.sensing_hz, initial=0.0)), robot.max_sensing_hz)
     # Of a drag that is unknown all that was drawn ten times over is out of the question.
     most_force = most * (gamma / top_speed if runs.unit == "W" else per)
     most_drag = rules.MOST_TIMES * robot.drag_ns2_per_m2 or 10.0 * most_force / top_speed**2

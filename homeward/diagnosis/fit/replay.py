@@ -31,6 +31,11 @@ class Runs:
     context: Mapping[str, Array]  # NaN where a run lacks the channel
 
     @property
+    def sensing_hz(self) -> Array:
+        """Sensing rate, Hz, as it is replayed: 0 where a run lacks the channel."""
+        return np.nan_to_num(self.context.get("sensing_hz", np.zeros(len(self.run))))
+
+    @property
     def names(self) -> list[str]:
         """Names of the runs."""
         return [run.name for run in self.signals]

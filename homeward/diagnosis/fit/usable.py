@@ -1,6 +1,6 @@
 """Checks before any fitting: which runs can be used, and what to know about the rest."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,8 +62,20 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
         kept = [pair for pair in kept if pair[1].unit == "W"]
     if not kept:
         return [], findings
+    findings += _lacked([run for _, run in kept], {name for recording, _ in kept for name in recording.channels})
     runs, said = _set_right([run for _, run in kept], [recording for recording, _ in kept], robot)
     return runs, findings + said
+
+
+def _lacked(runs: Sequence[Signals], recorded: Collection[str]) -> list[Finding]:
+    """Channels that some runs have and others lack: there nothing was sensed, or the value is not known."""
+    given = dict.fromkeys(name for run in runs for name in run.context if name in recorded)
+    found = []
+    for run in runs:
+        if lacks := [name for name in given if name not in run.context]:
+            nothing = "; its sensing rate is taken for 0" if "sensing_hz" in lacks else ""
+            found.append(Finding(run.name, f"lacks {', '.join(lacks)}, which other runs have{nothing}"))
+    return found
 
 
 def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -14,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from homeward.diagnosis.read.channels import CHANNELS
+from homeward.files import STANDARD_INPUT, read_toml
 
 
 class RecordingError(ValueError):
@@ -43,7 +43,8 @@ class Columns:
     name: str
     sources: dict[str, Source]
     constants: dict[str, float]
-    separator: str = ","
+    separator: str | None = None  # as the file shows, where it is left out
+    decimal: str | None = None  # sign in numbers, as the file shows
     header: tuple[str, ...] = ()  # names of the columns of files without a line of names
     sample_hz: float | None = None  # of files without time stamps
     stamp: str | None = None  # column of time stamps that repeat within a second
@@ -51,6 +52,10 @@ class Columns:
     def file_columns(self) -> list[str]:
         """Names of the columns that are read from the file."""
         return list(dict.fromkeys(column for source in self.sources.values() for column, _ in source.terms))
+
+    def time_columns(self) -> list[str]:
+        """Names of the file's columns that the time comes from."""
+        return [column for column, _ in self.sources["time_s"].terms] if "time_s" in self.sources else []
 
     def apply(self, table: pd.DataFrame) -> pd.DataFrame:
         """Turn a table of the file's columns, whose index counts the file's lines, into one of the schema's channels.
@@ -82,13 +87,13 @@ def read_mapping(what: str, mapping: str | Path, folder: Traversable, known: set
     """
     names = shipped(folder)
     path = folder / f"{mapping}.toml" if str(mapping) in names else Path(mapping)
-    if not path.is_file():
+    if not path.is_file() and str(mapping) != STANDARD_INPUT:
         raise RecordingError(
             f"{what} {str(mapping)!r} is neither a file nor one that ships with the package ({', '.join(names)})"
         )
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        data = read_toml(str(path))
+    except (ValueError, OSError) as error:
         raise RecordingError(f"{mapping}: not a readable TOML file: {error}") from error
     known = known | {"description", "source"}
     for key in sorted(data.keys() - known):
@@ -130,10 +135,10 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
 
     The file has a table `[columns]` with one line per channel: the file's column name, or a table with `column` (or
     `columns`, which are added), `factor` (or `factors`) and `offset`; a table `[constants]` for channels that the file
-    lacks and that did not vary; and optionally `separator`. `header`, a list of names, is for files without a line of
-    names: their broken lines are left out. `sample_hz` stands for time stamps that a file lacks.
-    `time_s = { column = NAME, whole_seconds = true }` is for stamps of whole seconds, numbers or HH:MM:SS: the samples
-    of a second are spread evenly over it.
+    lacks and that did not vary; and optionally `separator` and `decimal`, which the file shows otherwise. `header`, a
+    list of names, is for files without a line of names: their broken lines are left out. `sample_hz` stands for time
+    stamps that a file lacks. `time_s = { column = NAME, whole_seconds = true }` is for stamps of whole seconds, numbers
+    or HH:MM:SS: the samples of a second are spread evenly over it.
 
     Raises:
         RecordingError: Unknown name, unreadable file or a wrong entry.
@@ -143,7 +148,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     """
     if isinstance(mapping, Columns):
         return mapping
-    known = {"columns", "constants", "separator", "header", "sample_hz"}
+    known = {"columns", "constants", "separator", "decimal", "header", "sample_hz"}
     data = read_mapping("mapping", mapping, files("homeward.diagnosis.read") / "maps", known)
     name, columns, constants = str(mapping), data.get("columns"), data.get("constants", {})
     header, sample_hz = data.get("header", []), data.get("sample_hz")
@@ -155,6 +160,11 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         raise RecordingError(f"{name}: needs a table [columns] with at least time_s, or with sample_hz instead of it")
     if not isinstance(header, list) or not all(isinstance(one, str) for one in header) or len({*header}) < len(header):
         raise RecordingError(f"{name}: header = {header!r} is not a list of different names")
+    separator, decimal = data.get("separator"), data.get("decimal")
+    if separator is not None and not (isinstance(separator, str) and len(separator) == 1 and separator not in '\r\n"'):
+        raise RecordingError(f'{name}: separator = {separator!r} is not one character, such as ";"')
+    if decimal not in (None, ".", ",") or (decimal is not None and decimal == separator):
+        raise RecordingError(f'{name}: decimal = {decimal!r} is neither "." nor ",", or also separates cells')
     for channel in (*columns, *constants):
         if channel not in CHANNELS:
             raise RecordingError(f"{name}: {channel} is not a channel; channels: {', '.join(CHANNELS)}")
@@ -173,15 +183,29 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
                 )
             if spread and channel != "time_s":
                 raise RecordingError(f"{name}: whole_seconds is for time_s only")
+            if spread and not isinstance(column["column"], str):
+                raise RecordingError(f"{where} = {entry!r} is not understood; column is a name")
             entry, stamp = column, column["column"] if spread else stamp
         sources[channel] = source_of(where, entry, "column")
     numbers = {channel: float(value) for channel, value in constants.items()}
-    return Columns(name, sources, numbers, str(data.get("separator", ",")), tuple(header), sample_hz, stamp)
+    return Columns(name, sources, numbers, separator, decimal, tuple(header), sample_hz, stamp)
+
+
+def numeric(column: pd.Series[Any]) -> pd.Series[Any]:
+    """A column as numbers, NaN where a cell is none.
+
+    Raises:
+        RecordingError: A number has more digits than any number that was measured.
+    """
+    try:
+        return pd.to_numeric(column, errors="coerce")
+    except OverflowError:
+        raise RecordingError("holds a whole number of hundreds of digits; is it a table of numbers?") from None
 
 
 def _spread(stamps: pd.Series[Any]) -> pd.Series[Any]:
     """Times of samples whose stamps are whole seconds, s: evenly spaced from each change of the stamp to the next."""
-    second = pd.to_numeric(stamps, errors="coerce")
+    second = numeric(stamps)
     if second.isna().any():
         second = pd.to_timedelta(stamps.astype(str), errors="coerce").dt.total_seconds()
     if second.isna().any():

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-import csv
-import gzip
-import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass
+import io
+import math
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pyarrow.parquet as pq
 
-from homeward.diagnosis.read.bags import is_bag, sha256
+from homeward.diagnosis.read import tables
+from homeward.diagnosis.read.bags import is_bag, sha256, storage_files
 from homeward.diagnosis.read.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
-from homeward.diagnosis.read.columns import Columns, RecordingError, load_columns
+from homeward.diagnosis.read.columns import Columns, RecordingError, load_columns, numeric
+from homeward.diagnosis.read.times import LONGEST_STEP_S, from_epoch, from_iso
+from homeward.files import STANDARD_INPUT, open_regular
+from homeward.installed import advice
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (".csv", ".csv.gz", ".txt", ".parquet")
 _STRAY_SHARE = 0.01  # up to this share of impossible values is taken for glitches and left out, more for a wrong unit
+_BATCH_ROWS = 2**16  # of a Parquet file at a time
 _MOST_BROKEN = 0.1  # of the lines of a file without names of columns; more for a mapping of other files
-_LONGEST_STEP_S = 30.0
 _LONGEST_RUN_S = 3 * 86400.0
 _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # and what the ratio is where one of them is in another unit
     ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
@@ -64,7 +68,7 @@ def read_recording(
 
     Args:
         path: A .csv, .csv.gz, .txt or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag. One
-            file or folder is one run.
+            file or folder is one run. "-" is standard input.
         columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag it names topics, see
             `homeward.diagnosis.read.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
         standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
@@ -74,6 +78,8 @@ def read_recording(
             do not increase or values in another unit.
     """
     path = Path(path)
+    if str(path) == STANDARD_INPUT:
+        return _read_standard_input(columns, standing)
     bag = path.exists() and is_bag(path)
     mapping = None if bag or columns is None else load_columns(columns)
     try:
@@ -85,13 +91,33 @@ def read_recording(
         raise RecordingError(f"{path}: {error}") from error
 
 
+def _read_standard_input(columns: str | Path | Columns | None, standing: bool) -> Recording:
+    """As `read_recording`, of a table that is piped in: CSV, gzipped or not, or Parquet."""
+    with tempfile.TemporaryDirectory() as folder:
+        start = sys.stdin.buffer.read(4)
+        kind = ".parquet" if start == b"PAR1" else ".csv.gz" if start[:2] == b"\x1f\x8b" else ".csv"
+        path = Path(folder) / f"standard_input{kind}"
+        with path.open("wb") as file:
+            file.write(start)
+            while piece := sys.stdin.buffer.read(2**20):
+                if file.tell() > tables.MOST_BYTES:
+                    raise RecordingError(f"standard input: holds more than {tables.MOST_BYTES / 1e9:.2g} GB")
+                file.write(piece)
+        try:
+            return replace(read_recording(path, columns, standing=standing), name="standard input")
+        except RecordingError as error:
+            raise RecordingError(str(error).replace(str(path), "standard input")) from None
+
+
 def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.DataFrame, list[str]]:
+    if not all(file.is_file() for file in storage_files(path)):
+        raise RecordingError("is a pipe or device; a bag is a file")
     if isinstance(mapping, Columns):
         raise RecordingError("a bag takes a mapping of topics, not of columns")
     try:
         from homeward.diagnosis.read.bags.reading import read_bag  # only now: it needs a further package
     except ImportError:
-        raise RecordingError("a bag needs rosbags; install it with pip install 'homeward[logs]'") from None
+        raise RecordingError(f"a bag needs rosbags; install it with {advice('logs', 'rosbags')}") from None
     return read_bag(path, mapping)
 
 
@@ -99,93 +125,118 @@ def _read_table(path: Path, mapping: Columns | None, standing: bool) -> tuple[pd
     suffix = next((s for s in _SUFFIXES if path.name.lower().endswith(s)), None)
     if not path.exists():
         raise RecordingError("no such file")
-    if not path.is_file():
+    if path.is_dir():
         raise RecordingError("is a folder; give the files of the runs in it")
+    if not path.is_file():
+        raise RecordingError("is a pipe or device; give a file, or - for standard input")
     if suffix is None:
         raise RecordingError(f"unknown kind of file; a recording is {', '.join(_SUFFIXES)} or a bag")
     if path.stat().st_size == 0:
         raise RecordingError("is empty")
     notes: list[str] = []
     if suffix == ".parquet":
-        table = _read_parquet(path, mapping, standing)
+        table = _read_parquet(path, mapping, standing, notes)
     elif mapping is not None and mapping.header:
         table = _read_without_header(path, mapping, notes)
     else:
-        table = _read_csv(path, mapping, standing)
+        table = _read_csv(path, mapping, standing, notes)
     table = table if mapping is None else mapping.apply(table)
     if standing and not first_set(MOTION, [*map(str, table.columns)]):
         table = table.assign(speed_mps=0.0)
     return table, notes
 
 
-def _opened(path: Path) -> BinaryIO:
-    return cast(BinaryIO, gzip.open(path, "rb")) if path.suffix.lower() == ".gz" else path.open("rb")
-
-
 def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.DataFrame:
     """Columns that the mapping names, by line of the file; broken lines are left out, and a note says so."""
     wanted = _wanted(list(mapping.header), mapping)
-    with _opened(path) as file:
-        lines = file.read().decode("utf-8-sig", "replace").splitlines()
-    rows = {number: cells for number, line in enumerate(lines)
-            if len(cells := line.split(mapping.separator)) == len(mapping.header)}  # fmt: skip
-    table = pd.DataFrame.from_dict(rows, orient="index", columns=list(mapping.header))[wanted]
-    plain = [name for name in wanted if name != mapping.stamp]
-    table[plain] = table[plain].apply(pd.to_numeric, errors="coerce")
-    whole: pd.DataFrame = table[np.isfinite(table[plain].to_numpy(dtype=np.float64)).all(axis=1)]
-    broken = len(lines) - len(whole)
-    if broken > _MOST_BROKEN * len(lines):
-        numbers = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
-        raise RecordingError(f"{broken} of {len(lines)} lines do not hold {numbers}")
+    places = [mapping.header.index(name) for name in wanted]
+    stamp = wanted.index(mapping.stamp) if mapping.stamp is not None else None
+    whole: dict[str, list[Any]] = {name: [] for name in wanted}
+    numbers: list[int] = []
+    count = 0
+    with tables.refusing(), tables.opened(path) as file:
+        for count, line in enumerate(io.TextIOWrapper(file, "utf-8-sig", "replace"), start=1):
+            if count > tables.MOST_ROWS:
+                raise RecordingError(f"has more than {tables.MOST_ROWS} lines; cut it into several runs")
+            cells = line.rstrip("\r\n").split(mapping.separator or ",")
+            values = _values(cells, places, stamp) if len(cells) == len(mapping.header) else None
+            if values is not None:
+                numbers.append(count - 1)
+                for name, value in zip(wanted, values, strict=True):
+                    whole[name].append(value)
+    broken = count - len(numbers)
+    if broken > _MOST_BROKEN * count:
+        meant = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
+        raise RecordingError(f"{broken} of {count} lines do not hold {meant}")
     if broken:
         notes.append(f"{broken} broken lines are left out")
-    return whole
+    return pd.DataFrame(whole, index=numbers)
 
 
-def _read_csv(path: Path, mapping: Columns | None, standing: bool) -> pd.DataFrame:
-    separator = "," if mapping is None else mapping.separator
+def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> list[float | str] | None:
+    """The wanted cells of a line as numbers, or as it is for the stamp; None where one is no number."""
     try:
-        with _opened(path) as file:
-            line = file.readline(1 << 16).decode("utf-8-sig")
-        header = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
-        wanted = _wanted(header, mapping, standing)
-        places = [header.index(name) for name in wanted]
-        # All columns are read as they are, so that a short last line can be told from an empty last cell.
-        table = pd.read_csv(path, sep=separator, encoding="utf-8-sig", skipinitialspace=True, header=0,
-                            names=range(len(header)), usecols=[*places, len(header) - 1], index_col=False,
-                            low_memory=False)  # fmt: skip
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise RecordingError(f"is not a whole gzip file ({error}); copy or record it again") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from error
-    except pd.errors.EmptyDataError as error:
-        raise RecordingError("holds no samples") from error
-    except pd.errors.ParserError as error:
-        raise RecordingError(f"is not a table: {str(error).splitlines()[0]}") from error
-    if len(table) and pd.isna(table[len(header) - 1].iloc[-1]):
-        _refuse_cut_line(path, len(header), separator)
-    return table[places].set_axis(wanted, axis="columns")
+        values = [cells[place] if at == stamp else float(cells[place]) for at, place in enumerate(places)]
+    except ValueError:
+        return None
+    return values if all(isinstance(value, str) or math.isfinite(value) for value in values) else None
 
 
-def _refuse_cut_line(path: Path, whole: int, separator: str) -> None:
-    """A last line with fewer cells than the header is one that was still being written."""
-    with _opened(path) as file:
-        file.seek(max(file.seek(0, 2) - (1 << 16), 0))
-        line = file.read().rstrip(b"\r\n").rsplit(b"\n", 1)[-1]
-    cells = len(line.decode("utf-8", "replace").split(separator))
-    if cells < whole:
-        raise RecordingError(f"the last line is cut off ({cells} of {whole} cells); delete it or record again")
+def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
+    told = mapping or Columns("", {}, {})
+    table = tables.sniff(path, told.separator, told.decimal)
+    wanted = _wanted(table.header, mapping, standing)
+    dated: list[str] = []
+    pieces = [_in_numbers(piece, mapping, dated) for piece in table.pieces(wanted)]
+    if how := (*table.notes, *dict.fromkeys(dated)):
+        notes.append(f"read with {', '.join(how)}")
+    return pd.concat(pieces) if pieces else pd.DataFrame(columns=wanted, dtype=np.float64)
 
 
-def _read_parquet(path: Path, mapping: Columns | None, standing: bool) -> pd.DataFrame:
+def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
+    dated: list[str] = []
     try:
-        with pq.ParquetFile(path) as file:
+        with open_regular(path) as stream, pq.ParquetFile(stream) as file:
             wanted = _wanted(file.schema_arrow.names, mapping, standing)
-            table: pd.DataFrame = file.read(columns=wanted).to_pandas()[wanted]
-            return table
-    except (pa.ArrowException, OSError) as error:
-        message = str(error).splitlines()[0]
+            if file.metadata.num_rows > tables.MOST_ROWS:
+                raise RecordingError(f"has more than {tables.MOST_ROWS} rows; cut it into several runs")
+            pieces = [_in_numbers(piece, mapping, dated) for piece in _batches(file, wanted)]
+    except (RecordingError, MemoryError):
+        raise
+    except Exception as error:  # damaged metadata raises anything, from ArrowException to UnicodeDecodeError
+        message = (str(error).splitlines() or [""])[0][:200]
         raise RecordingError(f"is not a whole Parquet file ({message}); copy or record it again") from error
+    notes += [f"read with {one}" for one in dict.fromkeys(dated)]
+    return pd.concat(pieces) if pieces else pd.DataFrame(columns=wanted, dtype=np.float64)
+
+
+def _batches(file: pq.ParquetFile, wanted: Sequence[str]) -> Iterator[pd.DataFrame]:
+    """Some columns, piece by piece; the index counts the rows."""
+    rows = size = 0
+    # What the metadata say of the size of columns is not asked: where it is damaged, Arrow ends the process.
+    for batch in file.iter_batches(_BATCH_ROWS, columns=list(wanted)):
+        size += batch.nbytes
+        if size > tables.MOST_BYTES:
+            raise RecordingError(
+                f"holds more than {tables.MOST_BYTES / 1e9:.2g} GB, unpacked; cut it into several runs"
+            )
+        piece: pd.DataFrame = batch.to_pandas()[list(wanted)]
+        yield piece.set_axis(range(rows, rows + len(piece)), axis="index")
+        rows += len(piece)
+
+
+def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) -> pd.DataFrame:
+    """The columns as float64; dates in the columns of the time become seconds, and `dated` says so."""
+    stamp = None if mapping is None else mapping.stamp
+    times = ["time_s"] if mapping is None else mapping.time_columns()
+    columns = {}
+    for name in table.columns:
+        column: pd.Series[Any] = table[name]
+        seconds = from_iso(column) if name in times and name != stamp else None
+        if seconds is not None:
+            dated.append("dates (ISO 8601) as s since 1970")
+        columns[name] = column if name == stamp else _numbers(column if seconds is None else seconds)
+    return pd.DataFrame(columns, index=table.index)
 
 
 def _wanted(header: list[str], mapping: Columns | None, standing: bool = False) -> list[str]:
@@ -206,7 +257,7 @@ def _wanted(header: list[str], mapping: Columns | None, standing: bool = False) 
 
 
 def _refuse_missing(present: list[str], header: list[str]) -> None:
-    advice = f"{_has(header)}; name the columns in a mapping file (--columns)"
+    advice = f"{_has(header)}; name the columns in a mapping file (--columns), as homeward columns proposes one"
     if "time_s" not in present:
         raise RecordingError(f"has no column time_s; {advice}")
     if lacks := lacking(present):
@@ -228,8 +279,10 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
         raise RecordingError(f"holds {len(table)} samples; at least 2 are needed")
     channels: dict[str, Array] = {}
     for channel in (CHANNELS[column] for column in table.columns):
-        values = _numbers(table[channel.name])
+        values = _finite(table[channel.name])
         if channel.name == "time_s":
+            values, taken_for = from_epoch(values)
+            notes += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
             _refuse_bad_time(values)
         else:
             notes += _leave_out_impossible(channel, values)
@@ -240,14 +293,20 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
 
 
 def _numbers(column: pd.Series[Any]) -> Array:
+    """A column as float64, NaN where a cell is empty."""
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
-        numbers = pd.to_numeric(column, errors="coerce")
+        numbers = numeric(column)
         bad = np.flatnonzero((numbers.isna() & column.notna()).to_numpy())
         if len(bad):
-            cell = _shown(str(column.iloc[bad[0]]))
-            raise RecordingError(f"{column.name} in row {bad[0] + 1} is {cell!r}, not a number")
+            cell, row = _shown(str(column.iloc[bad[0]])), int(column.index[bad[0]]) + 1
+            raise RecordingError(f"{_shown(str(column.name))} in row {row} is {cell!r}, not a number")
         column = numbers
-    values = column.to_numpy(dtype=np.float64, na_value=np.nan, copy=True)
+    values: Array = column.to_numpy(dtype=np.float64, na_value=np.nan, copy=True)
+    return values
+
+
+def _finite(column: pd.Series[Any]) -> Array:
+    values = _numbers(column)
     if np.isinf(values).any():
         raise RecordingError(f"{column.name} in row {int(np.argmax(np.isinf(values))) + 1} is infinite")
     return values
@@ -265,7 +324,7 @@ def _refuse_bad_time(time_s: Array) -> None:
             "sort the samples, drop repeated ones, one run a file"
         )
     step_s, duration_s = float(np.median(steps)), float(time_s[-1] - time_s[0])
-    if step_s > _LONGEST_STEP_S or duration_s > _LONGEST_RUN_S or abs(time_s[0]) > CHANNELS["time_s"].high:
+    if step_s > LONGEST_STEP_S or duration_s > _LONGEST_RUN_S or abs(time_s[0]) > CHANNELS["time_s"].high:
         units = CHANNELS["time_s"].mistaken
         # Robots are logged at about 10 Hz: the unit that comes closest is the likeliest.
         unit, factor = min(units, key=lambda u: abs(np.log(step_s * u[1] / 0.1)))

@@ -1,5 +1,6 @@
 """What is written to the output folder: diagnosis.json, corrected.toml and a self-contained report.html."""
 
+import dataclasses
 import hashlib
 import platform
 import tempfile
@@ -22,12 +23,13 @@ from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
 from homeward.diagnosis.tell.formats import labels, page, templates
+from homeward.diagnosis.tell.own_uncertainty import uncertainty_of
 from homeward.files import write_whole
 
 _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
 
 
-def write_outputs(analysis: Analysis, folder: Path) -> list[Path]:
+def write_outputs(analysis: Analysis, folder: str | Path) -> list[Path]:
     """Write diagnosis.json, corrected.toml and report.html, each whole or not at all.
 
     Raises:
@@ -37,25 +39,26 @@ def write_outputs(analysis: Analysis, folder: Path) -> list[Path]:
     return write_texts(folder, {**texts, "report.html": report_html(analysis)})
 
 
-def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+def write_texts(folder: str | Path, texts: Mapping[str, str]) -> list[Path]:
     """Write files of a folder by name, each whole or not at all.
 
     Raises:
         OSError: The folder cannot be written to.
     """
+    folder = Path(folder)
     check_writable(folder)
     for name, text in texts.items():
         write_whole(folder / name, text)
     return [folder / name for name in texts]
 
 
-def check_writable(folder: Path) -> None:
+def check_writable(folder: str | Path) -> None:
     """Make the output folder and see that a file can be written there, before any work is done.
 
     Raises:
         OSError: It cannot.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    Path(folder).mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder):
         pass
 
@@ -72,7 +75,8 @@ def corrected_toml(analysis: Analysis) -> str:
         head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
     if analysis.evidence is not None and analysis.evidence.held:
         head.append(f"# Held as assumed: {', '.join(analysis.evidence.held)}.")
-    return "\n".join(head) + "\n" + analysis.corrected.to_toml(changed)
+    written = dataclasses.replace(analysis.corrected, uncertainty=uncertainty_of(analysis))
+    return "\n".join(head) + "\n" + written.to_toml(changed)
 
 
 def report_html(analysis: Analysis) -> str:

@@ -1,6 +1,8 @@
 """Recordings are read whole or refused in one line that says what is wrong, where, and what to do."""
 
 import gzip
+import io
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -114,8 +116,111 @@ def test_time_must_increase(table: pd.DataFrame, csv: Write) -> None:
 def test_time_in_another_unit(table: pd.DataFrame, csv: Write, factor: float, unit: str) -> None:
     table["time_s"] *= factor
     assert f"looks like {unit}" in refusal(csv(table))
-    table["time_s"] += 1.65e9 * factor
-    assert f"looks like {unit}" in refusal(csv(table))
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_time_since_1970(table: pd.DataFrame, csv: Write, factor: float, unit: str) -> None:
+    since_s = table["time_s"].copy()
+    table["time_s"] = (factor * since_s).round(9).astype("int64" if factor > 1.0 else float) + 1_650_000_000 * int(
+        factor
+    )
+    recording = read_recording(csv(table))
+    np.testing.assert_allclose(recording.channels["time_s"] - 1.65e9, since_s, atol=1e-6)
+    assert recording.notes == (() if unit == "s" else (f"time_s is in {unit}, read as s since 1970",))
+
+
+@pytest.mark.parametrize("zone", ["Z", "+02:00", ""])
+def test_dates(table: pd.DataFrame, csv: Write, zone: str) -> None:
+    moments = pd.Timestamp("2024-05-01 12:00:00") + pd.to_timedelta(table["time_s"], unit="s")
+    recording = read_recording(csv(table.assign(time_s=[f"{one.isoformat()}{zone}" for one in moments])))
+    time_s = recording.channels["time_s"]
+    np.testing.assert_allclose(time_s - time_s[0], table["time_s"], atol=1e-6)
+    assert time_s[0] == pd.Timestamp(f"2024-05-01 12:00:00{zone}").timestamp()
+    assert recording.notes == ("read with dates (ISO 8601) as s since 1970",)
+
+
+def test_dates_in_a_parquet_file(table: pd.DataFrame, tmp_path: Path) -> None:
+    moments = pd.Timestamp("2024-05-01 12:00:00") + pd.to_timedelta(table["time_s"], unit="s")
+    table.assign(time_s=moments).to_parquet(tmp_path / "run.parquet")
+    time_s = read_recording(tmp_path / "run.parquet").channels["time_s"]
+    np.testing.assert_allclose(time_s - time_s[0], table["time_s"], atol=1e-6)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", "|"])
+@pytest.mark.parametrize("decimal", [".", ","])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_tables_as_other_programs_write_them(
+    table: pd.DataFrame, tmp_path: Path, separator: str, decimal: str, encoding: str
+) -> None:
+    path = tmp_path / "run.csv"
+    table.assign(**{"Temp °C": 20.5}).to_csv(path, sep=separator, decimal=decimal, encoding=encoding, index=False)
+    recording = read_recording(path)
+    for name in table:
+        np.testing.assert_allclose(recording.channels[str(name)], table[name], rtol=1e-12)
+    plain = separator == "," and decimal == "." and encoding in ("utf-8", "utf-8-sig")
+    assert len(recording.notes) == (0 if plain else 1)
+
+
+def test_commas_for_both_cells_and_decimals_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,speed_mps,power_w\n" + "".join(f"0,{row},1,0,5,5\n" for row in range(9)))
+    assert "row 1 has 6 cells, the line of names 3; numbers with decimal commas" in refusal(path)
+
+
+def test_a_half_line_of_a_wide_encoding(table: pd.DataFrame, tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    text = table.to_csv(index=False).rstrip("\n")
+    path.write_text(text[: text.rindex(",")], "utf-16")
+    assert "last line is cut off (3 of 4 cells)" in refusal(path)
+
+
+def test_pipes_and_devices_are_not_read(tmp_path: Path) -> None:
+    for name in ("run.csv", "run.parquet", "run.bag", "run.mcap"):
+        os.mkfifo(tmp_path / name)
+        assert "is a pipe or device" in refusal(tmp_path / name)
+    (tmp_path / "null.csv").symlink_to("/dev/zero")
+    assert "is a pipe or device" in refusal(tmp_path / "null.csv")
+    os.mkfifo(tmp_path / "map.toml")
+    with pytest.raises(RecordingError, match="neither a file"):
+        load_columns(tmp_path / "map.toml")
+
+
+def test_standard_input(table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
+    for content in (table.to_csv(index=False).encode(), gzip.compress(table.to_csv(index=False).encode()),
+                    table.to_parquet()):  # fmt: skip
+        monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(content)))
+        recording = read_recording("-")
+        assert (recording.name, len(recording)) == ("standard input", 600)
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"a,b\n1,2\n")))
+    assert refusal(Path("-")).startswith("standard input: has no column time_s")
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [(b"0,0,0\n", "more than 100000 rows"), (b"0" * 2**16, "a line of more than 1048576 bytes")],
+)
+def test_a_file_that_unpacks_to_gigabytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: bytes, said: str
+) -> None:
+    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_ROWS", 100_000)
+    path = tmp_path / "run.csv.gz"
+    with gzip.open(path, "wb") as file:
+        file.write(b"time_s,speed_mps,power_w\n")
+        for _ in range(1000):
+            file.write(lines * (600 if len(lines) < 10 else 1))
+    assert said in refusal(path)
+    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_BYTES", 2**20)
+    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_ROWS", 10**9)
+    assert "GB, unpacked" in refusal(path) or len(lines) > 10
+
+
+def test_a_parquet_file_of_too_many_rows(tmp_path: Path, table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
+    table.to_parquet(tmp_path / "run.parquet")
+    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_ROWS", 100)
+    assert "more than 100 rows" in refusal(tmp_path / "run.parquet")
+    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_ROWS", 1000)
+    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_BYTES", 1000)
+    assert "GB, unpacked" in refusal(tmp_path / "run.parquet")
 
 
 @pytest.mark.parametrize(
@@ -214,6 +319,18 @@ def test_mapping_applies_factors_sums_and_constants(tmp_path: Path) -> None:
         ("[columns]\ntime_s = { columns = ['a', 'b'], factors = [1.0] }", "one factor each"),
         ("[columns]\ntime_s = 't'\n[constants]\nsoc = 'full'", "constants.soc"),
         ("[columns", "not a readable TOML"),
+        ("columns = 5", "needs a table [columns]"),
+        ("columns = []", "needs a table [columns]"),
+        ("columns = 'speed'", "needs a table [columns]"),
+        ("[columns]\ntime_s = { columns = 5, factors = 3 }", "one factor each"),
+        ("[columns]\ntime_s = { columns = [], factors = [] }", "one factor each"),
+        ("separator = ', '\n[columns]\ntime_s = 't'", "separator = ', ' is not one character"),
+        ("separator = 5\n[columns]\ntime_s = 't'", "separator = 5 is not one character"),
+        ("decimal = ':'\n[columns]\ntime_s = 't'", "decimal = ':' is neither"),
+        ("[columns]\ntime_s = { column = 5, whole_seconds = true }", "column is a name"),
+        ("columns = " + "[" * 5000, "nested too deeply"),
+        ("columns = " + "[" * 50 + "]" * 50, "nested too deeply"),
+        ("a" + ".a" * 100000 + " = 1", "too many dots"),
         ("rows = 1\n[columns]\ntime_s = 't'", "rows is not a known entry"),
     ],
 )

@@ -66,7 +66,7 @@ HYPOTHESES = (
     Hypothesis(
         radio.EFFECT,
         rises_with="base_distance_m",
-        reach=lambda runs: {radio.EFFECT.parameters[1].name: float(runs.context["base_distance_m"].max())},
+        reach=lambda runs: {radio.EFFECT.parameters[1].name: float(np.nanmax(runs.context["base_distance_m"]))},
     ),
     # Proportional to the cold, with it in any way, or switched by a thermostat while it is cold.
     Hypothesis(

@@ -31,8 +31,8 @@ def _rougher_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -
 
 def _from_one_direction(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     """A steady wind, from ahead and from the left."""
-    headings = [run.context["heading_rad"] for run in setting.runs.signals]
-    if all(np.isfinite(heading).all() for heading in headings):
+    headings = _headings(setting.runs)
+    if headings:
         parts = [_blowing(setting, [part(heading) for heading in headings]) for part in (np.cos, np.sin)]
         yield Term(one, np.column_stack(parts), *one.limits(2))
 
@@ -40,9 +40,16 @@ def _from_one_direction(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 def _against_the_way(one: Hypothesis, setting: Setting) -> Array | None:
     """Without a heading, a wind that changes on the way."""
     runs = setting.runs
-    if "heading_rad" in runs.context:
+    if _headings(runs):
         return None
     return _blowing(setting, [np.ones(len(run.time_s)) for run in runs.signals])
+
+
+def _headings(runs: Runs) -> list[Array]:
+    """Heading of each run, rad; none where one lacks it, in part or altogether."""
+    headings = [run.context["heading_rad"] for run in runs.signals if "heading_rad" in run.context]
+    whole = len(headings) == len(runs.signals) and all(np.isfinite(heading).all() for heading in headings)
+    return headings if whole else []
 
 
 def _blowing(setting: Setting, along: Sequence[Array]) -> Array:
@@ -68,8 +75,7 @@ def _wind_names(term: Term) -> list[tuple[str, str]]:
 
 def _in_the_wind(one: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
     ahead, left = numbers.values()
-    headings = [run.context["heading_rad"] for run in runs.signals]
-    return _blown(so_far, [ahead * np.cos(heading) + left * np.sin(heading) for heading in headings])
+    return _blown(so_far, [ahead * np.cos(heading) + left * np.sin(heading) for heading in _headings(runs)])
 
 
 def _windy_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 _SEPARATOR = "=" * 80 + "\n"
@@ -39,7 +39,7 @@ def decoder(connection: Connection, ros1: bool) -> Callable[[bytes], Any]:
         while True:
             try:
                 return stores[0].deserialize_ros1(content, kind) if ros1 else stores[0].deserialize_cdr(content, kind)
-            except (SerdeError, AssertionError, IndexError):
+            except Exception:  # a damaged message or definition raises anything, from SerdeError to KeyError
                 if len(stores) == 1:
                     raise SerdeError(f"a message of type {kind} does not fit its definition") from None
                 stores.pop(0)  # an older layout of the same type
@@ -55,8 +55,9 @@ def _stores(connection: Connection) -> list[Typestore]:
         if definition.format == MessageDefinitionFormat.IDL:
             parts = [part.split("\n", 1)[1] for part in definition.data.split(_SEPARATOR) if part.startswith("IDL: ")]
             return [_store(Stores.EMPTY, [get_types_from_idl(part) for part in parts or [definition.data]])]
-    except TypesysError as error:
-        raise UnknownType(f"{kind}: its definition in the bag cannot be read ({str(error).splitlines()[0]})") from None
+    except Exception as error:  # a damaged one raises anything, from TypesysError to KeyError
+        why = (str(error).splitlines() or [type(error).__name__])[0][:120]
+        raise UnknownType(f"{kind}: its definition in the bag cannot be read ({why})") from None
     standard = get_typestore(Stores.LATEST)
     if kind in standard.types:
         return [standard]

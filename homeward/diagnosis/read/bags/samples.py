@@ -19,6 +19,7 @@ from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.columns import RecordingError
 
 _CLOCKS_DIFFER_S = 5.0
+_LATEST_NS = np.iinfo(np.int64).max  # of a time of receipt, which a damaged record exceeds
 
 
 @dataclass
@@ -54,6 +55,9 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
     spoilt = dict.fromkeys(rows, 0)
     for connection, received_ns, content in bag.messages(readable):
         name = connection.topic
+        if received_ns > _LATEST_NS:
+            spoilt[name] += 1
+            continue
         try:
             message = decoders[id(connection.owner), connection.id](content)
             rows[name].append([get(message) for get in getters[name]])

@@ -1,0 +1,702 @@
+"""Read mutated files, in this process and by commands, and keep whatever breaks: a traceback, a hang, too much memory.
+
+`python benchmarks/fuzz.py --minutes 60` gives every loader its share of the time, in `--workers` processes that are
+started anew when one dies. Each input is a real file with bytes or structure changed, or what was kept of earlier ones
+because it ended in a new way; where `atheris` is installed, coverage guides half the time of loaders written in Python.
+A loader may refuse with its own error, in at most 10 s and with at most 1 GB more than before; anything else is a
+finding and lies in OUT/TARGET with its traceback. `--commands N` forks that many runs of `homeward` on such files.
+OUT/fuzz.md is the table of the documentation; tests/broken holds what once broke, and tests/test_broken.py reads it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+import hashlib
+import importlib.util
+import io
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import tyro
+
+ROOT = Path(__file__).resolve().parents[1]
+LONGEST_S = 10.0
+"""What reading an input may take."""
+MOST_BYTES = 10**9
+"""What it may allocate."""
+_DEAD_S = 60.0  # without a word from a worker: a hang that no signal ends
+_KEPT = 400  # inputs that ended in a new way
+_FRESH = 0.5  # share of inputs made of a real file, not of what was kept
+_TOKENS = (
+    b"nan", b"inf", b"-inf", b"1e400", b"-1", b"0", b"1e-320", b"9223372036854775807", b"18446744073709551616", b"\x00",
+    b"\xff\xff\xff\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"[[", b"]]", b"{", b"}", b'"', b"'", b"#", b"\n", b"\r\n", b";",
+    b",", b"\t", b"true", b"null", b"None", b"1979-05-27T07:32:00Z", b"[1, 2]", b'"text"', b"{}", b"[]", b"0x10",
+    b"../../etc/passwd", "é".encode("latin-1"), "🤖".encode(), b"\x1b[31m", b"[red]", b"time_s", b"=", b"." * 50,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Args:
+    """How long, and what."""
+
+    minutes: float = 1.0
+    """Time for the loaders, shared evenly."""
+    commands: int = 0
+    """Runs of commands after that."""
+    workers: int = 2
+    """Processes at once."""
+    targets: tuple[str, ...] = ()
+    """Loaders to fuzz; all if left out."""
+    seed: int = 0
+    """Seed of the mutations."""
+    out: Path = Path("runs/fuzz")
+    """Folder of the findings and of the table."""
+    worker: str = ""
+    """Loader that this process is to read for; the processes that this one starts are given it."""
+    guided: bool = False
+    """Whether coverage guides that."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A loader: what it reads, the endings of its files, and the errors that it may refuse with."""
+
+    read: Callable[[Path], Any]
+    suffix: str
+    refusals: tuple[type[Exception], ...]
+    seeds: Callable[[], list[bytes]]
+    guidable: bool = False  # written in Python for the most part
+
+
+class Hang(BaseException):
+    """Raised by the watchdog."""
+
+
+def targets() -> dict[str, Target]:
+    """Every loader by name."""
+    from homeward.agents.trained.onnx_export import ExportError, setting_of
+    from homeward.agents.trained.policy_file import PolicyFileError, load_policy
+    from homeward.diagnosis import RecordingError, load_columns, read_recording
+    from homeward.diagnosis.read.bags.topics import load_topics
+    from homeward.diagnosis.read.propose import propose
+    from homeward.envs.instruments import InstrumentError, load_instruments
+    from homeward.envs.options import OptionError
+    from homeward.envs.route_files import load_route
+    from homeward.envs.routes import RouteError
+    from homeward.physics import RobotError, load_robot
+
+    def policy(path: Path) -> Any:
+        folder = _policy_folder(path)
+        try:
+            return load_policy(folder)
+        finally:
+            shutil.rmtree(folder)
+
+    def setting(path: Path) -> Any:
+        return setting_of(policy(path))
+
+    recording = (RecordingError,)
+    exported = (PolicyFileError, ExportError, OptionError, RobotError, RouteError)
+    maps = "homeward/diagnosis/read"
+    return {
+        "robot TOML": Target(load_robot, ".toml", (RobotError,), lambda: _files("homeward/robots/*.toml"), True),
+        "route CSV": Target(_routes(load_route), ".csv", (RouteError,), _route_seeds, True),
+        "route GPX": Target(_routes(load_route), ".gpx", (RouteError,), lambda: [_gpx()], True),
+        "recording CSV": Target(read_recording, ".csv", recording, _recording_seeds),
+        "recording CSV.gz": Target(read_recording, ".csv.gz", recording,
+                                   lambda: [gzip.compress(one) for one in _recording_seeds()]),
+        "recording by a mapping": Target(lambda path: read_recording(path, "husky_borealtc"), ".csv", recording,
+                                         _foreign_seeds),
+        "recording without a header": Target(lambda path: read_recording(path, "turtlebot3_tactics"), ".txt", recording,
+                                             lambda: [b"1,2.5,11.1,300,3300,11.2\n" * 40]),
+        "recording Parquet": Target(read_recording, ".parquet", recording, _parquet_seeds),
+        "bag MCAP": Target(read_recording, ".mcap", recording, lambda: _bag_seeds("mcap")),
+        "bag ROS 1": Target(read_recording, ".bag", recording, lambda: _bag_seeds("ros1")),
+        "bag sqlite3": Target(read_recording, ".db3", recording, lambda: _bag_seeds("sqlite3")),
+        "mapping of columns": Target(load_columns, ".toml", recording, lambda: _files(f"{maps}/maps/*.toml"), True),
+        "mapping of topics": Target(load_topics, ".toml", recording, lambda: _files(f"{maps}/bags/maps/*.toml"), True),
+        "proposal of a mapping": Target(propose, ".csv", recording, lambda: [*_recording_seeds(), *_foreign_seeds()]),
+        "policy": Target(policy, "", (PolicyFileError,), _policy_seeds),
+        "policy for ONNX": Target(setting, "", exported, _policy_seeds),
+        "instruments TOML": Target(load_instruments, ".toml", (InstrumentError,), _instrument_seeds, True),
+    }  # fmt: skip
+
+
+# Seeds: real files, shortened so that many are read in a second.
+
+
+def _files(pattern: str) -> list[bytes]:
+    return [path.read_bytes() for path in sorted(ROOT.glob(pattern))]
+
+
+def _routes(load: Callable[[Path, float], Any]) -> Callable[[Path], Any]:
+    return lambda path: load(path, 5.0)
+
+
+def _route_seeds() -> list[bytes]:
+    track = "lat,lon,ele\n" + "".join(f"{45 + i * 1e-4:.5f},{7 + i * 1e-5:.5f},{100 + i % 7}\n" for i in range(40))
+    return [*_files("homeward/routes/*.csv"), track.encode()]
+
+
+def _gpx() -> bytes:
+    points = "".join(f'<trkpt lat="{45 + i * 1e-4:.5f}" lon="7.0"><ele>{100 + i % 7}</ele></trkpt>' for i in range(40))
+    head = '<?xml version="1.0"?><gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1">'
+    return f"{head}<trk><trkseg>{points}</trkseg></trk></gpx>".encode()
+
+
+def _recording_seeds() -> list[bytes]:
+    with gzip.open(ROOT / "homeward" / "recordings" / "synthetic_husky.csv.gz") as file:
+        whole = file.read().splitlines(keepends=True)[:60]
+    plain = b"".join(whole)
+    epoch = b"time_s,speed_mps,voltage_v,current_a\n" + b"".join(
+        b"%d,0.5,24.5,3\n" % (1714564800000 + 100 * i) for i in range(40)
+    )
+    dates = b"time_s,wheel_left_mps,wheel_right_mps,power_w\n" + b"".join(
+        b"2024-05-01T12:00:%02dZ,0.5,0.6,90\n" % i for i in range(40)
+    )
+    return [plain, plain.replace(b",", b";"), plain.replace(b",", b";").replace(b".", b","), epoch, dates,
+            plain.decode().encode("utf-16")]  # fmt: skip
+
+
+def _foreign_seeds() -> list[bytes]:
+    folder = os.environ.get("HOMEWARD_DATA")
+    real = sorted(Path(folder).rglob("*.csv"))[::20][:6] if folder else []
+    made = b"time,curL,curR,velL,velR\n" + b"".join(b"%.2f,1.5,1.4,0.5,0.5\n" % (i / 10) for i in range(60))
+    return [made, *(b"".join(path.read_bytes().splitlines(keepends=True)[:60]) for path in real)]
+
+
+def _parquet_seeds() -> list[bytes]:
+    import pandas as pd
+
+    frames = [pd.read_csv(io.BytesIO(one)) for one in (_recording_seeds()[0], _recording_seeds()[4])]
+    seeds = []
+    for frame in frames:
+        for compression in ("snappy", "zstd", None):
+            buffer = io.BytesIO()
+            frame.to_parquet(buffer, compression=compression)
+            seeds.append(buffer.getvalue())
+    return seeds
+
+
+def _bag_seeds(form: str) -> list[bytes]:
+    from tests.diagnosis.read.bag_writer import Stream, write_bag
+
+    time_s = np.arange(0.0, 8.0, 0.5)
+    streams = {
+        "/odom": Stream("nav_msgs/msg/Odometry", time_s, {"twist.twist.linear.x": 0.5 + 0.1 * np.sin(time_s)}),
+        "/battery": Stream("sensor_msgs/msg/BatteryState", time_s, {"voltage": 24.0, "current": -3.0 - time_s}),
+    }
+    seeds = []
+    with tempfile.TemporaryDirectory() as folder:
+        for compression in {"ros1": ("", "lz4"), "mcap": ("", "storage"), "sqlite3": ("",)}[form]:
+            bag = write_bag(Path(folder) / f"{form}{compression}", form, streams, compression)
+            files = [bag] if bag.is_file() else [one for one in bag.iterdir() if one.suffix in (".mcap", ".db3")]
+            seeds += [one.read_bytes() for one in files]
+    return seeds
+
+
+_BREAK = b"\n--policy--\n"
+
+
+def _policy_seeds() -> list[bytes]:
+    """Both files of a policy in one, the description first."""
+    return [
+        (folder / "policy.json").read_bytes() + _BREAK + (folder / "policy.safetensors").read_bytes()
+        for folder in sorted((ROOT / "agents" / "policies").iterdir())
+        if (folder / "policy.json").is_file()
+    ]
+
+
+def _policy_folder(path: Path) -> Path:
+    """A folder with the two files; the hash is set right where it can be, or hardly any would be looked into."""
+    description, _, weights = path.read_bytes().partition(_BREAK)
+    folder = Path(tempfile.mkdtemp(dir=path.parent))
+    digest = hashlib.sha256(weights).hexdigest().encode()
+    description = re.sub(rb'("weights_sha256": ")[0-9a-f]{64}"', rb"\g<1>" + digest + b'"', description)
+    (folder / "policy.json").write_bytes(description)
+    (folder / "policy.safetensors").write_bytes(weights)
+    return folder
+
+
+def _instrument_seeds() -> list[bytes]:
+    import dataclasses
+
+    from homeward.envs.instruments import INSTRUMENTS
+
+    return [
+        "".join(f"{name} = {value!r}\n" for name, value in dataclasses.asdict(one).items()).encode()
+        for one in INSTRUMENTS.values()
+    ]
+
+
+# Mutations.
+
+
+class Mutator:
+    """Changes bytes or structure of inputs, with what a generator draws."""
+
+    def __init__(self, rng: np.random.Generator, corpus: list[bytes]) -> None:
+        self.rng, self.corpus, self.fixed = rng, corpus, len(corpus)
+        self.ways = (self._flip, self._overwrite, self._insert, self._delete, self._repeat, self._cut, self._splice,
+                     self._number, self._cell, self._lines, self._ends)  # fmt: skip
+
+    def draw(self) -> bytes:
+        """A changed input of the corpus."""
+        often = self.rng.random() < _FRESH
+        data = self.corpus[int(self.rng.integers(self.fixed if often else len(self.corpus)))]
+        for _ in range(int(self.rng.geometric(0.6))):
+            data = self.ways[int(self.rng.integers(len(self.ways)))](data)
+        return data[:300_000]
+
+    def _at(self, data: bytes) -> int:
+        return int(self.rng.integers(len(data) + 1))
+
+    def _token(self) -> bytes:
+        return _TOKENS[int(self.rng.integers(len(_TOKENS)))]
+
+    def _flip(self, data: bytes) -> bytes:
+        changed = bytearray(data)
+        for _ in range(int(self.rng.integers(1, 5)) if data else 0):
+            changed[int(self.rng.integers(len(data)))] ^= 1 << int(self.rng.integers(8))
+        return bytes(changed)
+
+    def _overwrite(self, data: bytes) -> bytes:
+        at, junk = self._at(data), self.rng.bytes(int(self.rng.integers(1, 9)))
+        return data[:at] + junk + data[at + len(junk) :]
+
+    def _insert(self, data: bytes) -> bytes:
+        at = self._at(data)
+        return data[:at] + self._token() + data[at:]
+
+    def _delete(self, data: bytes) -> bytes:
+        at = self._at(data)
+        return data[:at] + data[at + int(self.rng.geometric(0.05)) :]
+
+    def _repeat(self, data: bytes) -> bytes:
+        at = self._at(data)
+        part = data[at : at + int(self.rng.integers(1, 200))]
+        return data[:at] + part * int(2 ** self.rng.integers(1, 8)) + data[at:]
+
+    def _cut(self, data: bytes) -> bytes:
+        return data[: self._at(data)]
+
+    def _splice(self, data: bytes) -> bytes:
+        other = self.corpus[int(self.rng.integers(len(self.corpus)))]
+        return data[: self._at(data)] + other[self._at(other) :]
+
+    def _number(self, data: bytes) -> bytes:
+        """A number, or what follows an equals sign or colon, becomes something else."""
+        places = [match.span(1) for match in re.finditer(rb"(?:[=:,]\s*)([^\s,;\]}]+)", data[:20_000])]
+        if not places:
+            return self._insert(data)
+        start, end = places[int(self.rng.integers(len(places)))]
+        return data[:start] + self._token() + data[end:]
+
+    def _cell(self, data: bytes) -> bytes:
+        """A length or count in a binary header: a little-endian number becomes extreme."""
+        width = int(self.rng.choice([1, 2, 4, 8]))
+        at = self._at(data)
+        value: int = (
+            int(self.rng.choice([0, 1, 127, 255])) if width == 1 else (1 << int(self.rng.integers(0, 8 * width))) - 1
+        )
+        return data[:at] + (value % (1 << 8 * width)).to_bytes(width, "little") + data[at + width :]
+
+    def _lines(self, data: bytes) -> bytes:
+        lines = data.splitlines(keepends=True)
+        if len(lines) < 2:
+            return self._flip(data)
+        one, other = (int(self.rng.integers(len(lines))) for _ in range(2))
+        way = int(self.rng.integers(3))
+        if way == 0:
+            del lines[one]
+        elif way == 1:
+            lines.insert(other, lines[one])
+        else:
+            lines[one], lines[other] = lines[other], lines[one]
+        return b"".join(lines)
+
+    def _ends(self, data: bytes) -> bytes:
+        """The first or last kilobyte, where formats keep their headers."""
+        if len(data) < 2048:
+            return self._flip(data)
+        if self.rng.random() < 0.5:
+            return self._flip(data[:1024]) + data[1024:]
+        return data[:-1024] + self._overwrite(data[-1024:])
+
+
+# One worker: a loop over inputs of one target.
+
+
+@dataclass
+class Tally:
+    """What became of the inputs of a target."""
+
+    inputs: int = 0
+    read: int = 0
+    refused: int = 0
+    longest_s: float = 0.0
+    guided: bool = False
+    findings: Counter[str] = field(default_factory=Counter)
+
+
+class Worker:
+    """Reads inputs of one target and keeps what breaks."""
+
+    def __init__(self, name: str, out: Path) -> None:
+        self.name, self.target, self.out = name, targets()[name], out
+        self.out.mkdir(parents=True, exist_ok=True)
+        self.tally, self.seen = Tally(), set[str]()
+        self.folder = Path(tempfile.mkdtemp(prefix="fuzz_", dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
+        self.path = self.folder / f"input{self.target.suffix}"
+        self._written_s = 0.0
+
+    def try_one(self, data: bytes) -> bool:
+        """Read one input; True if it ended in a way not seen before."""
+        self.path.write_bytes(data)
+        (self.out / "last").write_text(str(self.path))
+        began = time.monotonic()
+        signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+        try:
+            with _quiet():
+                self.target.read(self.path)
+            end = "read"
+            self.tally.read += 1
+        except self.target.refusals as error:
+            end = f"refused {_shape(str(error))}"
+            self.tally.refused += 1
+        except (Exception, Hang) as error:
+            end = f"broke {type(error).__name__} {_where(error)}"
+            self._keep(end, data, traceback.format_exc())
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        self.tally.inputs += 1
+        self.tally.longest_s = max(self.tally.longest_s, time.monotonic() - began)
+        if time.monotonic() - self._written_s > 1.0:
+            self.write()
+        new = end not in self.seen
+        self.seen.add(end)
+        return new
+
+    def _keep(self, end: str, data: bytes, trace: str) -> None:
+        self.tally.findings[end] += 1
+        name = hashlib.sha256(end.encode()).hexdigest()[:12]
+        if self.tally.findings[end] == 1:
+            (self.out / f"{name}{self.target.suffix}").write_bytes(data)
+            (self.out / f"{name}.trace").write_text(f"{end}\n{trace}")
+
+    def write(self) -> None:
+        """Write the tally where the parent reads it."""
+        self._written_s = time.monotonic()
+        fresh = self.out / f"tally.{os.getpid()}.new"
+        fresh.write_text(json.dumps(vars(self.tally)))
+        fresh.replace(self.out / f"tally.{os.getpid()}.json")
+
+
+def _quiet() -> contextlib.AbstractContextManager[Any]:
+    caught = contextlib.ExitStack()
+    caught.enter_context(warnings.catch_warnings())
+    warnings.simplefilter("ignore")
+    return caught
+
+
+def _shape(message: str) -> str:
+    """A message less its numbers, quoted text and paths."""
+    return re.sub(r"[\d.e+-]+|'[^']*'|\"[^\"]*\"|/\S+", "#", message)[:80]
+
+
+def _where(error: BaseException) -> str:
+    """Where in this project it was raised from."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "homeward" in frame.filename]
+    return f"{Path(frames[-1].filename).name}:{frames[-1].name}" if frames else "elsewhere"
+
+
+def work(args: Args) -> None:
+    """Fuzz one target for the given time; the parent reads the tally."""
+    worker = Worker(args.worker, args.out)
+    worker.tally.guided = args.guided
+    signal.signal(signal.SIGALRM, _hang)
+    rng = np.random.default_rng([args.seed, *args.worker.encode()])
+    corpus = worker.target.seeds()
+    for seed in corpus:  # imports and caches come before the limit
+        worker.try_one(seed)
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
+    try:
+        if args.guided:
+            _guided(worker, corpus, args)
+            return
+        mutator, end_s, fixed = Mutator(rng, corpus), time.monotonic() + 60.0 * args.minutes, len(corpus)
+        while time.monotonic() < end_s:
+            data = mutator.draw()
+            if worker.try_one(data) and len(data) < 100_000:
+                if len(corpus) > fixed + _KEPT:
+                    del corpus[fixed + int(rng.integers(_KEPT))]
+                corpus.append(data)
+    finally:
+        worker.write()
+        shutil.rmtree(worker.folder, ignore_errors=True)
+
+
+def _guided(worker: Worker, corpus: list[bytes], args: Args) -> None:
+    """Let libFuzzer choose the inputs by the coverage of the target's Python code."""
+    import atheris
+
+    folder = worker.folder / "corpus"
+    folder.mkdir()
+    for number, seed in enumerate(corpus):
+        (folder / str(number)).write_bytes(seed)
+    limits = [f"-max_total_time={int(60 * args.minutes)}", f"-seed={args.seed + 1}", "-max_len=20000", 
+              "-rss_limit_mb=0", "-timeout=0", "-handle_alrm=0", "-verbosity=0", "-print_final_stats=0"]  # fmt: skip
+    atheris.Setup([sys.argv[0], *limits, str(folder)], lambda data: worker.try_one(data) and None)
+    atheris.Fuzz()
+
+
+def _hang(number: int, frame: FrameType | None) -> None:
+    raise Hang(f"more than {LONGEST_S:g} s")
+
+
+# The parent.
+
+
+def main(args: Args) -> dict[str, Tally]:
+    """Fuzz every target, then the commands; print and write the table; exit with 1 if anything broke."""
+    if args.worker:
+        work(args)
+        return {}
+    names = args.targets or tuple(targets())
+    tallies: dict[str, Tally] = {}
+    turns = [(name, 60.0 * args.minutes * args.workers / len(names)) for name in names]
+    running: dict[str, _Turn] = {}
+    while turns or running:
+        while turns and len(running) < args.workers:
+            name, seconds = turns.pop(0)
+            running[name] = _Turn(name, seconds, args)
+        time.sleep(0.2)
+        for name, turn in list(running.items()):
+            if turn.ended():
+                tallies[name] = turn.tally()
+                del running[name]
+                print(_row(name, tallies[name]), flush=True)
+    if args.commands:
+        tallies["commands"] = _commands(args)
+        print(_row("commands", tallies["commands"]), flush=True)
+    table = _table(tallies)
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "fuzz.md").write_text(table)
+    print(table)
+    return tallies
+
+
+class _Turn:
+    """A target's time, in as many worker processes as it takes."""
+
+    def __init__(self, name: str, seconds: float, args: Args) -> None:
+        self.name, self.args, self.out = name, args, args.out / name.replace(" ", "_")
+        shutil.rmtree(self.out, ignore_errors=True)
+        self.end_s, self.deaths = time.monotonic() + seconds, 0
+        self.guide = targets()[name].guidable and _has_atheris()
+        self._start()
+
+    def _start(self) -> None:
+        left = max(self.end_s - time.monotonic(), 0.0)
+        guided = self.guide and self.deaths % 2 == 0
+        half = 0.5 * left if guided else left
+        command = [sys.executable, __file__, "--worker", self.name, "--minutes", str(half / 60.0),
+                   "--out", str(self.out), "--seed", str(self.args.seed + self.deaths)]  # fmt: skip
+        paths = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+        self.out.mkdir(parents=True, exist_ok=True)
+        with (self.out / "log").open("ab") as log:
+            env = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
+            line = [*command, *(["--guided"] if guided else [])]
+            self.process = subprocess.Popen(line, stdout=log, stderr=log, env=env)
+        self.guided, self.start_s = guided, time.monotonic()
+
+    def ended(self) -> bool:
+        code = self.process.poll()
+        if code is None and self._silent_s() > _DEAD_S:
+            self.process.kill()
+            code = self.process.wait()
+            self._keep_last("hangs where no signal ends it")
+        elif code is None:
+            return False
+        elif code not in (0, 1) or not list(self.out.glob(f"tally.{self.process.pid}.json")):
+            self._keep_last(f"died with {code}")
+        self.deaths += 1
+        if self.end_s - time.monotonic() > 1.0 and self.deaths < 200:
+            self._start()
+            return False
+        return True
+
+    def _silent_s(self) -> float:
+        tally = self.out / f"tally.{self.process.pid}.json"
+        last = tally.stat().st_mtime if tally.is_file() else time.time() - (time.monotonic() - self.start_s)
+        return time.time() - last
+
+    def _keep_last(self, how: str) -> None:
+        last = self.out / "last"
+        path = Path(last.read_text()) if last.is_file() else None
+        if path is None:
+            raise SystemExit(f"no input of {self.name} was read: see {self.out / 'log'}")
+        if path.is_file():
+            data = path.read_bytes()
+            shutil.copy(path, self.out / f"death{self.deaths}{path.suffix}")
+            (self.out / f"death{self.deaths}.trace").write_text(f"{how}, {len(data)} bytes\n")
+            tally = Tally(inputs=1, findings=Counter({how: 1}))
+            (self.out / f"tally.death{self.deaths}.json").write_text(json.dumps(vars(tally)))
+
+    def tally(self) -> Tally:
+        total = Tally()
+        for path in self.out.glob("tally.*.json"):
+            one = json.loads(path.read_text())
+            total.inputs += one["inputs"]
+            total.read += one["read"]
+            total.refused += one["refused"]
+            total.longest_s = max(total.longest_s, one["longest_s"])
+            total.guided |= one["guided"]
+            total.findings.update(one["findings"])
+        return total
+
+
+def _has_atheris() -> bool:
+    return importlib.util.find_spec("atheris") is not None
+
+
+# Commands.
+
+
+def _command_lines(
+    folder: Path, rng: np.random.Generator, kinds: dict[str, Mutator]
+) -> Iterator[tuple[str, list[str]]]:
+    """Names and arguments of runs of `homeward`, each on a fresh mutated file."""
+    every = targets()
+    lines: list[tuple[str, list[str]]] = [
+        ("robot TOML", ["range", "FILE"]), ("robot TOML", ["range", "FILE", "--grade", "3", "--duty", "0.5"]),
+        ("robot TOML", ["robots", "FILE"]), ("robot TOML", ["routes", "incline", "--robot", "FILE"]),
+        ("route CSV", ["routes", "FILE"]), ("route GPX", ["routes", "FILE", "--robot", "husky"]),
+        ("recording CSV", ["columns", "FILE"]), ("recording by a mapping", ["columns", "FILE"]),
+        ("recording CSV", ["diagnose", "FILE", "--robot", "husky", "--out", str(folder / "out")]),
+        ("recording Parquet", ["diagnose", "FILE", "--robot", "husky", "--out", str(folder / "out")]),
+        ("bag MCAP", ["diagnose", "FILE", "--robot", "husky", "--out", str(folder / "out")]),
+        ("mapping of columns", ["diagnose", "RUN", "--columns", "FILE", "--out", str(folder / "out")]),
+        ("instruments TOML", ["evaluate", "--instruments", "FILE", "--agents", "soc50", "--episodes", "2", "--out",
+                              str(folder / "out")]),
+        ("robot TOML", ["evaluate", "--robot", "FILE", "--agents", "soc50", "--episodes", "2", "--out",
+                        str(folder / "out")]),
+    ]  # fmt: skip
+    run = folder / "run.csv"
+    run.write_bytes(_foreign_seeds()[0])
+    while True:
+        name, line = lines[int(rng.integers(len(lines)))]
+        path = folder / f"input{every[name].suffix}"
+        path.write_bytes(kinds[name].draw())
+        yield name, [{"FILE": str(path), "RUN": str(run)}.get(word, word) for word in line]
+
+
+def _commands(args: Args) -> Tally:
+    """Run commands in forks of a process that has everything loaded."""
+    from homeward import __main__ as command
+
+    for name in ("columns", "diagnose", "evaluate", "range", "robots", "routes"):
+        importlib.import_module(f"homeward.commands.{name}")
+
+    every, tally, rng = targets(), Tally(), np.random.default_rng([args.seed, 1])
+    out = args.out / "commands"
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    kinds = {name: Mutator(rng, every[name].seeds()) for name in every}
+    with tempfile.TemporaryDirectory() as folder:
+        lines = _command_lines(Path(folder), rng, kinds)
+        for number, (_, line) in zip(range(args.commands), lines, strict=False):
+            began, log = time.monotonic(), Path(folder) / "log"
+            code = _forked(command.run, line, log, Path(folder))
+            took_s, said = time.monotonic() - began, log.read_text(errors="replace")
+            tally.inputs += 1
+            tally.longest_s = max(tally.longest_s, took_s)
+            tally.read, tally.refused = tally.read + (code == 0), tally.refused + (code == 2)
+            if code not in (0, 2) or "Traceback" in said:
+                last = said.strip().splitlines()[-1:] or [""]
+                end = f"{line[0]}: code {code}, {_shape(last[0])}"
+                tally.findings[end] += 1
+                if tally.findings[end] == 1:
+                    (out / f"{number}.trace").write_text(f"{' '.join(line)}\n{end}\n{said}")
+                    for word in line:
+                        if word.startswith(folder) and Path(word).is_file():
+                            shutil.copy(word, out / f"{number}_{Path(word).name}")
+    return tally
+
+
+def _forked(run: Callable[[], int], line: list[str], log: Path, folder: Path) -> int:
+    """Exit code of a command in a child process; 1 after a traceback, -9 or -24 if it took too long."""
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            os.chdir(folder)
+            handle = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(handle, 1)
+            os.dup2(handle, 2)
+            sys.argv = ["homeward", *line]
+            sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
+            size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (size + 2 * MOST_BYTES, resource.RLIM_INFINITY))
+            most_s = int(sum(os.times()[:2]) + 4 * LONGEST_S)  # of a whole diagnosis, not only reading
+            resource.setrlimit(resource.RLIMIT_CPU, (most_s, most_s))
+            code = run()
+        except SystemExit as error:
+            code = error.code if isinstance(error.code, int) else 1
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            with contextlib.suppress(Exception):
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(code)
+    end_s = time.monotonic() + 60 * LONGEST_S  # on a machine with other work; a command that computes ends before
+    while time.monotonic() < end_s:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.005)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return -9
+
+
+def _row(name: str, one: Tally) -> str:
+    guided = " (coverage)" if one.guided else ""
+    found = sum(one.findings.values())
+    return f"| {name}{guided} | {one.inputs:,} | {one.read:,} | {one.refused:,} | {one.longest_s:.2f} s | {found} |"
+
+
+def _table(tallies: dict[str, Tally]) -> str:
+    total = Tally(sum(one.inputs for one in tallies.values()), sum(one.read for one in tallies.values()),
+                  sum(one.refused for one in tallies.values()),
+                  max((one.longest_s for one in tallies.values()), default=0.0))  # fmt: skip
+    total.findings = sum((one.findings for one in tallies.values()), Counter[str]())
+    head = ["| what is read | inputs | read | refused in one line | longest | broke |", "|---|---|---|---|---|---|"]
+    rows = [_row(name, one) for name, one in tallies.items()]
+    ways = [f"* {name}: {end} ({count})" for name, one in tallies.items() for end, count in one.findings.items()]
+    return "\n".join([*head, *rows, _row("all", total), "", *ways]) + "\n"
+
+
+if __name__ == "__main__":
+    found = main(tyro.cli(Args, description=__doc__))
+    sys.exit(1 if any(one.findings for one in found.values()) else 0)

@@ -1,0 +1,259 @@
+"""A mapping proposed for a foreign table: which column is which channel, by its name, its unit and its values."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+
+from homeward.diagnosis.read import tables
+from homeward.diagnosis.read.channels import CHANNELS, Array
+from homeward.diagnosis.read.columns import RecordingError, numeric
+from homeward.diagnosis.read.times import from_iso
+from homeward.files import open_regular
+
+SURE = ("certain", "likely", "a guess")
+"""How sure a proposal is: name and unit say it; the name does and the values fit; a weak name, or values alone."""
+
+_ROWS = 5000  # that are looked at
+_DEGREE = np.pi / 180.0
+
+_NAMES: dict[str, tuple[str, str]] = {
+    # channel: words of which one names it, all of a group joined by "+"; words that speak against it
+    "time_s": ("time timestamp stamp date datetime elapsed clock epoch t sec secs", "rate step"),
+    "wheel_left_mps": ("left+wheel left+speed left+vel left+velocity vell", "current motor amps right"),
+    "wheel_right_mps": ("right+wheel right+speed right+vel right+velocity velr", "current motor amps left"),
+    "motor_left_a": ("left+current left+motor left+amps curl", "speed velocity vel temp right"),
+    "motor_right_a": ("right+current right+motor right+amps curr", "speed velocity vel temp left"),
+    "yaw_rate_radps": ("yaw+rate turn+rate gyro+z angular+z wz omega yawrate angular+velocity rotation+rate", "x y"),
+    "speed_mps": ("speed velocity vel v vx groundspeed linear+x odom+x", "wind angular left right fan rpm yaw set cmd"),
+    "grade_rad": ("grade slope incline inclination pitch gradient", "rate"),
+    "elevation_m": ("elevation altitude alt height ele", "rate"),
+    "base_distance_m": ("base+distance distance+base distance+home home+distance", ""),
+    "distance_m": ("distance dist odometer odo travelled traveled mileage", "base home"),
+    "heading_rad": ("heading yaw course bearing azimuth", "rate"),
+    "soc": ("soc charge+state state+charge battery+level battery+percent battery+percentage", "health"),
+    "power_w": ("power watt watts pwr leistung", "factor"),
+    "voltage_v": ("voltage volt volts vbat vbatt vbus batt+v battery+v spannung", "motor"),
+    "current_a": ("current amp amps ampere amperes ibat ibatt strom curr", "left right motor time"),
+    "sensing_hz": ("sensing+rate sample+rate sampling+rate camera+rate sensing fps sensing+hz", ""),
+    "temperature_c": ("temperature temp ambient", "motor cpu battery cell gpu"),
+    "payload_kg": ("payload load cargo", "cpu power"),
+}
+
+_LENGTH = {"m": 1.0, "metre": 1.0, "meter": 1.0, "meters": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
+_ANGLE = {"rad": 1.0, "radians": 1.0, "deg": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "°": _DEGREE}
+_SPEED = {
+    "m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704, "cm/s": 1e-2, "mm/s": 1e-3,
+}  # fmt: skip
+_RATE = {
+    "rad/s": 1.0, "radps": 1.0, "rads": 1.0, "deg/s": _DEGREE, "degps": _DEGREE, "dps": _DEGREE, "°/s": _DEGREE,
+}  # fmt: skip
+_CURRENT = {"a": 1.0, "ma": 1e-3, "amp": 1.0, "amps": 1.0}
+_UNITS: dict[str, dict[str, float]] = {
+    "s": {"s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "m/s": _SPEED,
+    "rad/s": _RATE,
+    "rad": _ANGLE | {"%": 1e-2, "percent": 1e-2},
+    "m": _LENGTH,
+    "W": {"w": 1.0, "watt": 1.0, "watts": 1.0, "kw": 1e3, "mw": 1e-3},
+    "V": {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3},
+    "A": _CURRENT,
+    "Hz": {"hz": 1.0, "khz": 1e3, "fps": 1.0},
+    "1": {"%": 1e-2, "percent": 1e-2, "pct": 1e-2, "percentage": 1e-2},
+    "degC": {"c": 1.0, "°c": 1.0, "degc": 1.0, "celsius": 1.0, "k": 1.0, "f": 5 / 9, "°f": 5 / 9},
+    "kg": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237, "lbs": 0.45359237},
+}
+"""Factors to SI by the unit of a channel."""
+_OFFSETS = {"k": -273.15, "f": -160.0 / 9.0, "°f": -160.0 / 9.0}
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a column is taken for."""
+
+    column: str
+    channel: str
+    factor: float
+    offset: float
+    sure: int  # index into SURE
+    why: str
+
+    def entry(self) -> str:
+        """Its line of a mapping file."""
+        name = json.dumps(self.column, ensure_ascii=False)
+        if self.factor == 1.0 and self.offset == 0.0:
+            value = name
+        else:
+            offset = f", offset = {self.offset:.10g}" if self.offset else ""
+            value = f"{{ column = {name}, factor = {_toml_number(self.factor)}{offset} }}"
+        return f"{self.channel} = {value}  # {SURE[self.sure]}: {_one_line(self.why)}"
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A mapping proposed for a file, and what is left over of its columns, with what it could have been."""
+
+    path: Path
+    guesses: tuple[Guess, ...]
+    left_over: dict[str, str]
+    notes: tuple[str, ...]
+
+    def toml(self) -> str:
+        """The mapping file."""
+        head = f"# Proposed for {_one_line(self.path.name)}: check each line, above all signs and what is only a guess."
+        rest = [f"# Not used: {_one_line(', '.join(self.left_over))}"] if self.left_over else []
+        return "\n".join([head, "", "[columns]", *(one.entry() for one in self.guesses), *rest]) + "\n"
+
+
+def propose(path: str | Path) -> Proposal:
+    """Propose which columns of a table are which channels.
+
+    Args:
+        path: A .csv, .csv.gz, .txt or .parquet file.
+
+    Raises:
+        RecordingError: It cannot be read, or no column looks like a time.
+    """
+    path = Path(path)
+    try:
+        header, table, notes = _beginning(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    try:
+        offered = [guess for name in header for guess in _guesses(name, table[name])]
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from None
+    chosen: dict[str, Guess] = {}
+    for guess in sorted(offered, key=lambda one: one.sure):
+        if guess.channel not in chosen and guess.column not in {one.column for one in chosen.values()}:
+            chosen[guess.channel] = guess
+    taken = {one.column for one in chosen.values()}
+    left = {name: _why_left(name, offered, chosen) for name in header if name not in taken}
+    return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
+
+
+def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...]]:
+    if path.suffix.lower() == ".parquet":
+        try:
+            with open_regular(path) as stream, pq.ParquetFile(stream) as file:
+                batch: Any = next(file.iter_batches(_ROWS))
+                table = batch.to_pandas()
+        except OSError:
+            raise
+        except Exception as error:  # as in `recordings`
+            raise RecordingError(
+                f"is not a whole Parquet file ({(str(error).splitlines() or [''])[0][:200]})"
+            ) from error
+        return [str(name) for name in table.columns], table.set_axis(map(str, table.columns), axis="columns"), ()
+    if not path.name.lower().endswith((".csv", ".csv.gz", ".txt")):
+        raise RecordingError("is no table; give a .csv, .csv.gz, .txt or .parquet file (a bag has topics, not columns)")
+    text = tables.sniff(path)
+    names = list(dict.fromkeys(name for name in text.header if name))
+    if not names:
+        raise RecordingError("has no names of columns in its first line")
+    pieces = text.pieces(names)
+    return names, next(pieces, pd.DataFrame(columns=names)).iloc[:_ROWS], text.notes
+
+
+def _guesses(name: str, column: pd.Series[Any]) -> list[Guess]:
+    """What a column may be, the channels whose names it bears."""
+    words, unit_words = _words(name)
+    dated = from_iso(column)
+    values = (numeric(column) if dated is None else dated).to_numpy(np.float64, na_value=np.nan)
+    if not np.isfinite(values).any():
+        return []
+    found = []
+    for channel, (groups, against) in _NAMES.items():
+        if name == channel:
+            found.append(Guess(name, channel, 1.0, 0.0, 0, "it has the channel's name"))
+        elif any(set(group.split("+")) <= words for group in groups.split()) and not words & set(against.split()):
+            if dated is not None and channel == "time_s":
+                found.append(Guess(name, channel, 1.0, 0.0, 0, "dates (ISO 8601)"))
+            elif dated is None and (guess := _in_unit(name, channel, values, unit_words)) is not None:
+                found.append(guess)
+    return found
+
+
+def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> Guess | None:
+    """The guess with the unit that the name gives or, failing that, the values; None where neither is possible."""
+    about = CHANNELS[channel]
+    units = _UNITS[about.unit]
+    for word in unit_words:
+        if word in units:
+            factor, offset = units[word], _OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
+            if _possible(channel, values * factor + offset):
+                return _signed(Guess(name, channel, factor, offset, 0, f"its name says {word}"), values)
+    for word, factor in [(about.unit, 1.0), *about.mistaken]:
+        if _possible(channel, values * factor) and _usual(channel, values * factor):
+            sure = 1 if factor == 1.0 else 2
+            why = f"its name says no unit; values fit {word}" if about.unit != "1" else "its values lie in 0 to 1"
+            return _signed(Guess(name, channel, factor, 0.0, sure, why if sure == 1 else f"values fit {word}"), values)
+    return None
+
+
+def _possible(channel: str, values: Array) -> bool:
+    if channel == "time_s":
+        steps = np.diff(values[np.isfinite(values)])
+        return bool(len(steps) and (steps >= 0.0).mean() > 0.99 and values[0] > -1.0)
+    return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= 0.01
+
+
+def _usual(channel: str, values: Array) -> bool:
+    """Whether values without a unit are in the range of a ground robot's, and not only possible."""
+    finite = np.abs(values[np.isfinite(values)])
+    largest, step = float(finite.max()), float(np.median(np.diff(values))) if len(values) > 1 else 0.0
+    if channel == "time_s":
+        return 0.0 < step < 2.0 or values[0] > 1e11  # of an epoch in ms to ns the reader sees the unit
+    limits = {"heading_rad": 7.0, "grade_rad": 0.8, "speed_mps": 30.0, "yaw_rate_radps": 10.0, "voltage_v": 1000.0,
+              "wheel_left_mps": 30.0, "wheel_right_mps": 30.0, "current_a": 500.0, "power_w": 2e5}  # fmt: skip
+    return largest <= limits.get(channel, np.inf)
+
+
+def _signed(guess: Guess, values: Array) -> Guess:
+    """Battery current or power that is mostly negative is counted the other way round."""
+    if guess.channel in ("current_a", "power_w") and float(np.nanmedian(values)) < 0.0:
+        return Guess(guess.column, guess.channel, -guess.factor, guess.offset, 2,
+                     f"{guess.why}; mostly negative, so taken as negative when discharging")  # fmt: skip
+    if guess.channel in ("grade_rad", "heading_rad") and "pitch" in guess.column.lower():
+        return Guess(
+            guess.column, guess.channel, guess.factor, guess.offset, 2, f"{guess.why}; uphill must be positive"
+        )
+    return guess
+
+
+def _words(name: str) -> tuple[set[str], list[str]]:
+    """Words of a column's name, and those that may be its unit: what is in brackets, and its last words."""
+    bracket = re.findall(r"[\[(<]\s*([^\])>]*?)\s*[\])>]", name)
+    plain = re.sub(r"[\[(<][^\])>]*[\])>]", " ", name)
+    split = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain)
+    words = [word for word in re.split(r"[^a-zA-Z°%µ/]+", split) if word]
+    lower = [word.lower() for word in words]
+    units = [one.replace("µ", "u").replace("^-1", "").replace(".", "").lower() for one in bracket]
+    whole = [word.lower() for word in re.split(r"[^a-zA-Z°%µ/]+", plain) if word]  # mA, which was split as m and A
+    ends = ["/".join(lower[-2:]), *whole[::-1], *lower[::-1]] if len(lower) > 1 or len(whole) > 1 else []
+    return {part for word in (*lower, *whole) for part in (word, *word.split("/"))}, [*units, *ends]
+
+
+def _why_left(name: str, offered: list[Guess], chosen: dict[str, Guess]) -> str:
+    mine = [guess for guess in offered if guess.column == name]
+    if not mine:
+        return ""
+    return f" (could be {mine[0].channel}, which {chosen[mine[0].channel].column} is taken for)"
+
+
+def _toml_number(value: float) -> str:
+    text = f"{value:.12g}"
+    return text if any(mark in text for mark in ".e") else f"{text}.0"
+
+
+def _one_line(text: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in text)

@@ -1,0 +1,230 @@
+"""Text tables as they are found: encoding, separator and decimal sign, read piece by piece within stated limits."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+import pandas as pd
+
+from homeward.diagnosis.read.columns import RecordingError
+from homeward.files import open_regular
+
+MOST_ROWS = 10_000_000
+"""Rows of a recording: 27 hours at 100 Hz."""
+MOST_BYTES = 2**30
+"""Bytes of a recording, unpacked: as many rows of 100 characters."""
+
+_LONGEST_LINE = 2**20
+_PIECE = 200_000  # rows at a time
+_SNIFFED = 2**16  # bytes that encoding, separator and decimal sign are told by
+_SEPARATORS = (",", ";", "\t", "|")
+_NAMES = {";": "semicolons", "\t": "tabs", "|": "vertical bars", ",": "commas"}
+_MARKS = (b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
+_DECIMAL_POINT = re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*")
+_BINARY = bytes(set(range(32)) - set(b"\t\n\r\f\x1b"))
+
+
+class _Limited(io.RawIOBase):
+    """A stream that refuses to give more bytes, or longer lines, than a recording has."""
+
+    def __init__(self, file: BinaryIO, packed: bool) -> None:
+        super().__init__()
+        self._file, self._bytes, self._line = file, 0, 0
+        self._stream = cast(BinaryIO, gzip.GzipFile(fileobj=file, mode="rb")) if packed else file
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        data = self._stream.read(len(buffer))
+        self._bytes += len(data)
+        end = max(data.rfind(b"\n"), data.rfind(b"\r"))
+        self._line = self._line + len(data) if end < 0 else len(data) - end - 1
+        if self._bytes > MOST_BYTES:
+            raise RecordingError(f"holds more than {MOST_BYTES / 1e9:.2g} GB, unpacked; cut it into several runs")
+        if self._line > _LONGEST_LINE:
+            raise RecordingError(f"has a line of more than {_LONGEST_LINE} bytes; a recording has a line per sample")
+        buffer[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        self._stream.close()
+        self._file.close()
+        super().close()
+
+
+def opened(path: Path) -> io.BufferedReader:
+    """A file as a stream of bytes within the limits, unpacked where its name ends in .gz.
+
+    Raises:
+        OSError: It cannot be opened, or is a pipe or device.
+    """
+    return io.BufferedReader(_Limited(open_regular(path), path.suffix.lower() == ".gz"), 2**16)
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """How a text table is written.
+
+    Attributes:
+        path: The file.
+        header: Names of its columns.
+        separator, decimal: Between cells, and in numbers.
+        encoding: As Python names it.
+        notes: What about it is not a plain CSV file, in a phrase each.
+    """
+
+    path: Path
+    header: list[str]
+    separator: str
+    decimal: str
+    encoding: str
+    notes: tuple[str, ...]
+
+    def pieces(self, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
+        """Some columns, piece by piece, by their names; the index counts the rows.
+
+        Raises:
+            RecordingError: The table is broken, or larger than the limits.
+        """
+        places, width = [self.header.index(name) for name in columns], len(self.header)
+        last: pd.DataFrame | None = None
+        wide = self.encoding != "utf-8-sig"
+        with refusing(), opened(self.path) as file:
+            # The last column is read as well, so that a short last line can be told from an empty last cell.
+            reader = pd.read_csv(
+                io.TextIOWrapper(file, self.encoding, newline="") if wide else file,
+                encoding=None if wide else "utf-8-sig", sep=self.separator, decimal=self.decimal,
+                skipinitialspace=True, header=0, names=range(width), usecols=[*places, width - 1], index_col=False,
+                low_memory=False, chunksize=_PIECE,
+            )  # fmt: skip
+            for last in reader:
+                if len(last) and last.index[-1] >= MOST_ROWS:
+                    raise RecordingError(f"has more than {MOST_ROWS} rows; cut it into several runs")
+                yield last[places].set_axis(list(columns), axis="columns")
+        if last is not None and len(last) and pd.isna(last[width - 1].iloc[-1]):
+            self._refuse_cut_line()
+
+    def _refuse_cut_line(self) -> None:
+        """A last line with fewer cells than the header is one that was still being written."""
+        tail = b""
+        with refusing(), opened(self.path) as file:
+            while piece := file.read(2**16):
+                tail = (tail + piece)[-_LONGEST_LINE:]
+        text = tail[len(tail) % 2 :] if self.encoding.startswith("utf-16") else tail
+        lines = text.decode(_tail_encoding(self.encoding, self.path), "replace").rstrip("\r\n").splitlines()
+        cells = len(lines[-1].split(self.separator)) if lines else 0
+        if cells < len(self.header):
+            raise RecordingError(
+                f"the last line is cut off ({cells} of {len(self.header)} cells); delete it or record again"
+            )
+
+
+def sniff(path: Path, separator: str | None = None, decimal: str | None = None) -> TextTable:
+    """See how a text table is written, by its beginning.
+
+    Args:
+        path: The file.
+        separator, decimal: What is known of it already.
+
+    Raises:
+        RecordingError: It is no text, has no line of names, or its cells and numbers are both cut by commas.
+    """
+    with refusing(), opened(path) as file:
+        start = file.read(_SNIFFED)
+    if not start.strip():
+        raise RecordingError("holds no samples")
+    encoding, ended = _encoding(start), len(start) < _SNIFFED
+    try:
+        text = codecs.getincrementaldecoder(encoding)().decode(start, ended)
+    except UnicodeDecodeError as error:
+        raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from error
+    lines = [line for line in text.splitlines()[: None if ended else -1] if line.strip()]
+    if not lines:
+        raise RecordingError("holds no samples")
+    if separator is None:
+        separator = max(_SEPARATORS, key=lambda one: len(_cells(lines[0], one)))
+    header = [name.strip() for name in _cells(lines[0], separator)]
+    rows = [_cells(line, separator) for line in lines[1:200]]
+    if decimal is None:
+        decimal = "," if _has_decimal_commas(rows) else "."
+    _refuse_wide(rows, header, separator)
+    return TextTable(path, header, separator, decimal, encoding, _notes(encoding, separator, decimal))
+
+
+def _encoding(start: bytes) -> str:
+    for mark, encoding in _MARKS:
+        if start.startswith(mark):
+            return encoding
+    if start.translate(None, _BINARY) != start:
+        raise RecordingError("is not text but binary data; a recording is CSV or Parquet")
+    try:
+        start[: start.rfind(b"\n") + 1 or None].decode("utf-8")
+    except UnicodeDecodeError:
+        header = start.splitlines()[0]
+        if sum(byte >= 0x80 for byte in header) > 0.1 * len(header):
+            raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from None
+        return "cp1252"
+    return "utf-8-sig"
+
+
+def _tail_encoding(encoding: str, path: Path) -> str:
+    """The encoding of a part that does not begin with the mark."""
+    if encoding != "utf-16":
+        return encoding
+    with opened(path) as file:
+        return "utf-16-le" if file.read(2) == b"\xff\xfe" else "utf-16-be"
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return next(csv.reader([line], delimiter=separator), [])
+
+
+def _has_decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
+    cells = [cell for row in rows for cell in row]
+    return any(map(_DECIMAL_COMMA.fullmatch, cells)) and not any(map(_DECIMAL_POINT.fullmatch, cells))
+
+
+def _refuse_wide(rows: Sequence[Sequence[str]], header: Sequence[str], separator: str) -> None:
+    """Rows with more cells than names: their numbers have decimal commas, or a name is missing."""
+    for number, row in enumerate(rows, start=1):
+        if any(cell.strip() for cell in row[len(header) :]):
+            guess = "; numbers with decimal commas want another separator, such as ;" if separator == "," else ""
+            raise RecordingError(f"row {number} has {len(row)} cells, the line of names {len(header)}{guess}")
+
+
+def _notes(encoding: str, separator: str, decimal: str) -> tuple[str, ...]:
+    notes = []
+    if encoding not in ("utf-8-sig",):
+        notes.append(f"encoding {encoding}")
+    if separator != ",":
+        notes.append(f"cells separated by {_NAMES.get(separator, repr(separator))}")
+    if decimal != ".":
+        notes.append("decimal commas")
+    return tuple(notes)
+
+
+class refusing:
+    """Context that turns what the readers of text and gzip raise into a `RecordingError`."""
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
+        if isinstance(error, EOFError | zlib.error | gzip.BadGzipFile):
+            raise RecordingError(f"is not a whole gzip file ({error}); copy or record it again") from error
+        if isinstance(error, UnicodeError | csv.Error):
+            raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from error
+        if isinstance(error, pd.errors.EmptyDataError):
+            raise RecordingError("holds no samples") from error
+        if isinstance(error, pd.errors.ParserError):
+            raise RecordingError(f"is not a table: {str(error).splitlines()[0]}") from error

@@ -1,0 +1,48 @@
+"""Times as recordings have them: seconds, counts since 1970 in s, ms, us or ns, and ISO 8601."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from homeward.diagnosis.read.channels import Array
+
+_EPOCH_S = 6.3e8, 4.1e9
+"""Years 1990 to 2099 in seconds since 1970; the ranges in ms, us and ns lie apart from it and from each other."""
+LONGEST_STEP_S = 30.0
+"""Median time between the samples of a recording, s; what is longer is in another unit."""
+
+_UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)
+
+
+def from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:
+    """Seconds since 1970 of ISO 8601 texts, UTC where they name no zone; None where one is something else."""
+    if pd.api.types.is_numeric_dtype(column):
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of texts that are no dates, whatever pandas thinks of them
+            moments = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
+    except (ValueError, TypeError, OverflowError):
+        return None
+    if not len(moments) or (moments.isna() & column.notna()).any() or moments.isna().all():
+        return None
+    nanoseconds = moments.dt.as_unit("ns").astype("int64")
+    return (nanoseconds * 1e-9).where(moments.notna())
+
+
+def from_epoch(time_s: Array) -> tuple[Array, str | None]:
+    """Seconds of counts since 1970 in s, ms, us or ns, and the unit if it was not s; other times as they are.
+
+    >>> from_epoch(np.array([1.7e12, 1.7e12 + 100.0]))[1]
+    'ms'
+    """
+    first = float(time_s[0]) if len(time_s) else np.nan
+    step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+    for unit, factor in _UNITS:
+        if _EPOCH_S[0] < first * factor < _EPOCH_S[1] and step * factor <= LONGEST_STEP_S:
+            return time_s * factor, unit if factor != 1.0 else None
+    return time_s, None

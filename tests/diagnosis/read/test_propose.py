@@ -1,0 +1,108 @@
+"""A mapping proposed for a foreign table reads it as what it is."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from homeward.diagnosis import RecordingError, load_columns, read_recording
+from homeward.diagnosis.read.channels import CHANNELS
+from homeward.diagnosis.read.propose import propose
+
+TRUTH = pd.DataFrame(
+    {
+        "time_s": np.arange(600) / 10.0,
+        "speed_mps": 0.5 + 0.4 * np.sin(np.arange(600) / 40.0),
+        "voltage_v": 25.0 + np.sin(np.arange(600) / 90.0),
+        "current_a": 4.0 + np.sin(np.arange(600) / 40.0),
+        "heading_rad": np.arange(600) / 300.0,
+        "temperature_c": 15.0 + np.arange(600) / 200.0,
+        "soc": 0.9 - np.arange(600) / 3000.0,
+    }
+)
+TABLES = {
+    "units in brackets": {
+        "Time [ms]": ("time_s", 1e3, 0.0), "Velocity [km/h]": ("speed_mps", 3.6, 0.0),
+        "Voltage (V)": ("voltage_v", 1.0, 0.0), "Battery current [mA]": ("current_a", 1e3, 0.0),
+        "Heading [deg]": ("heading_rad", 180.0 / np.pi, 0.0), "Temperature [K]": ("temperature_c", 1.0, 273.15),
+        "SoC [%]": ("soc", 100.0, 0.0),
+    },
+    "units at the end": {
+        "timestamp_s": ("time_s", 1.0, 0.0), "speed_kmh": ("speed_mps", 3.6, 0.0),
+        "batteryVoltage_mV": ("voltage_v", 1e3, 0.0),
+        "current_mA": ("current_a", 1e3, 0.0), "yaw_deg": ("heading_rad", 180.0 / np.pi, 0.0),
+        "temp_f": ("temperature_c", 1.8, 32.0),
+    },
+    "no units": {
+        "t": ("time_s", 1.0, 0.0), "vx": ("speed_mps", 1.0, 0.0), "voltage": ("voltage_v", 1.0, 0.0),
+        "current": ("current_a", 1.0, 0.0), "battery_level": ("soc", 1.0, 0.0),
+    },
+    "units by values": {
+        "time": ("time_s", 1.0, 0.0), "velocity": ("speed_mps", 1.0, 0.0), "voltage": ("voltage_v", 1e3, 0.0),
+        "current": ("current_a", -1.0, 0.0), "battery_level": ("soc", 100.0, 0.0),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", TABLES)
+def test_what_is_proposed_reads_as_the_truth(tmp_path: Path, case: str) -> None:
+    columns = TABLES[case]
+    table = pd.DataFrame(
+        {name: TRUTH[channel] * factor + offset for name, (channel, factor, offset) in columns.items()}
+    )
+    table["remark"] = "ok"
+    path, mapping = tmp_path / "run.csv", tmp_path / "map.toml"
+    table.to_csv(path, index=False)
+    proposal = propose(path)
+    assert {one.column: one.channel for one in proposal.guesses} == {name: to[0] for name, to in columns.items()}
+    assert list(proposal.left_over) == ["remark"]
+    mapping.write_text(proposal.toml())
+    channels = read_recording(path, mapping).channels
+    for channel, _, _ in columns.values():
+        np.testing.assert_allclose(channels[channel], TRUTH[channel], atol=1e-6)
+
+
+def test_how_sure_it_is_says_why(tmp_path: Path) -> None:
+    table = pd.DataFrame({"time_s": TRUTH.time_s, "Speed": TRUTH.speed_mps, "current": -TRUTH.current_a})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    by_channel = {one.channel: one for one in propose(tmp_path / "run.csv").guesses}
+    assert [by_channel[name].sure for name in ("time_s", "speed_mps", "current_a")] == [0, 1, 2]
+    assert "negative when discharging" in by_channel["current_a"].why
+
+
+def test_dates_and_decimal_commas(tmp_path: Path) -> None:
+    stamps = [(pd.Timestamp("2024-05-01") + pd.Timedelta(seconds=one)).isoformat() for one in TRUTH.time_s]
+    table = TRUTH.rename(columns={"speed_mps": "Geschwindigkeit speed (m/s)", "voltage_v": "U Spannung (V)"}).assign(
+        Date=stamps
+    )
+    path = tmp_path / "run.csv"
+    table.drop(columns="time_s").to_csv(path, index=False, sep=";", decimal=",")
+    proposal = propose(path)
+    assert proposal.guesses[0].column == "Date" and "ISO 8601" in proposal.guesses[0].why
+    assert proposal.notes == ("cells separated by semicolons", "decimal commas")
+
+
+def test_a_parquet_file_of_the_schema_is_its_own_mapping(tmp_path: Path) -> None:
+    TRUTH.to_parquet(tmp_path / "run.parquet")
+    proposal = propose(tmp_path / "run.parquet")
+    assert {one.column: one.channel for one in proposal.guesses} == {name: name for name in TRUTH}
+    (tmp_path / "map.toml").write_text(proposal.toml())
+    assert set(load_columns(tmp_path / "map.toml").sources) == set(TRUTH) <= set(CHANNELS)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"), [("run.bag", b"x"), ("none.csv", None), ("run.csv", b"\x00\x01\x02"), ("e.csv", b"")]
+)
+def test_what_is_no_table_is_refused(tmp_path: Path, name: str, content: bytes | None) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordingError, match=name):
+        propose(tmp_path / name)
+
+
+def test_names_that_are_no_toml_are_quoted(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    TRUTH.rename(columns={"speed_mps": 'speed "x" \\ # [m/s]'}).to_csv(path, index=False)
+    (tmp_path / "map.toml").write_text(propose(path).toml())
+    assert len(read_recording(path, tmp_path / "map.toml")) == 600

@@ -1,0 +1,77 @@
+"""What is not installed is said in one line, with the command that installs it."""
+
+import subprocess
+import sys
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from homeward import installed
+from homeward.installed import NEEDED, advice
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_what_every_installation_has_is_what_the_project_asks_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    asked = {line.partition(">=")[0] for line in project["dependencies"]}
+    assert {"scikit-learn" if name == "sklearn" else name for name in NEEDED} == asked
+
+
+def test_every_extra_that_the_code_names_is_one() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    named = {
+        part.split('"')[1] if part[0] == '"' else part.split("'")[1]
+        for file in [*ROOT.glob("*.py"), *(ROOT / "homeward").rglob("*.py"), *(ROOT / "envs").rglob("*.py"),
+                     *(ROOT / "agents").rglob("*.py"), *(ROOT / "examples").glob("*.py")]
+        for part in file.read_text("utf-8").replace("needed(", "advice(").split("advice(")[1:]
+        if part[0] in "'\""
+    }  # fmt: skip
+    assert {"examples,train", "logs", "onnx", "ray", "train", "view"} <= named
+    assert {one for group in named for one in group.split(",")} <= set(extras)
+
+
+@pytest.mark.parametrize("script", ["train.py", "evaluate.py", "diagnose.py", "-m homeward", "-m homeward range husky"])
+def test_a_python_without_the_packages_gets_one_line(script: str) -> None:
+    found = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", RUN, *script.split()], cwd=ROOT, capture_output=True, text=True
+    )
+    assert found.returncode == 2
+    (line,) = found.stderr.splitlines()
+    assert ("does not have" in line and "tyro" in line and "pip install" in line) or ".venv/bin/python" in line
+
+
+RUN = f"""
+import runpy, sys
+sys.path.insert(0, {str(ROOT)!r})
+sys.argv = sys.argv[1:]
+sys.orig_argv = ["python", *sys.argv]
+if sys.argv[0] == "-m":
+    name = sys.argv[1]
+    sys.argv[:2] = ["-m"]
+    runpy.run_module(name, run_name="__main__", alter_sys=False)
+else:
+    runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
+def test_a_needed_package_ends_a_script(capsys: pytest.CaptureFixture[str]) -> None:
+    installed.needed("train", "numpy")
+    with pytest.raises(SystemExit) as end:
+        installed.needed("train", "numpy", "no_such_package")
+    assert end.value.code == 2
+    assert "needs no_such_package: pip install " in capsys.readouterr().err
+
+
+def test_advice_follows_how_it_was_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert advice("no_such_extra", "rosbags") == "pip install rosbags"
+
+    def missing(name: str) -> None:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr("importlib.metadata.metadata", missing)
+    assert advice("logs", "rosbags") == f"pip install -e '{ROOT}[logs]'"
+    monkeypatch.setattr(installed, "_ROOT", Path("/nowhere"))
+    assert advice("logs", "rosbags") == "pip install rosbags"
