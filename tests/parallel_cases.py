@@ -15,6 +15,8 @@ from homeward.agents.learning.settings import PPOSettings
 
 TASKS = {f"seed {seed}": seed for seed in range(6)}
 SETTINGS = PPOSettings(start="scratch", n_envs=8, n_steps=8, batch_size=32, epochs=1, hidden=8)
+STEPS = 10 * SETTINGS.rollout
+"""The first updates teach the value alone."""
 
 
 def draws(seed: int) -> NDArray[np.float64]:

@@ -20,7 +20,17 @@ from homeward import load_robot
 from homeward.agents.evaluation import tasks as evaluation_tasks
 from homeward.commands import fleet, sweep, train
 from homeward.parallel import TaskError, run_tasks
-from tests.parallel_cases import SETTINGS, TASKS, assert_equal, draws, draws_slowly, fails, policies, write_recording
+from tests.parallel_cases import (
+    SETTINGS,
+    STEPS,
+    TASKS,
+    assert_equal,
+    draws,
+    draws_slowly,
+    fails,
+    policies,
+    write_recording,
+)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +105,7 @@ def test_an_evaluation_is_the_local_one(cluster: Any, tmp_path: Path, monkeypatc
 def test_a_sweep_trains_the_local_policies(cluster: Any, tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3")
     for out, address in (("local", None), ("cluster", cluster.address)):
-        base = train.Args(steps=384, out=tmp_path / out, ppo=SETTINGS, curve=1)
+        base = train.Args(steps=STEPS, out=tmp_path / out, ppo=SETTINGS, curve=1)
         sweep.main(sweep.Args(seeds=(0, 1), cluster=address, train=base))
     assert len(policies(tmp_path / "cluster")) == 2
     assert policies(tmp_path / "cluster") == policies(tmp_path / "local")

@@ -15,7 +15,7 @@ from homeward.agents.learning.settings import TrainingError
 from homeward.commands import fleet, sweep, train
 from homeward.diagnosis import Diagnosis, RecordingError
 from homeward.parallel import TaskError
-from tests.parallel_cases import SETTINGS, policies, write_recording
+from tests.parallel_cases import SETTINGS, STEPS, policies, write_recording
 
 
 def test_a_sweep_is_every_setting_with_every_seed(tmp_path: Path) -> None:
@@ -32,7 +32,7 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> No
     pytest.importorskip("stable_baselines3")
 
     def args(jobs: int) -> sweep.Args:
-        base = train.Args(steps=384, out=tmp_path / str(jobs), ppo=SETTINGS, curve=1)
+        base = train.Args(steps=STEPS, out=tmp_path / str(jobs), ppo=SETTINGS, curve=1)
         return sweep.Args((0,), ("learning_rate=1e-3,1e-2",), jobs=jobs, train=base)
 
     for jobs in (1, 2):

@@ -160,7 +160,7 @@ def _steps_of_policy(folder: Path) -> int | None:
         return int(read_json(folder / DESCRIPTION)["training"]["steps"])
     except FileNotFoundError:
         return None
-    except (ValueError, KeyError, TypeError, OverflowError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
         raise TrainingError(f"{folder / DESCRIPTION} is damaged: choose another --out") from None
 
 

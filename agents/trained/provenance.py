@@ -44,11 +44,11 @@ def made_with(options: Options) -> dict[str, str]:
 
 
 def robot_hash(known: Known) -> str:
-    """Hash of a robot's numbers and effects, whatever it is called."""
+    """Hash of a robot's numbers and effects, whatever it is called and however sure they are."""
     values = {
         field.name: getattr(known.robot, field.name)
         for field in dataclasses.fields(known.robot)
-        if field.name not in ("name", "description")
+        if field.name not in ("name", "description", "uncertainty")
     }
     return _digest(json.dumps(values, sort_keys=True, default=dict).encode())
 

@@ -91,7 +91,7 @@ def runs_of(args: Args) -> dict[str, train.Args]:
 def _values(given: str) -> list[tuple[str, Any]]:
     """Name and value of a setting, once for each of its values."""
     name, _, values = given.partition("=")
-    defaults = dataclasses.asdict(PPOSettings())
+    defaults = dataclasses.asdict(PPOSettings()) | PPOSettings().by_start
     if name not in defaults:
         raise TrainingError(f"--vary {given}: there is no setting {name!r}; choose from {', '.join(defaults)}")
     kind = type(defaults[name])

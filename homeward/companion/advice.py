@@ -27,7 +27,7 @@ class Spread(NamedTuple):
         """Below which it is with a probability.
 
         >>> round(Spread(100.0, 10.0).quantile(0.05), 1)
-        80.6
+        81.1
         """
         return self.mean + self.sd * deviations(share)
 
