@@ -47,6 +47,10 @@ class Args:
     """Missions."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
+    instruments: str | None = None
+    """exact, meter, gauge or a TOML file; those of the difficulty if left out."""
+    weather: str | None = None
+    """still or changing; that of the difficulty if left out."""
     episodes: int = 500
     """Episodes of each mission."""
     seed: int = 0
@@ -68,7 +72,7 @@ def main(args: Args) -> None:
         raise OptionError(f"--episodes {args.episodes} --seed {args.seed}: give at least 2 and a seed of 0 or more")
     bounds, shares = _bounds_table(args), _shares_table(args)
     for mission in args.missions:
-        options = Options(mission, difficulty=args.difficulty)
+        options = Options(mission, difficulty=args.difficulty, instruments=args.instruments, weather=args.weather)
         lower, upper, cpu_s = solved(args, options)
         _add_bounds(bounds, mission, lower, upper, cpu_s)
         _add_shares(shares, args, options, lower, upper)
@@ -79,10 +83,9 @@ def main(args: Args) -> None:
 
 def solved(args: Args, options: Options) -> tuple[Array, Array, Array]:
     """Lower and upper figure of each episode and the processor time that it took, s; each of shape (episodes,)."""
-    folder, seeds = (
-        args.out / f"{options.mission}-{options.difficulty}-{args.seed}",
-        episode_seeds(args.seed, args.episodes),
-    )
+    given = (options.mission, options.difficulty, options.instruments, options.weather, args.seed)
+    folder = args.out / "-".join(str(one).replace("/", "_") for one in given if one is not None)
+    seeds = episode_seeds(args.seed, args.episodes)
     names = {f"{i}-{min(i + TOGETHER, args.episodes) - 1}": i for i in range(0, args.episodes, TOGETHER)}
     parts = {name: part for name in names if (part := _read(folder / f"{name}.json"))}
     tasks = {name: (options, seeds[i : i + TOGETHER]) for name, i in names.items() if name not in parts}
@@ -115,10 +118,15 @@ def _solve(task: tuple[Options, list[int]]) -> dict[str, Any]:
     return {"lower": optimum.lower.tolist(), "upper": optimum.upper.tolist(), "cpu_s": [each_s] * len(seeds)}
 
 
+def _conditions(args: Args) -> str:
+    given = (("instruments", args.instruments), ("weather", args.weather))
+    return ", ".join([args.difficulty, *(f"{name} {value}" for name, value in given if value)])
+
+
 def _bounds_table(args: Args) -> Table:
     used = ", ".join(f"{name} {version(name)}" for name in ("homeward", "numpy", "numba", "scipy", "gymnasium"))
     table = Table(
-        title=f"{args.episodes} episodes, {args.difficulty}, seed {args.seed}: rollout over bound",
+        title=f"{args.episodes} episodes, {_conditions(args)}, seed {args.seed}: rollout over bound",
         caption=f"Python {platform.python_version()}, {used}",
         box=box.SIMPLE_HEAD,
     )
