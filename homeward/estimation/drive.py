@@ -14,14 +14,15 @@ from homeward.estimation.prior import (
     GUST_EAST,
     GUST_NORTH,
     NORTH,
+    OFFSET,
     ROLLED,
     ROLLING,
-    STATES,
     WEIGHT,
 )
 from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.jit import inline
 
+_DRIVING = CLIMB + 1  # the states that the energy of driving hangs on come first
 _SURELY = 0.7  # of rolling: energy of a stretch above which it is not in doubt that something has to be driven
 
 
@@ -126,25 +127,25 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
     east_mps, north_mps = x[EAST] + s.stays * x[GUST_EAST], x[NORTH] + s.stays * x[GUST_NORTH]
     headwind_mps = model.headwind(east_mps, north_mps, s.east, s.north)
     air_mps = s.speed_mps + headwind_mps
-    part[:] = 0.0
+    part[OFFSET] = 0.0
     part[GAIN], part[WEIGHT] = drag(v, s.speed_mps, headwind_mps) * full, climb
     second = 2.0 * x[GAIN] * v.drag_ns2_per_m2 * v.per_efficiency * full * np.sign(air_mps)
     part[EAST], part[NORTH] = second * air_mps * s.east, second * air_mps * s.north
     part[GUST_EAST], part[GUST_NORTH] = s.stays * part[EAST], s.stays * part[NORTH]
     energy = x[WEIGHT] * climb + x[GAIN] * part[GAIN]
     if s.rolled < 0.0:
-        part[ROLLING] = roll
-        energy += x[ROLLING] * roll
+        part[ROLLING], part[ROLLED], part[CLIMB] = roll, 0.0, 0.0
     else:
-        part[ROLLED] = s.rolled * roll
-        part[CLIMB] = -misread_climb(prior, x) * s.climb_share
-        energy += part[ROLLED] * x[ROLLED] + part[CLIMB] * x[CLIMB]
+        part[ROLLING], part[ROLLED], part[CLIMB] = 0.0, s.rolled * roll, -misread_climb(prior, x) * s.climb_share
+    energy += part[ROLLING] * x[ROLLING] + part[ROLLED] * x[ROLLED] + part[CLIMB] * x[CLIMB]
     share, left = 1.0, 0.0
     if energy < _SURELY * roll:
         variance = 0.0
-        for a in range(STATES):
-            for b in range(STATES):
-                variance += part[a] * p[a, b] * part[b]
+        for a in range(_DRIVING):
+            half = 0.5 * part[a] * p[a, a]
+            for b in range(a):
+                half += part[b] * p[a, b]
+            variance += 2.0 * part[a] * half
         sd = math.sqrt(max(variance, 1e-24))
         z = energy / sd
         share = 0.5 * math.erfc(-z / math.sqrt(2.0))
@@ -152,7 +153,7 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
         mean = energy * share + density
         left = max(energy * mean + variance * share - mean * mean - share * share * variance, 0.0)
         energy = mean
-    for a in range(STATES):
+    for a in range(_DRIVING):
         slope[a] += share * part[a]
     bend[0] += share * second * s.east * s.east
     bend[1] += share * second * s.east * s.north

@@ -45,8 +45,8 @@ MARGIN_DTYPE = np.dtype(
 )
 """Energy left, cost of a plan and margin, metered, and their standard deviations; the cost as a share of a full
 battery; and the margin at the risk that was asked for."""
-_BISECTIONS = 30
-_FARTHEST = 20.0  # standard deviations from the mean within which a quantile is looked for
+_BISECTIONS, _FARTHEST = 50, 20.0  # standard deviations within which a quantile is looked for
+_EXACTLY = 1e-3  # of the probability that belongs to a quantile
 _LEAST_SKEWNESS = 1e-3  # below which a distribution is taken for normal
 
 
@@ -68,11 +68,12 @@ def judge(
         places: Shape (n, places).
         rollings: Shape (n, hypotheses, places).
         margins: Written, `MARGIN_DTYPE`, shape (n,).
-        each: Written: weight and mean, standard deviation and skewness of the margin of each hypothesis, shape
-            (n, hypotheses, 4).
+        each: Written: weight and mean, standard deviation and skewness of the margin of each hypothesis, no skewness
+            above 0, shape (n, hypotheses, 4).
     """
     slope, share, part = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
     sums, bend, wind = np.zeros((4, 2)), np.zeros(3), np.zeros(3)
+    z = _normal_quantile(risk)
     for i in range(len(plans)):
         if np.isnan(plans[i].home_cost_j):
             continue
@@ -99,7 +100,9 @@ def judge(
             margin_variance = variance + _quadratic(p, slope)
             _add(sums[2], weight, left - cost, margin_variance)
             each[i, k, 0], each[i, k, 1], each[i, k, 2] = weight, left - cost, np.sqrt(margin_variance)
-            each[i, k, 3] = -_third_cumulant(p, slope, bend, wind, stays, to_come) / max(margin_variance, 1e-18) ** 1.5
+            # A tail that is thinner than a normal distribution's is not counted on.
+            longer = max(_third_cumulant(p, slope, bend, wind, stays, to_come), 0.0)
+            each[i, k, 3] = -longer / max(margin_variance, 1e-18) ** 1.5
             slope[:] = 0.0
             slope[USED], slope[PER_CAPACITY] = 1.0, start * capacity * capacity
             _add(sums[3], weight, left, _quadratic(p, slope))
@@ -108,7 +111,7 @@ def judge(
         m.cost_share, m.cost_share_sd = sums[1, 0], _deviation(sums[1])
         m.margin_j, m.margin_sd_j = v.full_j * sums[2, 0], v.full_j * _deviation(sums[2])
         m.left_j, m.left_sd_j = v.full_j * sums[3, 0], v.full_j * _deviation(sums[3])
-        m.margin_low_j = v.full_j * _quantile(each[i], risk) if risk > 0.0 else np.nan
+        m.margin_low_j = v.full_j * _quantile(each[i], risk, z) if risk > 0.0 else np.nan
         each[i, :, 1:3] *= v.full_j
 
 
@@ -165,24 +168,64 @@ def _below(z: float, skewness: float) -> float:
     return 0.5 * math.erfc(-z / math.sqrt(2.0))
 
 
+@inline
+def _deviations(z: float, skewness: float) -> float:
+    """The inverse of `_below`, of a probability that is given as that of a normal distribution below `z`."""
+    if abs(skewness) > _LEAST_SKEWNESS:
+        return float(2.0 / skewness * (max(1.0 + skewness / 6.0 * (z - skewness / 6.0), 0.0) ** 3 - 1.0))
+    return z
+
+
 @compiled
-def _quantile(each: Any, risk: float) -> float:
-    """Below which a mixture of distributions of given mean, deviation and skewness is with a probability."""
+def _normal_quantile(risk: float) -> float:
+    low, high = -_FARTHEST, _FARTHEST
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _below(middle, 0.0) < risk else (low, middle)
+    return low
+
+
+@compiled
+def _quantile(each: Any, risk: float, z: float) -> float:
+    """Below which a mixture of distributions of given mean, deviation and skewness is with a probability.
+
+    It lies between the quantiles of its parts, and is found there by the Illinois method (Dowell and Jarratt, BIT 11,
+    1971).
+
+    Args:
+        each: Weight, mean, standard deviation and skewness of each part, shape (n, 4).
+        risk: The probability.
+        z: Below which a normal distribution is with that probability.
+    """
     low, high = np.inf, -np.inf
     for k in range(len(each)):
         if each[k, 0] > 0.0:
-            low = min(low, each[k, 1] - _FARTHEST * each[k, 2])
-            high = max(high, each[k, 1] + _FARTHEST * each[k, 2])
-    for _ in range(_BISECTIONS):
-        middle, below = 0.5 * (low + high), 0.0
-        for k in range(len(each)):
-            if each[k, 0] > 0.0:
-                below += each[k, 0] * _below((middle - each[k, 1]) / max(each[k, 2], 1e-300), each[k, 3])
-        if below < risk:
-            low = middle
+            own = each[k, 1] + each[k, 2] * _deviations(z, each[k, 3])
+            low, high = min(low, own), max(high, own)
+    below, above = _log_below(each, low) - np.log(risk), _log_below(each, high) - np.log(risk)
+    if above < _EXACTLY:
+        return high
+    value, off, was = low, below, 0.0
+    while abs(off) > _EXACTLY and high > low:
+        value = (low * above - high * below) / (above - below)
+        off = _log_below(each, value) - np.log(risk)
+        # An end that stays twice counts half.
+        if off < 0.0:
+            low, below, above = value, off, 0.5 * above if was < 0.0 else above
         else:
-            high = middle
-    return low
+            high, above, below = value, off, 0.5 * below if was > 0.0 else below
+        was = off
+    return value
+
+
+@inline
+def _log_below(each: Any, value: float) -> float:
+    """Logarithm of the probability that such a mixture is below a value."""
+    below = 0.0
+    for k in range(len(each)):
+        if each[k, 0] > 0.0:
+            below += each[k, 0] * _below((value - each[k, 1]) / max(each[k, 2], 1e-300), each[k, 3])
+    return float(np.log(max(below, 1e-300)))
 
 
 @compiled
