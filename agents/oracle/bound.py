@@ -15,6 +15,9 @@ are not negative and at which no second at a stand is worth more than nothing. L
 bound small, but it does not rest on them. Where the policy turns back is left open within one place at a time; the
 greatest of the places' bounds is the bound.
 
+One thing is not proven: a robot with a full memory may drive back to where the radio is better and out again; where the
+price of a sample is higher further out, that is not paid for in full. Tests try such missions: none exceeds the bound.
+
 What is not exact is in the policy's favour. Speed and rate may change from metre to metre, where the environment takes
 one decision for many; stops and turns come at any time; the battery may be empty in between; effects that remember and
 only add to what is drawn are left out; on every metre of a piece the radio sends as much as at its end near home; what
