@@ -57,7 +57,8 @@ def load_route(route: str | Path, place_m: float) -> Route:
 
     Columns of a profile: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`,
     `roughness`, `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row,
-    `temperature_c`, `wind_mps`, `wind_from_rad`. What follows a # is a comment. Between rows values are linear; a
+    `temperature_c`, `wind_mps`, `wind_from_rad`. What follows a # is a comment. Where the header is separated by
+    semicolons or tabs, so are the rows, and numbers may have decimal commas. Between rows values are linear; a
     place takes their mean, and from an elevation the slope from its start to its end.
 
     Args:
@@ -95,20 +96,19 @@ def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
     """Read the columns of a CSV file by name, and the number of the line that each row stands on."""
     try:
         text = read_text(path, MOST_BYTES).splitlines()
+        lines = [(number, line.split("#")[0]) for number, line in enumerate(text, start=1)]
+        lines = [(number, line) for number, line in lines if line.strip(" \t,;")]
+        # Spreadsheets of languages with decimal commas write semicolons.
+        separator = next((one for one in ";\t" if lines and one in lines[0][1]), ",")
         rows = [
-            (number, [field.strip() for field in next(csv.reader([line.split("#")[0]]))])
-            for number, line in enumerate(text, start=1)
-            if line.split("#")[0].strip(" \t,")
+            (number, [field.strip() for field in next(csv.reader([line], delimiter=separator))])
+            for number, line in lines
         ]
     except (ValueError, OSError, csv.Error) as error:
         raise RouteError(f"{path}: not a readable CSV table: {error}") from None
     if len(rows) < 3:
         raise RouteError(f"{path}: not a readable CSV table: give a header and at least two rows")
-    header, names = rows[0]
-    names = _as_track(names)
-    for separator in ";\t":
-        if separator in ",".join(names):
-            raise RouteError(f"{path}: line {header}: fields are separated by {separator!r}; separate them with commas")
+    names = _as_track(rows[0][1])
     _check_names(path, names)
     table = np.empty((len(names), len(rows) - 1))
     for row, (line, fields) in enumerate(rows[1:]):
@@ -119,7 +119,7 @@ def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
             )
         for column, field in enumerate(fields):
             try:
-                table[column, row] = float(field)
+                table[column, row] = float(field if separator == "," else field.replace(",", "."))
             except ValueError:
                 table[column, row] = np.nan
             if not np.isfinite(table[column, row]):

@@ -14,6 +14,7 @@ from homeward import load_robot
 from homeward.agents.learning.settings import TrainingError
 from homeward.commands import fleet, sweep, train
 from homeward.diagnosis import Diagnosis, RecordingError
+from homeward.diagnosis.result import RecordingInfo
 from homeward.parallel import TaskError
 from tests.parallel_cases import SETTINGS, STEPS, policies, write_recording
 
@@ -92,6 +93,16 @@ def test_a_fleet_is_diagnosed_the_same_wherever_it_runs(garage: Path, tmp_path: 
 
 
 NOTHING_TO_TEST = Diagnosis("rusti", (), "not_testable", "nothing was usable").to_json().encode()
+AS_FILED = Diagnosis("rusti", (RecordingInfo("run.csv", "0", 60.0, 600),), "no_mismatch", "all is as the file says")
+
+
+def test_a_fleet_of_which_nothing_is_usable_says_so_when_all_is_written(
+    garage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fleet, "diagnose_one", lambda case: {fleet.DIAGNOSIS: NOTHING_TO_TEST})
+    with pytest.raises(RecordingError, match=r"no recording of any robot can be used: .*fleet.csv says why"):
+        fleet.main(fleet.Args(garage, robot="rusti", out=tmp_path / "out"))
+    assert (tmp_path / "out" / "fleet.csv").read_text().count("nothing was usable") == 2
 
 
 def test_only_what_has_changed_is_diagnosed_again(
@@ -101,7 +112,7 @@ def test_only_what_has_changed_is_diagnosed_again(
 
     def note(case: fleet.Case) -> dict[str, bytes]:
         asked.append(case.recordings[0].sha256)
-        return {fleet.DIAGNOSIS: NOTHING_TO_TEST}
+        return {fleet.DIAGNOSIS: AS_FILED.to_json().encode()}
 
     monkeypatch.setattr(fleet, "diagnose_one", note)
     args = fleet.Args(garage, robot="rusti", out=tmp_path / "out")
@@ -118,7 +129,7 @@ def test_what_was_done_before_a_failure_is_kept(
     def fail_later(case: fleet.Case) -> dict[str, bytes]:
         if (tmp_path / "out" / "as_filed").is_dir():
             raise RuntimeError("no memory")
-        return {fleet.DIAGNOSIS: NOTHING_TO_TEST}
+        return {fleet.DIAGNOSIS: AS_FILED.to_json().encode()}
 
     monkeypatch.setattr(fleet, "diagnose_one", fail_later)
     with pytest.raises(TaskError, match=r"^loaded: RuntimeError: no memory"):

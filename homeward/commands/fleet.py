@@ -72,7 +72,8 @@ def main(args: Args) -> dict[str, Diagnosis]:
     """Diagnose every robot, write the outputs, print a table, and return the diagnoses by robot.
 
     Raises:
-        RecordingError, RobotError: Input that cannot be used; nothing has been diagnosed.
+        RecordingError, RobotError: Input that cannot be used. Nothing has been diagnosed or, where that shows only
+            then, the reports that say why are written nonetheless.
         TaskError: A diagnosis failed; those that ended are written, and the same command goes on.
         ClusterError: The cluster cannot be used.
         OSError: The output folder cannot be written to.
@@ -91,6 +92,8 @@ def main(args: Args) -> dict[str, Diagnosis]:
     found = {name: Diagnosis.from_json((args.out / name / DIAGNOSIS).read_text("utf-8")) for name in cases}
     write_whole(args.out / "fleet.csv", _csv(found))
     _print(found, len(cases) - len(due), args.out)
+    if not any(one.recordings for one in found.values()):
+        raise RecordingError(f"no recording of any robot can be used: {args.out / 'fleet.csv'} says why")
     return found
 
 

@@ -218,9 +218,8 @@ BROKEN = {
     "distance_m,grade_rad\n0,0\n,\n": "at least two",
     "grade_rad\n0\n1\n": "no column distance_m",
     "distance_m,slope\n0,0\n1,0\n": "unknown column 'slope'",
-    "distance_m;grade_rad\n0;0\n1;0\n": "line 1: fields are separated by ';'; separate them with commas",
-    "distance_m;grade_rad\n0,0;0,1\n1,5;0\n": "line 1: fields are separated by ';'",
-    "# tabs\ndistance_m\tgrade_rad\n0\t0\n1\t0\n": "line 2: fields are separated by '\\t'; separate them with commas",
+    "distance_m;grade_rad\n0;0\n1,0\n": "line 3: number of fields is 1, that of the header 2",
+    "distance_m,grade_rad\n0;0\n1;0\n": "line 2: number of fields is 1, that of the header 2",
     "# nothing\n# but\n# comments\n": "at least two",
     "distance_m,grade_rad\n1,0\n2,0\n": "line 2: distance_m = 1; give metres, from 0 and increasing",
     "distance_m,grade_rad\n0,0\n2,0\n1,0\n": "line 4: distance_m = 1; give metres, from 0 and increasing",
@@ -265,6 +264,16 @@ def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
     path = tmp_path / "route.csv"
     path.write_text("distance_m,grade_rad\n0,0\n10,0.1\n", encoding="utf-8-sig")
     assert load_route(path, 5.0).length_m == 10.0
+
+
+@pytest.mark.parametrize(
+    "text", ["distance_m;grade_rad\n0;0,1\n1,5;-0,1\n", "# tabs\ndistance_m\tgrade_rad\n0\t0.1\n1.5\t-0.1\n"]
+)
+def test_semicolons_tabs_and_decimal_commas_are_read(tmp_path: Path, text: str) -> None:
+    expected = load_route(route_file(tmp_path, "distance_m,grade_rad\n0,0.1\n1.5,-0.1\n"), 0.5)
+    other = tmp_path / "other.csv"
+    other.write_text(text)
+    assert np.array_equal(load_route(other, 0.5).grade_rad, expected.grade_rad)
 
 
 @pytest.mark.parametrize("route", ["nowhere", "", "no/such.csv", None, 5, ["box"], Path("/")])
