@@ -151,7 +151,7 @@ def ranking(naming: Naming) -> list[RankRow]:
         before = ", ".join(other.term.hypothesis.name for other in naming.named[:index])
         low, high = (100.0 * end for end in one.gain_ci95)
         alone = f"named beside {before}" if before else "named"
-        note = f"{alone}: gain {low:.0f} to {high:.0f} %, placebos p ≤ {one.p_value:.2f}"
+        note = f"{alone}: gain {low:.0f} to {high:.0f} %, placebos p ≤ {one.p_value:.2g}"
         form = _FORMS[one.term.axis]
         rows.append(RankRow(one.term.effect, form, one.delta_bic, one.held_out_gain, "named", note))
         told = f"cannot be told from {one.term.hypothesis.name}"
