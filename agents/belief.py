@@ -136,8 +136,9 @@ class Belief:
         readings["east"] = outwards * feature(observations, "east")
         readings["north"] = outwards * feature(observations, "north")
         place = at.astype(np.int64)
-        # What is read of a slope belongs to the place: to read it twice tells nothing new.
-        new = (place != self._place) & ~(on_border & (outwards < 0.0)) & (self._decisions > 0)
+        # What is read of a slope on the way out belongs to the place: to read it twice tells nothing new.
+        outbound = (outwards > 0.0) & (position_m >= self._position_m)
+        new = (place != self._place) & outbound & (self._decisions > 0)
         readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
         self._place = np.where(new, place, self._place)
         self.estimator.update(readings, ~begun if asked is None else asked & ~begun)

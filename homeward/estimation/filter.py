@@ -164,7 +164,8 @@ def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
     here = place_of(v, reading.position_m, places)
     if reading.position_m < robot.position_m or not np.isfinite(reading.sine + reading.east + reading.north):
         return
-    for k in range(place_of(v, robot.position_m, places) + 1, here + 1):
+    first = place_of(v, robot.position_m, places)
+    for k in range(first if places[first].readings == 0.0 else first + 1, here + 1):
         places[k].readings = 0.0
         places[k].sine, places[k].east, places[k].north = reading.sine, reading.east, reading.north
     place = places[here]

@@ -336,3 +336,15 @@ def test_to_coast_in_a_tail_wind_does_not_end_the_doubt_about_it() -> None:
     options = Options("OutAndBack", route="hidden_wind")
     known = known_of(options)
     assert run_episodes(Shield(Onward(known), known, risk=1e-6), options, [3_000_963]).episodes.home.all()
+
+
+def test_every_place_between_the_posts_is_mapped() -> None:
+    """The first decision of a patrol passes the place at home unseen; later ones see it on the way out."""
+    drive = Drive(8, "Patrol", looks_back=False, instruments="exact", weather="still").go(4)
+    places = drive.belief.estimator.state["places"]
+    assert (np.hypot(places["east"], places["north"]) > 0.99).all()
+    drive.go(12)
+    assert (places["readings"] > 0.0).all()
+    ground = drive.env.batch.routes[:, : places.shape[1]]
+    assert places["sine"] == pytest.approx(ground["sin_grade"], abs=1e-6)
+    assert places["east"] == pytest.approx(ground["east"], abs=1e-6)
