@@ -143,6 +143,10 @@ class Belief:
         self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
         self._modelled, self._position_m = modelled, position_m
 
+    def recharge(self, soc: float) -> None:
+        """Missions began with another state of charge than a full battery's, a share."""
+        self.estimator.recharge(soc, float(np.hypot(self._prior.soc_step / 12.0**0.5, self._prior.soc_noise)))
+
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
         """Whether the next decision should be driven towards home and then out again, shape (n,).
 

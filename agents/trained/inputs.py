@@ -108,6 +108,10 @@ class BeliefInputs:
         inputs[going, _SPARE:] = self._believed(observations, going)[going]
         return inputs
 
+    def recharge(self, soc: float) -> None:
+        """Missions began with another state of charge than a full battery's, a share; to be said after the first call."""
+        self._belief.recharge(soc)
+
     def _spare(self, observations: Observations, spare: NDArray[np.float64]) -> NDArray[np.float64]:
         """Energy to spare; less where the time is short, nothing at the end of the route, and plenty between posts."""
         s = self._known.shared[0]

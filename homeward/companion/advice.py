@@ -42,6 +42,20 @@ class Spread(NamedTuple):
         return self.quantile(0.5 + 0.5 * _COVERED)
 
 
+class Action(NamedTuple):
+    """What a policy asks for until its next decision.
+
+    Attributes:
+        speed_mps: Speed, m/s; 0 where it stops.
+        sensing_hz: Sensing rate, Hz.
+        mode: `stop`, `go` or `return`.
+    """
+
+    speed_mps: float
+    sensing_hz: float
+    mode: str
+
+
 @dataclass(frozen=True)
 class Advice:
     """What to know at a moment of a drive. Energies are as the robot's own meter has them.
@@ -61,6 +75,7 @@ class Advice:
         looks_back: Whether to drive towards home for a moment would tell wind and robot apart now.
         rests_on: What the reckoning rests on, a sentence each.
         warnings: What is wrong with the readings now, a sentence each.
+        action: What the policy asks for; None without a policy and once its mission is over.
     """
 
     time_s: float
@@ -77,6 +92,7 @@ class Advice:
     looks_back: bool
     rests_on: tuple[str, ...]
     warnings: tuple[str, ...]
+    action: Action | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Numbers, texts and lists for JSON; of a spread also its 90 % interval."""
@@ -84,6 +100,8 @@ class Advice:
         for name, value in values.items():
             if isinstance(value, Spread):
                 values[name] = {"mean": value.mean, "sd": value.sd, "low": value.low, "high": value.high}
+            elif isinstance(value, Action):
+                values[name] = value._asdict()
         return values
 
     def __str__(self) -> str:

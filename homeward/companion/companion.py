@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.companion.advice import Advice, Spread
+from homeward.companion.advice import Action, Advice, Spread
 from homeward.companion.cutoff import Cutoff
+from homeward.companion.policy import OnboardPolicy
 from homeward.companion.priors import Known, known_of
 from homeward.companion.readings import CompanionError, Position, Reading, Readings
 from homeward.companion.way import RouteLike, Step, Way
@@ -83,6 +84,7 @@ class Companion:
         place_m: Length over which ground is taken to be alike.
         reaction_s: Time from advice to turn until the robot has turned; a window if left out.
         prior: What is known beforehand, instead of what follows from the robot's file.
+        policy: To be asked for actions, such as `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")` answers.
 
     Raises:
         RobotError: There is no such robot, or its file is wrong.
@@ -112,6 +114,7 @@ class Companion:
         place_m: float | None = None,
         reaction_s: float | None = None,
         prior: Prior | None = None,
+        policy: OnboardPolicy | None = None,
     ) -> None:
         self.robot = load_robot(robot)
         range_m = self._range_m = float(d_max(self.robot))
@@ -126,6 +129,12 @@ class Companion:
                 raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
         if isinstance(home, str) and home != "here":
             raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
+        if policy is not None and policy.robot != self.robot:
+            raise CompanionError(
+                f"the policy decides for robot {policy.robot.name!r} and the companion is of {self.robot.name!r}, or their "
+                "files differ; give both the same"
+            )
+        self._policy = policy
         self.risk, self._normal_risk = risk, normal_risk(risk)
         cruise = float(optimal_speed(self.robot)) if cruise_mps is None else cruise_mps
         self._window_s = range_m / cruise / _WINDOWS if window_s is None else window_s
@@ -162,6 +171,9 @@ class Companion:
         self._speed_mps, self._heading_rad = math.nan, math.nan
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
         self._advice: Advice | None = None
+        self._action: Action | None = None
+        if self._policy is not None:
+            self._policy.begin()
         if self._route is not None:
             places = self._estimator.state["places"][0]
             places["sine"] = places["sine_driven"] = np.sin(self._route.grade_rad)
@@ -192,6 +204,8 @@ class Companion:
         heading_rad: float | None = None,
         position: Position | None = None,
         sensing_hz: float | None = None,
+        temperature_c: float | None = None,
+        interest: float | None = None,
     ) -> Advice:
         """Take in what was read at a time, as much as there is, and advise.
 
@@ -206,6 +220,8 @@ class Companion:
             heading_rad: Direction of travel, rad counter-clockwise from east.
             position: Metres from home along the way, or `(east, north)` in metres.
             sensing_hz: Sensing rate, Hz.
+            temperature_c: Temperature of the air, C; for the policy alone, as the next.
+            interest: Interest of the ground here, a weight.
 
         Raises:
             CompanionError: A value is not a number, home was never set, or there is no way to know where the robot is.
@@ -215,6 +231,7 @@ class Companion:
             {
                 "speed_mps": speed_mps, "power_w": power_w, "voltage_v": voltage_v, "current_a": current_a, "soc": soc,
                 "grade_rad": grade_rad, "heading_rad": heading_rad, "position": position, "sensing_hz": sensing_hz,
+                "temperature_c": temperature_c, "interest": interest,
             },
         )  # fmt: skip
         if reading is None:
@@ -225,6 +242,7 @@ class Companion:
             reading = reading._replace(speed_mps=self._speed_mps)  # it goes on as it did
         step = self._way.follow(reading)
         self._note(reading, step)
+        self._ask_policy(reading, step)
         self._window.add(reading, step, *self._model(reading, step))
         if self._window.time_s >= self._window_s * (1.0 - 1e-6):
             self._take_in(self._window)
@@ -240,6 +258,16 @@ class Companion:
             self._advice = self._advise()
         return self._advice
 
+    def _ask_policy(self, reading: Reading, step: Step) -> None:
+        if self._policy is None:
+            return
+        asked = self._policy.update(
+            self._readings.clock_s, self._way.position_m, speed_mps=abs(reading.speed_mps), power_w=reading.power_w,
+            soc=reading.soc, grade_rad=reading.grade_rad, heading_rad=step.heading_rad,
+            temperature_c=reading.temperature_c, interest=reading.interest,
+        )  # fmt: skip
+        self._action = None if asked is None else Action(*asked)
+
     def swap_battery(self, soc: float = 1.0) -> None:
         """Another battery is in, or the same was charged: what was learned of the old one is dropped.
 
@@ -252,6 +280,8 @@ class Companion:
         self._estimator.recharge(soc, self._soc_sd())
         self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
         self._turned = False
+        if self._policy is not None:
+            self._policy.begin()
 
     def move_home(self, home: Position) -> None:
         """Home is elsewhere now: back along the trail as far as that helps, and then straight on.
@@ -499,6 +529,7 @@ class Companion:
             looks_back=not self._turned and looks_back(self._windows, home_m, v.cruise_mps, self._window_s),
             rests_on=rests_on(self._has, self._known, self._what_home(), self._cutoff is not None),
             warnings=(*self._readings.warnings(), *self._off_route()),
+            action=self._action,
         )
 
     def _withheld_j(self, left_j: float) -> float:
@@ -550,6 +581,7 @@ class Companion:
             "turned": self._turned, "pace_mps": self._pace_mps, "pace_w": self._pace_w, "has": self._has,
             "moved_home": self._moved_home, "other_way_m": None if self._other_way is None else self._other_way[1],
             "clock_s": self._readings.clock_s, "counts": self._readings.counts,
+            **({} if self._policy is None else {"policy": self._policy.state()}),
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], other_way: RouteLike | None = None) -> None:
@@ -583,6 +615,8 @@ class Companion:
             self._other_way = None if other_way is None else (other_way, float(state["other_way_m"] or 0.0))
             self._readings.clock_s = float(state["clock_s"])
             self._readings.counts.update(state["counts"])
+            if self._policy is not None:
+                self._policy.restore(state["policy"])
         except (KeyError, TypeError, ValueError, zlib.error) as error:
             raise CompanionError(f"the state cannot be used: {error}") from None
 

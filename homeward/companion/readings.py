@@ -30,6 +30,8 @@ class Reading(NamedTuple):
     voltage_v: float
     current_a: float
     sensing_hz: float
+    temperature_c: float
+    interest: float
     position: Position | None
 
 
@@ -133,10 +135,12 @@ class Readings:
         if had_power and math.isnan(power):
             self.say(f"no power for {self.clock_s - self._power.at_s:.0f} s: the model fills in", "no power")
         sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, 1e5, "Hz")
+        temperature = self._within("temperature_c", given["temperature_c"], -60.0, 60.0, "kelvin?")
+        interest = self._within("interest", given["interest"], 0.0, 1e6, "a weight")
         return Reading(
             dt_s, speed, power, min(max(soc, 0.0), 1.0) if math.isfinite(soc) else math.nan,
             self._grade.now(self.clock_s, dt_s), self._heading.now(self.clock_s, dt_s), voltage, current,
-            sensing if math.isfinite(sensing) else 0.0, self._place_now(given["position"]),
+            sensing if math.isfinite(sensing) else 0.0, temperature, interest, self._place_now(given["position"]),
         )  # fmt: skip
 
     def say(self, text: str, kind: str | None = None) -> None:
