@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.base import Policy
-from homeward.agents.registry import FROM_FILES, AgentError, shipped
 from homeward.agents.learning.settings import DMAX, SCRATCH
+from homeward.agents.registry import FROM_FILES, AgentError, shipped
 from homeward.agents.trained.inputs import BeliefInputs
 from homeward.agents.trained.onnx_policy import load_onnx
 from homeward.agents.trained.policy_file import load_policy
@@ -33,7 +33,7 @@ from homeward.envs.state import GO
 from homeward.physics import Robot
 
 Action = tuple[float, float, str]
-"""Speed (m/s, 0 where it stops), sensing rate (Hz), and `stop`, `go` or `return`."""
+"""Speed (m/s, 0 where it stops), sensing rate (Hz), and `stop`, `go` or `return`; no `go` once a return is final."""
 
 _MOST_BYTES = 100_000_000
 _SOON = 1e-6
@@ -154,12 +154,13 @@ class Onboard:
             return
         power_w = self._energy_j / self._read_s if self._read_s else math.nan
         self._energy_j = self._read_s = 0.0
-        for _ in range(min(due, self._most)):
+        for still in range(min(due, self._most), 0, -1):
             if self.action is None:
                 return
             share = min((self._due_s - self._time_s) / (time_s - self._time_s) + _SOON, 1.0)
             at_m = read.position_m if share == 1.0 else self._position_m + share * (read.position_m - self._position_m)
-            self._ask(self._observer.decide(self._action, read._replace(position_m=at_m, power_w=power_w)))
+            at = read if still == 1 else Read(at_m)
+            self._ask(self._observer.decide(self._action, at._replace(position_m=at_m, power_w=power_w)))
             self._due_s += self.decision_s
 
     def _ask(self, observation: NDArray[np.float32]) -> None:
@@ -177,7 +178,10 @@ class Onboard:
         if not self._observations or len(self._observations) > self._most or self._observer.home:
             return None
         commands = decode_actions(self.known, self._action)
-        return float(commands.driven_mps[0]), float(commands.sensing_hz[0]), MODES[int(commands.mode[0])]
+        mode = MODES[int(commands.mode[0])]
+        if mode == "go" and self._observer.returning:
+            mode = "return"
+        return float(commands.driven_mps[0]), float(commands.sensing_hz[0]), mode
 
     def state(self) -> dict[str, Any]:
         """What a restart needs, for JSON: some tens of kilobytes."""
@@ -238,6 +242,7 @@ def load_onboard(
             raise AgentError(f"mission = {mission!r} is not allowed; choose from {', '.join(IDS)}")
         policy = shipped(mission, SCRATCH if str(policy) == f"ppo_{SCRATCH}" else DMAX)
     other = {name: value for name, value in (("robot", robot), ("route", route)) if value is not None}
+    chosen: Policy
     if Path(policy).suffix == ".onnx":
         chosen, known = load_onnx(policy, **other)
     else:

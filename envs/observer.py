@@ -199,6 +199,11 @@ class Observer:
         return self._records, self._routes, self._sines, self._readings, self._interest
 
     @property
+    def returning(self) -> bool:
+        """Whether the robot heads home for good."""
+        return bool(self._records["returning"][0])
+
+    @property
     def home(self) -> bool:
         """Whether the robot has come home for good."""
         return bool(self._records["home"][0])

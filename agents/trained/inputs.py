@@ -109,7 +109,7 @@ class BeliefInputs:
         return inputs
 
     def recharge(self, soc: float) -> None:
-        """Missions began with another state of charge than a full battery's, a share; to be said after the first call."""
+        """Missions began with another state of charge than a full battery's, a share: after the first call."""
         self._belief.recharge(soc)
 
     def _spare(self, observations: Observations, spare: NDArray[np.float64]) -> NDArray[np.float64]:

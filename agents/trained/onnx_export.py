@@ -22,6 +22,7 @@ from rich.table import Table
 
 from homeward import cli
 from homeward.agents.trained.inputs import COLUMNS
+from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
 from homeward.agents.trained.policy_file import NetworkPolicy, PolicyFileError, load_policy
 from homeward.agents.trained.setting import setting_of
 from homeward.envs.actions import limits
@@ -69,7 +70,7 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known) -> None:
     """
     import onnxruntime
 
-    from homeward.agents.trained.onnx_graph import BELIEF, INPUT, OUTPUTS, decode, quantities, sees_beliefs
+    from homeward.agents.trained.onnx_graph import decode, quantities, sees_beliefs
 
     columns = quantities(known)
     size = np.array([one.size for one in columns], np.float32)
@@ -135,7 +136,7 @@ def main(args: Args) -> onnx.ModelProto:
 
 
 def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
-    from homeward.agents.trained.onnx_graph import BELIEF, INPUT, quantities
+    from homeward.agents.trained.onnx_graph import quantities
 
     table = Table(title=f"columns of {INPUT}, float32 (missions, {len(FEATURES)})", box=box.SIMPLE_HEAD)
     for heading in ("", "name", "unit", "meaning"):
@@ -148,7 +149,8 @@ def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
     if BELIEF in json.loads(told["inputs"]):
         console.print(
             f"{BELIEF}, float32 (missions, {len(COLUMNS)}): the columns behind the features of what "
-            "homeward.agents.trained.inputs.BeliefInputs answers on the robot",
+            "homeward.agents.trained.inputs.BeliefInputs answers on the robot; homeward.agents.onboard "
+            "runs both",
             highlight=False, soft_wrap=True,
         )  # fmt: skip
     for name, meaning in json.loads(told["outputs"]).items():

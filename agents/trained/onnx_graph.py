@@ -76,9 +76,9 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
 
     Input `observation`, float32 (missions, features) in the units of `quantities`; of a policy that sees beliefs also
     `belief`, float32 (missions, columns): what `homeward.agents.trained.inputs.BeliefInputs` works out, an estimator
-    with a memory that no graph holds, the columns behind the features of what it answers; `homeward.agents.trained
-    .onnx_policy` runs both. Outputs `speed_mps` and
-    `sensing_hz`, float32 (missions,), and `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
+    with a memory that no graph holds, the columns behind the features of what it answers. `load_onnx` of
+    `homeward.agents.trained.onnx_policy` runs both. Outputs `speed_mps` and `sensing_hz`, float32 (missions,), and
+    `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
 
     Args:
         policy: The policy.

@@ -55,6 +55,10 @@ class Action(NamedTuple):
     sensing_hz: float
     mode: str
 
+    def __str__(self) -> str:
+        moving = "" if self.mode == "stop" else f" at {self.speed_mps:.3g} m/s"
+        return f"{self.mode}{moving}, {self.sensing_hz:.3g} Hz"
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -113,4 +117,5 @@ class Advice:
             f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"
         )  # fmt: skip
         way = quantities.distance(self.way_home_m)
-        return f"{left} left; home is {way} away and takes {home}; chance {self.chance_home:.2%}; {turn}"
+        asked = "" if self.action is None else f"; the policy asks: {self.action}"
+        return f"{left} left; home is {way} away and takes {home}; chance {self.chance_home:.2%}; {turn}{asked}"

@@ -131,8 +131,8 @@ class Companion:
             raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
         if policy is not None and policy.robot != self.robot:
             raise CompanionError(
-                f"the policy decides for robot {policy.robot.name!r} and the companion is of {self.robot.name!r}, or their "
-                "files differ; give both the same"
+                f"the policy decides for robot {policy.robot.name!r}, which is not, number for number, the companion's "
+                f"{self.robot.name!r}; give both the same"
             )
         self._policy = policy
         self.risk, self._normal_risk = risk, normal_risk(risk)

@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from homeward.agents import AgentError
 from homeward.agents.onboard import Onboard, load_onboard
 from homeward.agents.registry import shipped
-from homeward.agents.trained.policy_file import load_policy
-from homeward.companion import Action, Companion, CompanionError
+from homeward.agents.trained.policy_file import PolicyFileError, load_policy
+from homeward.companion import Advice, Companion, CompanionError
 from homeward.envs import IDS
 from homeward.envs.actions import MODES, decode_actions
 from homeward.envs.draws import FORECAST_GRADE, FORECAST_INTEREST, normal
 from homeward.envs.kernel import _FORECAST_INTEREST, _FORECAST_PLACES, _FORECAST_SINE
 from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv
+from tests.companion.robots import Driven
 
 SEED = 8_000_001
 """Of missions that nothing was trained or tuned on."""
@@ -62,9 +63,7 @@ class Robot:
         here, places = int(self.env.batch.records["place"][0]), self.env.batch.routes["places"][0]
         ahead = range(here + 1, min(here + 3, int(self.shared["places"])))
         place_m = float(self.shared["place_m"])
-        return [
-            ((k + 0.5) * place_m, math.asin(places["sine_read"][k]), float(places["interest"][k])) for k in ahead
-        ]
+        return [((k + 0.5) * place_m, math.asin(places["sine_read"][k]), float(places["interest"][k])) for k in ahead]
 
     def reads(self) -> dict[str, Any]:
         """What its instruments read now."""
@@ -103,9 +102,129 @@ def test_decisions_are_those_in_the_environment(mission: str, start: str) -> Non
         np.testing.assert_allclose(onboard._observations[-1][0], robot.observation, atol=2e-6)
         action = inside.act(robot.observation[None], np.array([begun]))
         asked = decode_actions(known, action)
-        expected = float(asked.driven_mps[0]), float(asked.sensing_hz[0]), MODES[asked.mode[0]]
+        mode = MODES[asked.mode[0]]
+        if robot.env.batch.records["returning"][0] and mode == "go":
+            mode = "return"  # all the same to the environment
+        expected = float(asked.driven_mps[0]), float(asked.sensing_hz[0]), mode
         assert advice.action == expected, robot.time_s
         modes.add(expected[2])
         over, begun = robot.drive(action[0]), False
     assert len(onboard._observations) > 50 and {"go", "return"} <= modes
-    assert companion.update(robot.time_s, **robot.reads()).action is None or not robot.env.batch.records["home"][0]
+    if robot.env.batch.records["home"][0]:
+        assert companion.update(robot.time_s, **robot.reads()).action is None  # the mission is over
+
+
+class Obedient(Driven):
+    """Drives on a plane as it is asked, in steps of `every_s`."""
+
+    def __init__(self, soc: float = 1.0, **keywords: Any) -> None:
+        super().__init__("rusti_computer", **keywords)
+        self.companion = Companion(self.robot, policy=load_onboard("ppo", "OutAndBack"))
+        self.used_j = (1.0 - soc) * self.full_j
+        self.advice = self.update(0.0)
+
+    def update(self, speed_mps: float) -> Advice:
+        power_w = self.power_w(speed_mps)
+        self.advice = self.companion.update(
+            self.time_s, position=float(self.xy[0]), speed_mps=speed_mps, soc=self.left_j / self.full_j, power_w=power_w,
+        )  # fmt: skip
+        return self.advice
+
+    def step(self, share: float = 1.0) -> None:
+        """Drive on at a share of the speed that is asked."""
+        action = self.advice.action
+        assert action is not None
+        speed_mps = share * action.speed_mps
+        if action.mode == "return":
+            speed_mps = -min(speed_mps, float(self.xy[0]) / self.every_s)
+        self.time_s += self.every_s
+        self.used_j += self.power_w(abs(speed_mps)) * self.every_s
+        self.xy[0] += speed_mps * self.every_s
+        self.update(abs(speed_mps))
+
+
+@pytest.mark.parametrize(("every_s", "share", "soc"), [(3.0, 1.0, 1.0), (7.0, 0.8, 1.0), (30.0, 1.0, 0.6)])
+def test_it_comes_home_at_any_rate_of_readings_slower_than_told_and_with_half_a_battery(
+    every_s: float, share: float, soc: float
+) -> None:
+    robot, furthest_m = Obedient(soc, every_s=every_s, rolling=1.1, health=0.9), 0.0
+    while robot.advice.action is not None and robot.left_j > 0.0:
+        robot.step(share)
+        furthest_m = max(furthest_m, float(robot.xy[0]))
+    left = robot.left_j / robot.full_j
+    assert robot.advice.action is None and robot.xy[0] < 1.0
+    assert furthest_m > 2000.0 * soc and 0.005 < left < 0.1
+
+
+def test_a_robot_that_is_held_up_is_not_taken_to_have_driven() -> None:
+    robot = Obedient(every_s=5.0)
+    for _ in range(60):
+        robot.step()
+    before = robot.companion._policy._observer._records.copy()  # type: ignore[union-attr]
+    for _ in range(60):  # five minutes
+        robot.time_s += 5.0
+        robot.used_j += robot.power_w(0.0) * 5.0
+        robot.update(0.0)
+    m, idle_j = robot.companion._policy._observer._records[0], robot.power_w(0.0) * 300.0  # type: ignore[union-attr]
+    assert m["position_m"] == before["position_m"][0] == 300.0
+    assert m["modelled_j"] - before["modelled_j"][0] == pytest.approx(idle_j, rel=0.01)
+    assert m["decisions"] - before["decisions"][0] == 10
+
+
+def test_a_gap_counts_as_the_decisions_that_passed() -> None:
+    whole, gap = (load_onboard("ppo", "OutAndBack") for _ in range(2))
+
+    def readings(second: float) -> dict[str, float]:
+        return {"soc": round(1.0 - 1.8e-4 * second, 3), "power_w": 10.0, "speed_mps": 1.0}
+
+    for second in np.arange(0.0, 1501.0, 30.0):
+        expected = whole.update(second, second, **readings(second))
+        if not 600.0 < second < 900.0:
+            action = gap.update(second, second, **readings(second))
+    assert action == expected and len(gap._observations) == len(whole._observations)
+    np.testing.assert_allclose(gap._observations[-1], whole._observations[-1], atol=2e-3)
+    late = gap.update(1e9, 1500.0)  # the mission's time is over
+    assert late is None and len(gap._observations) < 500
+
+
+def test_a_restart_goes_on_as_if_nothing_had_been() -> None:
+    robot = Obedient(every_s=10.0, rolling=1.2)
+    for _ in range(100):
+        robot.step()
+    other = Companion(robot.robot, policy=load_onboard("ppo", "OutAndBack"))
+    other.restore(json.loads(json.dumps(robot.companion.state())))
+    for _ in range(100):
+        reads = {"soc": robot.left_j / robot.full_j, "power_w": robot.power_w(1.0), "speed_mps": 1.0}
+        again = other.update(robot.time_s, position=float(robot.xy[0]), **reads)
+        assert again.action == robot.advice.action
+        robot.step()
+    other.update(robot.time_s, position=float(robot.xy[0]), **reads)
+    ours, theirs = (two._policy._observations[-1] for two in (robot.companion, other))  # type: ignore[union-attr]
+    np.testing.assert_allclose(ours, theirs, atol=1e-6)
+    with pytest.raises(CompanionError, match="state cannot be used"):
+        other.restore(robot.companion.state() | {"policy": {}})
+
+
+def test_another_battery_begins_another_mission() -> None:
+    robot = Obedient(every_s=30.0)
+    for _ in range(20):
+        robot.step()
+    robot.companion.swap_battery()
+    robot.used_j = 0.0
+    robot.step()
+    observer = robot.companion._policy._observer  # type: ignore[union-attr]
+    assert observer._records["decisions"][0] == 0 and observer._records["position_m"][0] == robot.xy[0]
+    assert observer._records["mapped"][0] > 1  # the way home is known
+
+
+def test_what_cannot_be_used_takes_one_line() -> None:
+    onboard = load_onboard("ppo", "OutAndBack")
+    with pytest.raises(CompanionError, match="the policy decides for robot 'rusti_computer', which is not"):
+        Companion("husky", policy=onboard)
+    with pytest.raises(AgentError, match="mission = None is not allowed; choose from OutAndBack"):
+        load_onboard("ppo")
+    with pytest.raises(PolicyFileError, match="cannot read nothing"):
+        load_onboard("nothing", "OutAndBack")
+    nothing = np.zeros(3)
+    with pytest.raises(ValueError, match=r"the forecast has 3 places of 50 m; give 32 of"):
+        Onboard(onboard._policy, onboard.known, Route(50.0, nothing, nothing, nothing, nothing))
