@@ -145,7 +145,8 @@ class Readings:
         return Reading(
             dt_s, speed, power, min(max(soc, 0.0), 1.0) if math.isfinite(soc) else math.nan,
             self._grade.now(self.clock_s, dt_s), self._heading.now(self.clock_s, dt_s), voltage, current,
-            sensing if math.isfinite(sensing) else 0.0, temperature, interest, self._place_now(given["position"], driven_m),
+            sensing if math.isfinite(sensing) else 0.0, temperature, interest,
+            self._place_now(given["position"], driven_m),
         )  # fmt: skip
 
     def say(self, text: str, kind: str | None = None) -> None:

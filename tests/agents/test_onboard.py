@@ -86,32 +86,44 @@ class Robot:
         return terminated or truncated
 
 
-@pytest.mark.parametrize("start", ["dmax", "scratch"])
-@pytest.mark.parametrize("mission", IDS)
-def test_decisions_are_those_in_the_environment(mission: str, start: str) -> None:
-    robot = Robot(mission)
+def compare(mission: str, start: str, seed: int = SEED) -> tuple[list[str], int, float]:
+    """Drive a mission by a policy in the environment, and ask the same on board what it would do.
+
+    Returns:
+        Modes that were asked for, how many decisions differed, and the largest difference of a feature.
+    """
+    robot = Robot(mission, seed)
     known = robot.env.batch.known
     inside, outside = (load_policy(shipped(mission, start), known) for _ in range(2))
     onboard = robot.onboard(outside)
     companion = Companion(known.robot, policy=onboard)
-    over, begun, modes = False, True, set()
+    over, modes, differ, worst = False, list[str](), 0, 0.0
+    for seen in robot.seen_ahead():
+        onboard.see(*seen)
     while not over:
-        for seen in robot.seen_ahead():
-            onboard.see(*seen)
         advice = companion.update(robot.time_s, **robot.reads())
-        np.testing.assert_allclose(onboard._observations[-1][0], robot.observation, atol=2e-6)
-        action = inside.act(robot.observation[None], np.array([begun]))
+        worst = max(worst, float(np.abs(onboard._observations[-1][0] - robot.observation).max()))
+        action = inside.act(robot.observation[None], np.array([not modes]))
         asked = decode_actions(known, action)
         mode = MODES[asked.mode[0]]
         if robot.env.batch.records["returning"][0] and mode == "go":
             mode = "return"  # all the same to the environment
-        expected = float(asked.driven_mps[0]), float(asked.sensing_hz[0]), mode
-        assert advice.action == expected, robot.time_s
-        modes.add(expected[2])
-        over, begun = robot.drive(action[0]), False
-    assert len(onboard._observations) > 50 and {"go", "return"} <= modes
+        differ += advice.action != (asked.driven_mps[0], asked.sensing_hz[0], mode)
+        modes.append(mode)
+        over = robot.drive(action[0])
+        for seen in robot.seen_ahead():
+            onboard.see(*seen)
     if robot.env.batch.records["home"][0]:
         assert companion.update(robot.time_s, **robot.reads()).action is None  # the mission is over
+    return modes, differ, worst
+
+
+@pytest.mark.parametrize("start", ["dmax", "scratch"])
+@pytest.mark.parametrize("mission", IDS)
+def test_decisions_are_those_in_the_environment(mission: str, start: str) -> None:
+    modes, differ, worst = compare(mission, start)
+    assert (differ, worst) == (0, pytest.approx(0.0, abs=2e-7))
+    assert len(modes) > 50 and {"go", "return"} <= set(modes)
 
 
 class Obedient(Driven):
@@ -126,8 +138,12 @@ class Obedient(Driven):
     def update(self, speed_mps: float) -> Advice:
         power_w = self.power_w(speed_mps)
         self.advice = self.companion.update(
-            self.time_s, position=float(self.xy[0]), speed_mps=speed_mps, soc=self.left_j / self.full_j, power_w=power_w,
-        )  # fmt: skip
+            self.time_s,
+            position=float(self.xy[0]),
+            speed_mps=speed_mps,
+            soc=self.left_j / self.full_j,
+            power_w=power_w,
+        )
         return self.advice
 
     def step(self, share: float = 1.0) -> None:
