@@ -50,7 +50,8 @@ class Onboard:
         policy: Of `homeward.agents`, for the environment that `known` is of.
         known: Constants of that environment; its decisions, distances and times are meant.
         forecast: The route as it is forecast, see `homeward.envs.observer.Observer`.
-        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s.
+        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s. If left out, beliefs hold
+            any wind for possible, and a policy that sees none takes it for calm.
         mean_grade: Mean sine of the route's slope; that of the forecast if left out.
 
     Attributes:
@@ -66,11 +67,15 @@ class Onboard:
         policy: Policy,
         known: Known,
         forecast: Route | None = None,
-        forecast_mps: tuple[float, float] = (0.0, 0.0),
+        forecast_mps: tuple[float, float] | None = None,
         mean_grade: float | None = None,
     ) -> None:
         self._policy, self.known = policy, known
-        self._given = forecast, forecast_mps, mean_grade
+        self._given = forecast, forecast_mps or (0.0, 0.0), mean_grade
+        inputs = getattr(policy, "inputs", None)
+        self._beliefs = inputs if isinstance(inputs, BeliefInputs) else None
+        if self._beliefs is not None and forecast_mps is None:
+            self._beliefs.forget_forecast()
         self.robot: Robot = known.robot
         self.decision_s, self._most = float(known.shared["decision_s"][0]), int(known.shared["max_decisions"][0])
         self.begin()
@@ -168,9 +173,9 @@ class Onboard:
         begun = not self._observations
         self._observations.append(observation)
         self._action = self._policy.act(observation, np.array([begun]))
-        soc, inputs = float(observation[0, INDEX["energy"]]), getattr(self._policy, "inputs", None)
-        if begun and soc < 1.0 and isinstance(inputs, BeliefInputs):
-            inputs.recharge(soc)
+        soc = float(observation[0, INDEX["energy"]])
+        if begun and soc < 1.0 and self._beliefs is not None:
+            self._beliefs.recharge(soc)
 
     @property
     def action(self) -> Action | None:
@@ -213,7 +218,7 @@ def load_onboard(
     *,
     robot: str | Path | Robot | None = None,
     route: str | Path | Route | None = None,
-    forecast_mps: tuple[float, float] = (0.0, 0.0),
+    forecast_mps: tuple[float, float] | None = None,
 ) -> Onboard:
     """A trained policy, ready for a robot.
 
@@ -225,7 +230,7 @@ def load_onboard(
             meets what it was not trained for.
         route: The route as it is forecast: path of a profile or track, or a `Route`. If left out, as long as generated
             routes are and flat, with their mean interest.
-        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s.
+        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s; see `Onboard`.
 
     Raises:
         AgentError: There is no such policy.
@@ -241,17 +246,21 @@ def load_onboard(
         if mission not in IDS:
             raise AgentError(f"mission = {mission!r} is not allowed; choose from {', '.join(IDS)}")
         policy = shipped(mission, SCRATCH if str(policy) == f"ppo_{SCRATCH}" else DMAX)
-    other = {name: value for name, value in (("robot", robot), ("route", route)) if value is not None}
-    chosen: Policy
-    if Path(policy).suffix == ".onnx":
-        chosen, known = load_onnx(policy, **other)
-    else:
-        known = known_of(options_of(load_policy(policy), **other))
-        chosen = load_policy(policy, known)
+    other: dict[str, Any] = {} if robot is None else {"robot": robot}
+    chosen, known = _load(policy, other)
     forecast = None
     if route is not None:
         forecast = route if isinstance(route, Route) else load_route(route, float(known.shared["place_m"][0]))
+        chosen, known = _load(policy, other | {"route": forecast})
     return Onboard(chosen, known, forecast, forecast_mps)
+
+
+def _load(policy: str | Path, other: dict[str, Any]) -> tuple[Policy, Known]:
+    """A policy and constants of its environment, with some keywords of that other than in its training."""
+    if Path(policy).suffix == ".onnx":
+        return load_onnx(policy, **other)
+    known = known_of(options_of(load_policy(policy), **other))
+    return load_policy(policy, known), known
 
 
 def _packed(content: bytes) -> str:

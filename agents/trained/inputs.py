@@ -108,6 +108,10 @@ class BeliefInputs:
         inputs[going, _SPARE:] = self._believed(observations, going)[going]
         return inputs
 
+    def forget_forecast(self) -> None:
+        """Nobody has forecast the wind, whatever missions observe; to be said before they begin."""
+        self._belief.forget_forecast()
+
     def recharge(self, soc: float) -> None:
         """Missions began with another state of charge than a full battery's, a share: after the first call."""
         self._belief.recharge(soc)
