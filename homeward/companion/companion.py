@@ -643,7 +643,7 @@ _ONE = np.ones(1, np.bool_)
 
 
 def _check(name: str, value: Any, low: float, high: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not low <= value <= high:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not low <= float(value) <= high:
         raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
 
 
