@@ -150,7 +150,7 @@ class Belief:
 
     def recharge(self, soc: float) -> None:
         """Missions began with another state of charge than a full battery's, a share."""
-        self.estimator.recharge(soc, float(np.hypot(self._prior.soc_step / 12.0**0.5, self._prior.soc_noise)))
+        self.estimator.recharge(soc, self._prior.soc_sd)
 
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
         """Whether the next decision should be driven towards home and then out again, shape (n,).

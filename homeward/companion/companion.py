@@ -256,17 +256,12 @@ class Companion:
         self._ask_policy(reading, step)
         self._window.add(reading, step, *self._model(reading, step))
         if self._window.time_s >= self._window_s * (1.0 - 1e-6):
+            self._flush()
+        kept = self._estimator.state.copy()
+        if self._window.time_s > 0.0:  # for this advice alone
             self._take_in(self._window)
-            self._close(self._window)
-            self._window = Window()
-            self._advice = self._advise()
-        elif self._window.time_s > 0.0:
-            kept = self._estimator.state.copy()
-            self._take_in(self._window)
-            self._advice = self._advise()
-            self._estimator.state[:] = kept
-        else:
-            self._advice = self._advise()
+        self._advice = self._advise()
+        self._estimator.state[:] = kept
         return self._advice
 
     def _ask_policy(self, reading: Reading, step: Step) -> None:
@@ -290,7 +285,7 @@ class Companion:
         """
         _check("soc", soc, 0.0, 1.0)
         self._flush()
-        self._estimator.recharge(soc, self._soc_sd())
+        self._estimator.recharge(soc, self._known.prior.soc_sd)
         self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
         self._turned = False
         if self._policy is not None:
@@ -375,16 +370,13 @@ class Companion:
             self._close(self._window)
             self._window = Window()
 
-    def _soc_sd(self) -> float:
-        return float(np.hypot(self._known.prior.soc_step / 12.0**0.5, self._known.prior.soc_noise))
-
     def _charge_first(self, soc: float) -> None:
         if self._charged:
             return
         self._charged = True
         start = self._start_soc if self._start_soc is not None else soc
         if math.isfinite(start) and start < 1.0 - 0.5 * self._known.prior.soc_step:
-            self._estimator.recharge(start, self._soc_sd())
+            self._estimator.recharge(start, self._known.prior.soc_sd)
 
     def _note(self, reading: Reading, step: Step) -> None:
         """Note what there is to go by."""
