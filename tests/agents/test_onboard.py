@@ -16,6 +16,7 @@ from homeward.companion import Advice, Companion, CompanionError
 from homeward.envs import IDS
 from homeward.envs.actions import MODES, decode_actions
 from homeward.envs.routes import Route
+from homeward.estimation.prior import EAST
 from tests.companion.robots import Driven
 from tests.envs.reading import SEED, ReadRobot
 
@@ -153,6 +154,16 @@ def test_a_restart_goes_on_as_if_nothing_had_been() -> None:
     np.testing.assert_allclose(ours, theirs, atol=1e-6)
     with pytest.raises(CompanionError, match="state cannot be used"):
         other.restore(robot.companion.state() | {"policy": {}})
+
+
+def test_without_a_forecast_any_wind_is_possible() -> None:
+    calm, unknown = (load_onboard("ppo", "OutAndBack", forecast_mps=told) for told in ((0.0, 0.0), None))
+    for onboard in (calm, unknown):
+        onboard.update(0.0, 0.0)
+    beliefs: list[Any] = [one._beliefs for one in (calm, unknown)]
+    of_calm, of_unknown = (one._belief.estimate().covariance[0] for one in beliefs)
+    assert of_unknown[EAST, EAST] > 1.5 * of_calm[EAST, EAST]
+    np.testing.assert_array_equal(calm._observations[-1], unknown._observations[-1])
 
 
 def test_another_battery_begins_another_mission() -> None:

@@ -98,7 +98,8 @@ def test_an_update_takes_less_than_a_millisecond_and_memory_is_bounded() -> None
 
 def test_it_imports_no_learning_library() -> None:
     code = (
-        "import sys, homeward.companion; print([name for name in ('torch', 'pandas', 'plotly') if name in sys.modules])"
+        "import sys, homeward.companion, homeward.agents.onboard; "
+        "print([name for name in ('torch', 'pandas', 'plotly') if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True)
     assert (run.returncode, run.stdout.strip()) == (0, "[]"), run.stdout + run.stderr
