@@ -144,6 +144,15 @@ class Belief:
         self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
         self._modelled, self._position_m = modelled, position_m
 
+    def forget_forecast(self) -> None:
+        """Nobody has forecast the wind, whatever missions observe; to be said before they begin."""
+        self._prior = self._prior._replace(forecast_sd_mps=np.inf)
+        self._forget(0)
+
+    def recharge(self, soc: float) -> None:
+        """Missions began with another state of charge than a full battery's, a share."""
+        self.estimator.recharge(soc, self._prior.soc_sd)
+
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
         """Whether the next decision should be driven towards home and then out again, shape (n,).
 

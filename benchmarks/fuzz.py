@@ -92,8 +92,8 @@ class Hang(BaseException):
 
 def targets() -> dict[str, Target]:
     """Every loader by name."""
-    from homeward.agents.trained.onnx_export import ExportError, setting_of
     from homeward.agents.trained.policy_file import PolicyFileError, load_policy
+    from homeward.agents.trained.setting import setting_of
     from homeward.diagnosis import RecordingError, load_columns, read_recording
     from homeward.diagnosis.read.bags.topics import load_topics
     from homeward.diagnosis.read.propose import propose
@@ -114,7 +114,7 @@ def targets() -> dict[str, Target]:
         return setting_of(policy(path))
 
     recording = (RecordingError,)
-    exported = (PolicyFileError, ExportError, OptionError, RobotError, RouteError)
+    exported = (PolicyFileError, OptionError, RobotError, RouteError)
     maps = "homeward/diagnosis/read"
     return {
         "robot TOML": Target(load_robot, ".toml", (RobotError,), lambda: _files("homeward/robots/*.toml"), True),

@@ -48,7 +48,7 @@ def decide(
             border_m = (m.place + (m.direction > 0.0)) * shared.place_m
             ahead_m = m.direction * (border_m - m.position_m)
             if ahead_m <= 0.0:
-                _cross(m, p, route, nominal, shared)
+                cross(m, p, route, nominal, shared)
                 continue
             speed = speed_mps
             crossing = ahead_m <= speed * left_s
@@ -64,7 +64,7 @@ def decide(
         m.furthest_m = max(m.furthest_m, m.position_m)
         _account(m, nominal, shared, x, passed_s, new_m)
         if crossing:
-            _cross(m, p, route, nominal, shared)
+            cross(m, p, route, nominal, shared)
     if heads_home and not m.returning and m.direction < 0.0:
         m.direction = outwards
         # One that runs empty at home, while it waits for its return to be final, is home.
@@ -81,7 +81,7 @@ def _may_drive(m: Any, shared: Any, heads_home_for_now: bool) -> Any:
 
 
 @inline
-def _cross(m: Any, p: Any, route: Any, nominal: Any, shared: Any) -> None:
+def cross(m: Any, p: Any, route: Any, nominal: Any, shared: Any) -> None:
     """Pass the border ahead: into the next place, or to an end of the route."""
     ahead = m.place + (1 if m.direction > 0.0 else -1)
     if ahead < 0 or ahead == shared.places:

@@ -135,22 +135,15 @@ def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
 
 @inline
 def read(m: Any, shared: Any, used_j: float) -> None:
-    """Read the instruments after a decision that took so much energy.
-
-    The state of charge that is metered goes on evenly between the steps of the gauge: the energy by the meter over the
-    energy of a full battery by the same meter, which least squares learn from all readings of the gauge, drawn to what
-    the robot's file says. They set each reading against what the meter shows with the lag of the gauge.
-    """
+    """Read the instruments after a decision that took so much energy."""
     soc, power_w = m.energy_j / m.capacity_j, used_j * shared.per_decision
     if not shared.inexact:
-        m.soc = m.metered = soc
-        m.read_w, m.read_mps = power_w, m.speed_mps
-        m.metered_j += used_j
+        m.soc, m.read_w, m.read_mps = soc, power_w, m.speed_mps
+        meter(m, shared)
         return
     m.read_mps = m.speed_mps * (1.0 + shared.speed_noise * normal(m.key, m.decisions, SPEED))
     noise = shared.power_noise * normal(m.key, m.decisions, POWER)
     m.read_w = power_w * (m.meter_gain + noise) + m.meter_offset_w
-    m.metered_j += m.read_w * shared.decision_s
     # A lag of first order behind a charge that falls evenly over the decision, whatever its length.
     before = (m.energy_j + used_j) / m.capacity_j
     behind = (before - soc) * shared.soc_lag_decisions
@@ -161,6 +154,21 @@ def read(m: Any, shared: Any, used_j: float) -> None:
     if shared.soc_step > 0.0:
         shown = shared.soc_step * np.floor(shown * shared.per_soc_step + 0.5)
     m.soc = min(max(shown, 0.0), 1.0)
+    meter(m, shared)
+
+
+@inline
+def meter(m: Any, shared: Any) -> None:
+    """Work out the state of charge by the power meter, from what it and the gauge have read of a decision.
+
+    The state of charge that is metered goes on evenly between the steps of the gauge: the energy by the meter over the
+    energy of a full battery by the same meter, which least squares learn from all readings of the gauge, drawn to what
+    the robot's file says. They set each reading against what the meter shows with the lag of the gauge.
+    """
+    m.metered_j += m.read_w * shared.decision_s
+    if not shared.inexact:
+        m.metered = m.soc
+        return
     metered, step = m.metered_j * shared.per_usable_j, m.read_w * shared.decision_s * shared.per_usable_j
     behind = step * shared.soc_lag_decisions
     m.metered_followed = metered - behind + (m.metered_followed - metered + step + behind) * shared.soc_keeps

@@ -61,6 +61,20 @@ def _read_route(m: Any, route: Any, shared: Any) -> None:
             place = route.places[k]
             sines[0, k + 1], sines[1, k + 1] = sines[0, k] + place.sine_read, sines[1, k] + sine
             interests[0, k + 1], interests[1, k + 1] = interests[0, k] + place.interest, interests[1, k] + interest
+    note_ahead(route, shared, sines, interests)
+
+
+@inline
+def note_ahead(route: Any, shared: Any, sines: Any, interests: Any) -> None:
+    """Note at each place the mean slope and interest of the stretches ahead.
+
+    Args:
+        route: Route record.
+        shared: Shared record.
+        sines: Running totals to each place, shape (2, places + 1): of what is seen, and of what is forecast.
+        interests: The same of the interest.
+    """
+    count = shared.places
     for k in range(count):
         place = route.places[k]
         for stretch in range(len(AHEAD)):

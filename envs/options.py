@@ -316,9 +316,9 @@ def _by_file(
 
     def around(middle: float, name: str, otherwise: Uniform, more: float = 0.0) -> Uniform:
         variance = sure.variance(name)
-        if variance is None:
+        if variance is None and more == 0.0:
             return otherwise
-        half = min(_SQRT_3 * float(np.hypot(np.sqrt(variance), more)), _MOST_HALF)
+        half = min(_SQRT_3 * float(np.hypot(np.sqrt(variance or 0.0), more)), _MOST_HALF)
         return Uniform(middle - half, middle + half)
 
     difficulty = replace(

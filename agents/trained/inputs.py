@@ -108,6 +108,14 @@ class BeliefInputs:
         inputs[going, _SPARE:] = self._believed(observations, going)[going]
         return inputs
 
+    def forget_forecast(self) -> None:
+        """Nobody has forecast the wind, whatever missions observe; to be said before they begin."""
+        self._belief.forget_forecast()
+
+    def recharge(self, soc: float) -> None:
+        """Missions began with another state of charge than a full battery's, a share: after the first call."""
+        self._belief.recharge(soc)
+
     def _spare(self, observations: Observations, spare: NDArray[np.float64]) -> NDArray[np.float64]:
         """Energy to spare; less where the time is short, nothing at the end of the route, and plenty between posts."""
         s = self._known.shared[0]

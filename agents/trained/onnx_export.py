@@ -7,7 +7,6 @@ prints what goes in and what comes out. The file says the same in its metadata.
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import sys
 from dataclasses import dataclass
@@ -23,12 +22,12 @@ from rich.table import Table
 
 from homeward import cli
 from homeward.agents.trained.inputs import COLUMNS
+from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
 from homeward.agents.trained.policy_file import NetworkPolicy, PolicyFileError, load_policy
-from homeward.agents.trained.provenance import robot_hash
-from homeward.envs import IDS
+from homeward.agents.trained.setting import setting_of
 from homeward.envs.actions import limits
 from homeward.envs.features import FEATURES
-from homeward.envs.options import Known, OptionError, Options, known_of
+from homeward.envs.options import Known, OptionError
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
 from homeward.installed import advice
@@ -58,38 +57,6 @@ class Args:
     """Robot file that the policy was trained with, if it lies elsewhere now."""
 
 
-def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options, Known]:
-    """The environment that a policy was trained in, from its description.
-
-    Args:
-        policy: The policy.
-        robot: Robot file to use instead of the one that the description names.
-
-    Raises:
-        ExportError: The description does not say, or the robot is not the one of the training.
-        OptionError, RobotError, RouteError: What it says cannot be used.
-    """
-    training = policy.description.get("training")
-    missions = {env_id: mission for mission, env_id in IDS.items()}
-    if not isinstance(training, dict) or training.get("env") not in missions:
-        raise ExportError(
-            "policy.json does not say which environment the policy was trained in: train it with train.py"
-        )
-    names = {field.name for field in dataclasses.fields(Options)} - {"mission"}
-    keywords = {name: value for name, value in training.items() if name in names}
-    if robot is not None:
-        keywords["robot"] = robot
-    options = Options(missions[training["env"]], **keywords)
-    known = known_of(options)
-    made_with = policy.description.get("made_with")
-    if isinstance(made_with, dict) and made_with.get("robot", robot_hash(known)) != robot_hash(known):
-        raise ExportError(
-            f"robot {str(options.robot)!r} has other numbers than the one that the policy was trained with: "
-            "give that one's file with --robot, or train again"
-        )
-    return options, known
-
-
 def check_equal(content: bytes, policy: NetworkPolicy, known: Known) -> None:
     """Compare a file with the policy that it was made from, on observations drawn at random.
 
@@ -103,7 +70,7 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known) -> None:
     """
     import onnxruntime
 
-    from homeward.agents.trained.onnx_graph import BELIEF, INPUT, OUTPUTS, decode, quantities, sees_beliefs
+    from homeward.agents.trained.onnx_graph import decode, quantities, sees_beliefs
 
     columns = quantities(known)
     size = np.array([one.size for one in columns], np.float32)
@@ -169,7 +136,7 @@ def main(args: Args) -> onnx.ModelProto:
 
 
 def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
-    from homeward.agents.trained.onnx_graph import BELIEF, INPUT, quantities
+    from homeward.agents.trained.onnx_graph import quantities
 
     table = Table(title=f"columns of {INPUT}, float32 (missions, {len(FEATURES)})", box=box.SIMPLE_HEAD)
     for heading in ("", "name", "unit", "meaning"):
@@ -182,7 +149,8 @@ def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
     if BELIEF in json.loads(told["inputs"]):
         console.print(
             f"{BELIEF}, float32 (missions, {len(COLUMNS)}): the columns behind the features of what "
-            "homeward.agents.trained.inputs.BeliefInputs answers on the robot",
+            "homeward.agents.trained.inputs.BeliefInputs answers on the robot; homeward.agents.onboard "
+            "runs both",
             highlight=False, soft_wrap=True,
         )  # fmt: skip
     for name, meaning in json.loads(told["outputs"]).items():

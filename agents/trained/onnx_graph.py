@@ -15,6 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 import homeward
 from homeward.agents.trained.inputs import COLUMNS
+from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
 from homeward.agents.trained.policy_file import NetworkPolicy
 from homeward.envs import IDS
 from homeward.envs.actions import LEVELS, MODES, decode_actions, limits
@@ -22,8 +23,8 @@ from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.options import Known, Options
 from homeward.envs.state import GO
 
-INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
 _SENSING_IF_IT_GOES = "sensing_if_it_goes"
+_ELSEWHERE = ("robot", "true_robot")  # in a text of its own, and not for a robot to know
 _OPSET, _IR_VERSION = 17, 8
 """Of 2022, so that the runtimes of older robots read the file."""
 
@@ -75,8 +76,9 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
 
     Input `observation`, float32 (missions, features) in the units of `quantities`; of a policy that sees beliefs also
     `belief`, float32 (missions, columns): what `homeward.agents.trained.inputs.BeliefInputs` works out, an estimator
-    with a memory that no graph holds, the columns behind the features of what it answers. Outputs `speed_mps` and
-    `sensing_hz`, float32 (missions,), and `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
+    with a memory that no graph holds, the columns behind the features of what it answers. `load_onnx` of
+    `homeward.agents.trained.onnx_policy` runs both. Outputs `speed_mps` and `sensing_hz`, float32 (missions,), and
+    `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
 
     Args:
         policy: The policy.
@@ -210,8 +212,16 @@ def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str
             "a return is final: once begun, go on home whatever comes out",
         },
         "weights_sha256": policy.description.get("weights_sha256"),
+        # What `homeward.agents.trained.onnx_policy.load_onnx` makes the policy and its beliefs from.
+        "setting": {name: _plain(value) for name, value in vars(options).items() if name not in _ELSEWHERE},
+        "robot_file": known.robot.to_toml(),
+        **({"beliefs": policy.description["inputs"]} if beliefs else {}),
     }
     return {name: value if isinstance(value, str) else json.dumps(value) for name, value in described.items()}
+
+
+def _plain(value: Any) -> Any:
+    return value if value is None or isinstance(value, str | float | int) else str(value)
 
 
 def decode(actions: NDArray[Any], known: Known) -> NDArray[np.float64]:

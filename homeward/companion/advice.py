@@ -42,6 +42,24 @@ class Spread(NamedTuple):
         return self.quantile(0.5 + 0.5 * _COVERED)
 
 
+class Action(NamedTuple):
+    """What a policy asks for until its next decision.
+
+    Attributes:
+        speed_mps: Speed, m/s; 0 where it stops.
+        sensing_hz: Sensing rate, Hz.
+        mode: `stop`, `go` or `return`.
+    """
+
+    speed_mps: float
+    sensing_hz: float
+    mode: str
+
+    def __str__(self) -> str:
+        moving = "" if self.mode == "stop" else f" at {self.speed_mps:.3g} m/s"
+        return f"{self.mode}{moving}, {self.sensing_hz:.3g} Hz"
+
+
 @dataclass(frozen=True)
 class Advice:
     """What to know at a moment of a drive. Energies are as the robot's own meter has them.
@@ -61,6 +79,7 @@ class Advice:
         looks_back: Whether to drive towards home for a moment would tell wind and robot apart now.
         rests_on: What the reckoning rests on, a sentence each.
         warnings: What is wrong with the readings now, a sentence each.
+        action: What the policy asks for; None without a policy and once its mission is over.
     """
 
     time_s: float
@@ -77,6 +96,7 @@ class Advice:
     looks_back: bool
     rests_on: tuple[str, ...]
     warnings: tuple[str, ...]
+    action: Action | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Numbers, texts and lists for JSON; of a spread also its 90 % interval."""
@@ -84,6 +104,8 @@ class Advice:
         for name, value in values.items():
             if isinstance(value, Spread):
                 values[name] = {"mean": value.mean, "sd": value.sd, "low": value.low, "high": value.high}
+            elif isinstance(value, Action):
+                values[name] = value._asdict()
         return values
 
     def __str__(self) -> str:
@@ -95,4 +117,5 @@ class Advice:
             f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"
         )  # fmt: skip
         way = quantities.distance(self.way_home_m)
-        return f"{left} left; home is {way} away and takes {home}; chance {self.chance_home:.2%}; {turn}"
+        asked = "" if self.action is None else f"; the policy asks: {self.action}"
+        return f"{left} left; home is {way} away and takes {home}; chance {self.chance_home:.2%}; {turn}{asked}"

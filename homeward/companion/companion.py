@@ -9,18 +9,21 @@ import base64
 import dataclasses
 import json
 import math
+import numbers
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.companion.advice import Advice, Spread
+from homeward.companion.advice import Action, Advice, Spread
 from homeward.companion.cutoff import Cutoff
+from homeward.companion.policy import OnboardPolicy
 from homeward.companion.priors import Known, known_of
-from homeward.companion.readings import CompanionError, Position, Reading, Readings
-from homeward.companion.way import RouteLike, Step, Way
+from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
+from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
 from homeward.estimation import (
@@ -58,6 +61,9 @@ _DETOUR = 1.3
 others, Transportation Research A 36, 2002)."""
 _RECKONING = 0.1
 """Standard deviation of a way that was reckoned from speed and heading, as a share."""
+_MOST_WIND_MPS = 60.0
+_MOST_CUTOFF = 1.2
+"""Cut-off voltage over the nominal one beyond which no battery has it."""
 _SCHEMA = 1
 
 
@@ -83,6 +89,7 @@ class Companion:
         place_m: Length over which ground is taken to be alike.
         reaction_s: Time from advice to turn until the robot has turned; a window if left out.
         prior: What is known beforehand, instead of what follows from the robot's file.
+        policy: To be asked for actions, such as `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")` answers.
 
     Raises:
         RobotError: There is no such robot, or its file is wrong.
@@ -112,20 +119,33 @@ class Companion:
         place_m: float | None = None,
         reaction_s: float | None = None,
         prior: Prior | None = None,
+        policy: OnboardPolicy | None = None,
     ) -> None:
         self.robot = load_robot(robot)
         range_m = self._range_m = float(d_max(self.robot))
         if not math.isfinite(range_m):
             raise CompanionError(f"robot {self.robot.name!r} never runs empty on the flat; check what its effects give")
         for name, value, low, high in (
-            ("risk", risk, 1e-6, 0.5), ("soc", soc, 0.0, 1.0), ("cutoff_v", cutoff_v, 0.1, 1500.0),
+            ("risk", risk, 1e-6, 0.5), ("soc", soc, 0.0, 1.0),
+            ("cutoff_v", cutoff_v, 0.1, _MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)),
             ("cruise_mps", cruise_mps, 1e-3, self.robot.max_speed_mps), ("window_s", window_s, 0.1, 3600.0),
             ("place_m", place_m, 1e-3 * range_m, range_m), ("reaction_s", reaction_s, 0.0, 3600.0),
         ):  # fmt: skip
-            if value is not None and not low <= value <= high:
-                raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
-        if isinstance(home, str) and home != "here":
+            if value is not None:
+                _check(name, value, low, high)
+        if home is not None and home != "here" and not isinstance(checked_position("home", home), tuple):
             raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
+        if forecast_mps is not None:
+            wind = checked_position("forecast_mps", forecast_mps)
+            if not isinstance(wind, tuple) or math.hypot(*wind) > _MOST_WIND_MPS:
+                raise CompanionError(f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s")
+        _check_route(route)
+        if policy is not None and policy.robot != self.robot:
+            raise CompanionError(
+                f"the policy decides for robot {policy.robot.name!r}, which is not, number for number, the companion's "
+                f"{self.robot.name!r}; give both the same"
+            )
+        self._policy = policy
         self.risk, self._normal_risk = risk, normal_risk(risk)
         cruise = float(optimal_speed(self.robot)) if cruise_mps is None else cruise_mps
         self._window_s = range_m / cruise / _WINDOWS if window_s is None else window_s
@@ -162,6 +182,9 @@ class Companion:
         self._speed_mps, self._heading_rad = math.nan, math.nan
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
         self._advice: Advice | None = None
+        self._action: Action | None = None
+        if self._policy is not None:
+            self._policy.begin()
         if self._route is not None:
             places = self._estimator.state["places"][0]
             places["sine"] = places["sine_driven"] = np.sin(self._route.grade_rad)
@@ -192,6 +215,8 @@ class Companion:
         heading_rad: float | None = None,
         position: Position | None = None,
         sensing_hz: float | None = None,
+        temperature_c: float | None = None,
+        interest: float | None = None,
     ) -> Advice:
         """Take in what was read at a time, as much as there is, and advise.
 
@@ -206,6 +231,8 @@ class Companion:
             heading_rad: Direction of travel, rad counter-clockwise from east.
             position: Metres from home along the way, or `(east, north)` in metres.
             sensing_hz: Sensing rate, Hz.
+            temperature_c: Temperature of the air, C; for the policy alone, as the next.
+            interest: Interest of the ground here, a weight.
 
         Raises:
             CompanionError: A value is not a number, home was never set, or there is no way to know where the robot is.
@@ -215,6 +242,7 @@ class Companion:
             {
                 "speed_mps": speed_mps, "power_w": power_w, "voltage_v": voltage_v, "current_a": current_a, "soc": soc,
                 "grade_rad": grade_rad, "heading_rad": heading_rad, "position": position, "sensing_hz": sensing_hz,
+                "temperature_c": temperature_c, "interest": interest,
             },
         )  # fmt: skip
         if reading is None:
@@ -225,48 +253,70 @@ class Companion:
             reading = reading._replace(speed_mps=self._speed_mps)  # it goes on as it did
         step = self._way.follow(reading)
         self._note(reading, step)
+        self._ask_policy(reading, step)
         self._window.add(reading, step, *self._model(reading, step))
         if self._window.time_s >= self._window_s * (1.0 - 1e-6):
+            self._flush()
+        kept = self._estimator.state.copy()
+        if self._window.time_s > 0.0:  # for this advice alone
             self._take_in(self._window)
-            self._close(self._window)
-            self._window = Window()
-            self._advice = self._advise()
-        elif self._window.time_s > 0.0:
-            kept = self._estimator.state.copy()
-            self._take_in(self._window)
-            self._advice = self._advise()
-            self._estimator.state[:] = kept
-        else:
-            self._advice = self._advise()
+        self._advice = self._advise()
+        self._estimator.state[:] = kept
         return self._advice
+
+    def _ask_policy(self, reading: Reading, step: Step) -> None:
+        if self._policy is None:
+            return
+        asked = self._policy.update(
+            self._readings.clock_s, self._way.position_m, speed_mps=abs(reading.speed_mps), power_w=reading.power_w,
+            soc=reading.soc, grade_rad=reading.grade_rad, heading_rad=step.heading_rad,
+            temperature_c=reading.temperature_c, interest=reading.interest,
+        )  # fmt: skip
+        self._action = None if asked is None else Action(*asked)
 
     def swap_battery(self, soc: float = 1.0) -> None:
         """Another battery is in, or the same was charged: what was learned of the old one is dropped.
 
         Args:
             soc: State of charge that it has, a share.
+
+        Raises:
+            CompanionError: It is none.
         """
-        if not 0.0 <= soc <= 1.0:
-            raise CompanionError(f"soc = {soc!r} is not allowed; give a share of a full battery, 0 to 1")
+        _check("soc", soc, 0.0, 1.0)
         self._flush()
-        self._estimator.recharge(soc, self._soc_sd())
+        self._estimator.recharge(soc, self._known.prior.soc_sd)
         self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
         self._turned = False
+        if self._policy is not None:
+            self._policy.begin()
 
     def move_home(self, home: Position) -> None:
         """Home is elsewhere now: back along the trail as far as that helps, and then straight on.
 
         Args:
             home: `(east, north)` in metres, or metres along the way from where home was.
+
+        Raises:
+            CompanionError: It is none of these.
         """
-        self._moved_home, self._other_way, self._turned = home, None, False
+        checked = checked_position("home", home)
+        if checked is None:
+            raise CompanionError(
+                f"home = {home!r} is not allowed; give (east, north) in metres, or metres along the way"
+            )
+        self._moved_home, self._other_way, self._turned = checked, None, False
 
     def take_home(self, route: RouteLike | None) -> None:
         """From here home by another way than the one out; None: back over the way out again.
 
         Args:
             route: From here home, such as `homeward.envs.route_files.load_route` reads.
+
+        Raises:
+            CompanionError: It is no route.
         """
+        _check_route(route)
         self._other_way = None if route is None else (route, 0.0)
         self._moved_home, self._turned = None, False
 
@@ -277,21 +327,29 @@ class Companion:
             ways: Its stretches, `homeward.estimation.WAY_DTYPE`, shape (m,).
             other_j: What the robot's own model has for all but driving steadily on it, J: standing, turning.
         """
-        v = self._vehicle
-        at_cruise_j = sum(modelled_driving(v, float(one["sine"]), v.cruise_mps) * float(one["way_m"]) for one in ways)
-        plan = self._plan(0.0, at_cruise_j + other_j)
-        plan["elsewhere"], plan["unsure_j"] = 1.0, 0.0
-        total = self._leaves(plan, ways, float(ways["way_m"].sum())).total[0]
+        total = self._over(ways, self._at_cruise_j(ways) + other_j)
         return Spread(float(total["cost_j"]), float(total["cost_sd_j"]))
 
     def after(self, ways: NDArray[np.void]) -> Spread:
         """Energy that a way from here leaves, see `ahead`, with nothing taken but standing and driving steadily, J."""
-        v = self._vehicle
-        at_cruise_j = sum(modelled_driving(v, float(one["sine"]), v.cruise_mps) * float(one["way_m"]) for one in ways)
-        plan = self._plan(0.0, at_cruise_j + v.idle_w / v.cruise_mps * float(ways["way_m"].sum()))
-        plan["elsewhere"], plan["unsure_j"] = 1.0, 0.0
-        total = self._leaves(plan, ways, float(ways["way_m"].sum())).total[0]
+        total = self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum())))
         return Spread(float(total["margin_j"]), float(total["margin_sd_j"]))
+
+    def _over(self, ways: NDArray[np.void], cost_j: float) -> np.void:
+        """What a way from here takes and leaves, `MARGIN_DTYPE`, where the robot's own model has its cost."""
+        plan = self._plan(0.0, cost_j)
+        plan["elsewhere"], plan["unsure_j"] = 1.0, 0.0
+        total: np.void = self._leaves(plan, ways, float(ways["way_m"].sum())).total[0]
+        return total
+
+    def _at_cruise_j(self, ways: NDArray[np.void]) -> float:
+        """Energy of driving steadily over a way, by the robot's own model."""
+        v = self._vehicle
+        return sum(modelled_driving(v, float(one["sine"]), v.cruise_mps) * float(one["way_m"]) for one in ways)
+
+    def _standing_j(self, way_m: float) -> float:
+        """Energy of standing for as long as a way takes at cruise."""
+        return self._vehicle.idle_w / self._vehicle.cruise_mps * way_m
 
     def _leaves(self, plan: NDArray[np.void], ways: NDArray[np.void], way_m: float) -> Margin:
         """What a plan over some way leaves."""
@@ -312,16 +370,13 @@ class Companion:
             self._close(self._window)
             self._window = Window()
 
-    def _soc_sd(self) -> float:
-        return float(np.hypot(self._known.prior.soc_step / 12.0**0.5, self._known.prior.soc_noise))
-
     def _charge_first(self, soc: float) -> None:
         if self._charged:
             return
         self._charged = True
         start = self._start_soc if self._start_soc is not None else soc
         if math.isfinite(start) and start < 1.0 - 0.5 * self._known.prior.soc_step:
-            self._estimator.recharge(start, self._soc_sd())
+            self._estimator.recharge(start, self._known.prior.soc_sd)
 
     def _note(self, reading: Reading, step: Step) -> None:
         """Note what there is to go by."""
@@ -425,38 +480,23 @@ class Companion:
 
     def _ways(self) -> NDArray[np.void]:
         """The way home where it is not the way out, `WAY_DTYPE`; empty where it is."""
+        v = self._vehicle
         if self._other_way is not None:
             route, driven_m = self._other_way
-            return _along(route, driven_m, self._vehicle.cruise_mps)
+            return along_route(route, driven_m, v.cruise_mps)
         if self._moved_home is None:
             return np.zeros(0, WAY_DTYPE)
         from_m, leg_m = self._way.beyond(self._moved_home)
-        return self._back_to(from_m, leg_m)
-
-    def _back_to(self, from_m: float, leg_m: float) -> NDArray[np.void]:
-        """Back over the way out as far as some metre of it, and then straight on."""
-        places, v = self._estimator.state["places"][0], self._vehicle
-        here_m = self._way.position_m
-        edges = np.arange(math.floor(min(from_m, here_m) / v.place_m), math.floor(here_m / v.place_m) + 1)
-        lengths = np.minimum((edges + 1) * v.place_m, here_m) - np.maximum(edges * v.place_m, from_m)
-        edges, lengths = edges[lengths > 0.0], lengths[lengths > 0.0]
-        ways = np.zeros(len(edges) + (leg_m > 0.0), WAY_DTYPE)
-        ways["speed_mps"] = v.cruise_mps
-        back, noted = ways[: len(edges)], places[np.minimum(edges, self._places - 1)]
-        back["way_m"], back["sine"] = lengths, -noted["sine_driven"]
-        back["east"], back["north"] = -noted["east"], -noted["north"]
-        if leg_m > 0.0:
-            ways[-1]["way_m"] = _DETOUR * leg_m
-        return ways
+        places = self._estimator.state["places"][0]
+        return back_over(places, v.place_m, self._way.position_m, from_m, _DETOUR * leg_m, v.cruise_mps)
 
     def _advise(self) -> Advice:
         ways = self._ways()
         elsewhere = self._other_way is not None or self._moved_home is not None
         v, places = self._vehicle, self._estimator.state["places"][0]
         if elsewhere:
-            driving = sum(modelled_driving(v, float(one["sine"]), v.cruise_mps) * float(one["way_m"]) for one in ways)
             home_m = float(ways["way_m"].sum())
-            cost_j = driving + v.idle_w / v.cruise_mps * home_m
+            cost_j = self._at_cruise_j(ways) + self._standing_j(home_m)
         else:
             home_m = self._way.position_m
             cost_j = float(home_cost(v, places, self._extra, home_m))
@@ -474,7 +514,7 @@ class Companion:
         def low_after_j(onwards_m: float) -> float:
             return float(leaves(onwards_m).total[0]["margin_low_j"]) - withheld_j
 
-        turn_in_m = self._latest(low_after_j, low_j)
+        turn_in_m = _latest(low_after_j, low_j, self._range_m)
         standing_s = max(low_j, 0.0) / max(self._pace_w, v.idle_w, 1e-9)
         turn_in_s = min(turn_in_m / max(self._pace_mps, 1e-9), standing_s)
         needs_m = self._reaction_s * self._pace_mps
@@ -499,6 +539,7 @@ class Companion:
             looks_back=not self._turned and looks_back(self._windows, home_m, v.cruise_mps, self._window_s),
             rests_on=rests_on(self._has, self._known, self._what_home(), self._cutoff is not None),
             warnings=(*self._readings.warnings(), *self._off_route()),
+            action=self._action,
         )
 
     def _withheld_j(self, left_j: float) -> float:
@@ -506,27 +547,6 @@ class Companion:
         if self._cutoff is None:
             return 0.0
         return max(left_j - self._cutoff.left() * self._vehicle.full_j, 0.0)
-
-    def _latest(self, low_j: Any, now_j: float) -> float:
-        """How far it may drive on before it must turn, m: a secant's root, never beyond what was seen to be safe."""
-        if now_j <= 0.0:
-            return 0.0
-        most_m = self._range_m
-        safe_m, safe_j, over_m, over_j = 0.0, now_j, math.nan, math.nan
-        guess_m = 0.25 * most_m
-        for _ in range(_TRIES):
-            value_j = low_j(guess_m)
-            if value_j >= 0.0:
-                safe_m, safe_j = guess_m, value_j
-                if guess_m >= most_m:
-                    return most_m
-            else:
-                over_m, over_j = guess_m, value_j
-            if math.isnan(over_m):
-                guess_m = min(2.0 * guess_m, most_m)
-            else:
-                guess_m = safe_m + (over_m - safe_m) * safe_j / (safe_j - over_j)
-        return min(guess_m, most_m)
 
     def _off_route(self) -> tuple[str, ...]:
         off_m = self._way.off_route_m
@@ -550,6 +570,7 @@ class Companion:
             "turned": self._turned, "pace_mps": self._pace_mps, "pace_w": self._pace_w, "has": self._has,
             "moved_home": self._moved_home, "other_way_m": None if self._other_way is None else self._other_way[1],
             "clock_s": self._readings.clock_s, "counts": self._readings.counts,
+            **({} if self._policy is None else {"policy": self._policy.state()}),
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], other_way: RouteLike | None = None) -> None:
@@ -583,6 +604,8 @@ class Companion:
             self._other_way = None if other_way is None else (other_way, float(state["other_way_m"] or 0.0))
             self._readings.clock_s = float(state["clock_s"])
             self._readings.counts.update(state["counts"])
+            if self._policy is not None:
+                self._policy.restore(state["policy"])
         except (KeyError, TypeError, ValueError, zlib.error) as error:
             raise CompanionError(f"the state cannot be used: {error}") from None
 
@@ -611,14 +634,35 @@ class Companion:
 _ONE = np.ones(1, np.bool_)
 
 
-def _along(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray[np.void]:
-    """What is left of a route after some metres, `WAY_DTYPE`."""
-    ends = np.arange(1, len(route.grade_rad) + 1) * route.place_m
-    lengths = np.clip(ends - driven_m, 0.0, route.place_m)
-    ways = np.zeros(len(ends), WAY_DTYPE)
-    ways["way_m"], ways["sine"] = lengths, np.sin(route.grade_rad)
-    ways["east"], ways["north"], ways["speed_mps"] = np.cos(route.heading_rad), np.sin(route.heading_rad), cruise_mps
-    return np.asarray(ways[lengths > 0.0])
+def _check(name: str, value: Any, low: float, high: float) -> None:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not low <= float(value) <= high:
+        raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
+
+
+def _check_route(route: Any) -> None:
+    if route is not None and not all(hasattr(route, name) for name in ("place_m", "grade_rad", "heading_rad")):
+        raise CompanionError(f"route = {route!r} is no route; give what homeward.envs.route_files.load_route reads")
+
+
+def _latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> float:
+    """How far it may drive on before it must turn, m: a secant's root, never beyond what was seen to be safe."""
+    if now_j <= 0.0:
+        return 0.0
+    safe_m, safe_j, over_m, over_j = 0.0, now_j, math.nan, math.nan
+    guess_m = 0.25 * most_m
+    for _ in range(_TRIES):
+        value_j = low_j(guess_m)
+        if value_j >= 0.0:
+            safe_m, safe_j = guess_m, value_j
+            if guess_m >= most_m:
+                return most_m
+        else:
+            over_m, over_j = guess_m, value_j
+        if math.isnan(over_m):
+            guess_m = min(2.0 * guess_m, most_m)
+        else:
+            guess_m = safe_m + (over_m - safe_m) * safe_j / (safe_j - over_j)
+    return min(guess_m, most_m)
 
 
 def _chance(margin: Margin, withheld_j: float) -> float:

@@ -64,6 +64,8 @@ def known_of(robot: Robot, has_forecast: bool) -> Known:
             "resistance 80 to 130 %, payload up to 20 %)", wind,
         ))  # fmt: skip
     rolling, mass = given.variance("rolling"), given.variance("mass")
+    if rolling is None and given.between_runs is not None:
+        rolling = 0.0  # nothing was fitted, but it is known how far runs are from what the file says
     idle, capacity = given.variance("idle_power"), given.variance("capacity")
     mass_sd = prior.mass_sd if mass is None else math.sqrt(mass)
     if rolling is not None:

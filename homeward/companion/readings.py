@@ -30,6 +30,8 @@ class Reading(NamedTuple):
     voltage_v: float
     current_a: float
     sensing_hz: float
+    temperature_c: float
+    interest: float
     position: Position | None
 
 
@@ -46,6 +48,8 @@ _HELD = 3.0
 _LEAST_HOLD_S = 0.5
 _JUMPS = 5
 """Positions in a row that are too far away until the robot is taken to be there."""
+_STILL_M, _DRIVEN_M = 0.2, 20.0
+"""Way that positions must have moved by when the speed says that so much was driven."""
 _BACK = 3
 """Readings in a row from before the last one until the clock is taken to have been set back."""
 _STAYS_S = 60.0
@@ -95,6 +99,8 @@ class Readings:
         self._clock = _Held()
         self._place: Position | None = None
         self._place_at_s, self._jumps = 0.0, 0
+        self._anchor: Position | None = None
+        self._driven_m = 0.0
         self._said: deque[tuple[float, str]] = deque(maxlen=8)
 
     def take(self, time_s: float, given: dict[str, Any]) -> Reading | None:
@@ -108,7 +114,7 @@ class Readings:
             CompanionError: A value is not a number.
         """
         given = {name: _number(name, value) for name, value in given.items() if name != "position"} | {
-            "position": _position(given["position"])
+            "position": checked_position("position", given["position"])
         }
         dt_s = self._passed_s(_number("time_s", time_s))
         if dt_s is None:
@@ -133,10 +139,14 @@ class Readings:
         if had_power and math.isnan(power):
             self.say(f"no power for {self.clock_s - self._power.at_s:.0f} s: the model fills in", "no power")
         sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, 1e5, "Hz")
+        temperature = self._within("temperature_c", given["temperature_c"], -60.0, 60.0, "kelvin?")
+        interest = self._within("interest", given["interest"], 0.0, 1e6, "a weight")
+        driven_m = abs(speed) * dt_s if math.isfinite(speed) else 0.0
         return Reading(
             dt_s, speed, power, min(max(soc, 0.0), 1.0) if math.isfinite(soc) else math.nan,
             self._grade.now(self.clock_s, dt_s), self._heading.now(self.clock_s, dt_s), voltage, current,
-            sensing if math.isfinite(sensing) else 0.0, self._place_now(given["position"]),
+            sensing if math.isfinite(sensing) else 0.0, temperature, interest,
+            self._place_now(given["position"], driven_m),
         )  # fmt: skip
 
     def say(self, text: str, kind: str | None = None) -> None:
@@ -184,7 +194,7 @@ class Readings:
         self.counts[what] = self.counts.get(what, 0) + 1
         self.say(f"{what} left out: {self.counts[what]}{more}", what)
 
-    def _place_now(self, position: Position | None) -> Position | None:
+    def _place_now(self, position: Position | None, driven_m: float) -> Position | None:
         """A position that the robot may have come to, None where there is none."""
         if position is None:
             if self._place is not None and self.clock_s - self._place_at_s > _LEAST_HOLD_S:
@@ -199,7 +209,18 @@ class Readings:
                 self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
         self._place, self._place_at_s, self._jumps = position, self.clock_s, 0
+        self._expect_motion(position, driven_m)
         return position
+
+    def _expect_motion(self, position: Position, driven_m: float) -> None:
+        """Warn where positions stay while the speed says that the robot drives."""
+        self._driven_m += driven_m
+        same_kind = isinstance(position, float) == isinstance(self._anchor, float)
+        if self._anchor is None or not same_kind or np.linalg.norm(np.subtract(position, self._anchor)) > _STILL_M:
+            self._anchor, self._driven_m = position, 0.0
+        elif self._driven_m > _DRIVEN_M:
+            text = f"the positions stay within {_STILL_M:g} m while {self._driven_m:.0f} m are driven by the speed"
+            self.say(f"{text}: degrees, or spinning wheels?", "the positions stay")
 
 
 def _number(name: str, value: Any) -> float:
@@ -211,7 +232,16 @@ def _number(name: str, value: Any) -> float:
     return number if math.isfinite(number) else math.nan
 
 
-def _position(value: Any) -> Position | None:
+_PLACE = "metres from home along the way, or (east, north) in metres"
+_ALLOWED = {"home": "(east, north) in metres, or 'here'", "forecast_mps": "(east, north) in m/s"}
+
+
+def checked_position(name: str, value: Any) -> Position | None:
+    """A position as metres or (east, north), None where there is none or it is not finite.
+
+    Raises:
+        CompanionError: It is neither.
+    """
     if value is None:
         return None
     if isinstance(value, numbers.Real) and not isinstance(value, bool):
@@ -219,7 +249,5 @@ def _position(value: Any) -> Position | None:
     try:
         east_m, north_m = (float(one) for one in value)
     except (TypeError, ValueError):
-        raise CompanionError(
-            f"position = {value!r} is not allowed; give metres from home along the way, or (east, north) in metres"
-        ) from None
+        raise CompanionError(f"{name} = {value!r} is not allowed; give {_ALLOWED.get(name, _PLACE)}") from None
     return (east_m, north_m) if math.isfinite(east_m + north_m) else None

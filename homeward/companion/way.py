@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion.readings import CompanionError, Position, Reading
+from homeward.estimation import WAY_DTYPE
 
 Array = NDArray[np.float64]
 
@@ -207,3 +208,39 @@ class Way:
         self._crumbs[: self._count] = np.reshape(state["crumbs"], (-1, 2))
         self._at_m[: self._count] = state["at_m"]
         self._told_metres = bool(state["told_metres"])
+
+
+def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray[np.void]:
+    """What is left of a route after some metres, `WAY_DTYPE`."""
+    ends = np.arange(1, len(route.grade_rad) + 1) * route.place_m
+    lengths = np.clip(ends - driven_m, 0.0, route.place_m)
+    ways = np.zeros(len(ends), WAY_DTYPE)
+    ways["way_m"], ways["sine"] = lengths, np.sin(route.grade_rad)
+    ways["east"], ways["north"], ways["speed_mps"] = np.cos(route.heading_rad), np.sin(route.heading_rad), cruise_mps
+    return np.asarray(ways[lengths > 0.0])
+
+
+def back_over(
+    places: NDArray[np.void], place_m: float, here_m: float, from_m: float, leg_m: float, cruise_mps: float
+) -> NDArray[np.void]:
+    """Back over the way out as far as some metre of it, and then a leg over unknown ground, `WAY_DTYPE`.
+
+    Args:
+        places: What the estimator has noted of the places of the way out, shape (places,).
+        place_m: Length of a place, m.
+        here_m: Where the robot is on it, m.
+        from_m: Metre of it that it goes back to.
+        leg_m: Length of the leg, m.
+        cruise_mps: Speed, m/s.
+    """
+    edges = np.arange(math.floor(min(from_m, here_m) / place_m), math.floor(here_m / place_m) + 1)
+    lengths = np.minimum((edges + 1) * place_m, here_m) - np.maximum(edges * place_m, from_m)
+    edges, lengths = edges[lengths > 0.0], lengths[lengths > 0.0]
+    ways = np.zeros(len(edges) + (leg_m > 0.0), WAY_DTYPE)
+    ways["speed_mps"] = cruise_mps
+    back, noted = ways[: len(edges)], places[np.minimum(edges, len(places) - 1)]
+    back["way_m"], back["sine"] = lengths, -noted["sine_driven"]
+    back["east"], back["north"] = -noted["east"], -noted["north"]
+    if leg_m > 0.0:
+        ways[-1]["way_m"] = leg_m
+    return ways

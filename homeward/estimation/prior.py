@@ -44,6 +44,11 @@ class Prior(NamedTuple):
     )
     model_error: float = 0.001  # of a decision's energy, a share: what the model leaves out
 
+    @property
+    def soc_sd(self) -> float:
+        """Standard deviation of a reading of the state of charge: its noise, and that of rounding."""
+        return float(np.hypot(self.soc_step / 12.0**0.5, self.soc_noise))
+
 
 STATES = 12
 GAIN, ROLLING, WEIGHT, EAST, NORTH, GUST_EAST, GUST_NORTH, OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY = range(STATES)

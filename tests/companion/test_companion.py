@@ -98,7 +98,8 @@ def test_an_update_takes_less_than_a_millisecond_and_memory_is_bounded() -> None
 
 def test_it_imports_no_learning_library() -> None:
     code = (
-        "import sys, homeward.companion; print([name for name in ('torch', 'pandas', 'plotly') if name in sys.modules])"
+        "import sys, homeward.companion, homeward.agents.onboard; "
+        "print([name for name in ('torch', 'pandas', 'plotly') if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True)
     assert (run.returncode, run.stdout.strip()) == (0, "[]"), run.stdout + run.stderr
@@ -281,7 +282,10 @@ def test_a_state_that_cannot_be_used_is_refused(tmp_path: Path, content: str) ->
     ("keywords", "said"),
     [
         ({"risk": 0.0}, "risk = 0.0"), ({"soc": 87.0}, "soc = 87.0"), ({"home": "there"}, "home = 'there'"),
-        ({"cruise_mps": 99.0}, "cruise_mps"), ({"window_s": -1.0}, "window_s"),
+        ({"cruise_mps": 99.0}, "cruise_mps"), ({"window_s": -1.0}, "window_s"), ({"risk": "small"}, "risk = 'small'"),
+        ({"home": (1.0,)}, r"home = \(1.0,\)"), ({"home": 3.0}, "home = 3.0"), ({"cutoff_v": 48.0}, "cutoff_v = 48.0"),
+        ({"forecast_mps": 5.0}, "forecast_mps = 5.0"), ({"forecast_mps": (300.0, 0.0)}, "forecast_mps = .* in m/s"),
+        ({"route": "track.gpx"}, "route = 'track.gpx' is no route"),
     ],
 )  # fmt: skip
 def test_arguments_that_cannot_be_used(keywords: dict[str, Any], said: str) -> None:
@@ -300,6 +304,27 @@ def test_no_way_to_know_where_it_is() -> None:
         companion().update(0.0, power_w="much")  # type: ignore[arg-type]
     with pytest.raises(CompanionError, match="position"):
         companion().update(0.0, position=(1.0, 2.0, 3.0))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("soc", [80.0, "full", math.nan])
+def test_a_battery_home_or_way_that_cannot_be_is_refused(soc: Any) -> None:
+    one = companion()
+    with pytest.raises(CompanionError, match=f"soc = {soc!r} is not allowed"):
+        one.swap_battery(soc)
+    with pytest.raises(CompanionError, match=r"home = \(1.0, 2.0, 3.0\) is not allowed"):
+        one.move_home((1.0, 2.0, 3.0))  # type: ignore[arg-type]
+    with pytest.raises(CompanionError, match="home = None is not allowed"):
+        one.move_home(None)  # type: ignore[arg-type]
+    with pytest.raises(CompanionError, match="is no route"):
+        one.take_home("track.gpx")  # type: ignore[arg-type]
+
+
+def test_positions_in_degrees_are_said() -> None:
+    one, robot = companion(home="here"), Driven()
+    for _ in range(40):
+        advice = robot.drive(one, 0.0, 1.0, position=(8.5 + 1e-5 * robot.xy[0], 47.4))
+    assert any(text.startswith("the positions stay within 0.2 m while") for text in advice.warnings)
+    assert any("degrees, or spinning wheels?" in text for text in advice.warnings)
 
 
 def test_advice_can_be_written_as_json_and_read_by_people() -> None:
@@ -322,5 +347,6 @@ def test_a_robot_file_that_says_how_sure_it_is() -> None:
     assert narrow.energy_home_j.sd < generic.energy_home_j.sd
     assert uneven.energy_home_j.sd > 2.0 * narrow.energy_home_j.sd
     assert differs.energy_home_j.sd > narrow.energy_home_j.sd
+    assert of(between_runs=0.4).energy_home_j.sd > of(between_runs=0.1).energy_home_j.sd  # nothing fitted
     assert any("says how sure it is: a test" in text for text in narrow.rests_on)
     assert any("generic ranges" in text for text in generic.rests_on)

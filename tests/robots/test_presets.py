@@ -43,7 +43,8 @@ def test_every_number_has_its_source_on_its_line(name: str, root: Path) -> None:
     text = preset_file(root, name).read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if NUMBER.match(line)]
     tables = [table for table in tomllib.loads(text).values() if isinstance(table, dict)]
-    assert len(lines) == sum(len(table) for table in tables), "a number is written in a way that this test cannot see"
+    numbers = [value for table in tables for value in table.values() if not isinstance(value, str)]
+    assert len(lines) == len(numbers), "a number is written in a way that this test cannot see"
     for line in lines:
         match = NUMBER.match(line)
         assert match and match["comment"] and len(match["comment"]) > 10, f"no source beside: {line}"
@@ -71,11 +72,27 @@ def test_motor_constant_agrees_with_the_top_speed(name: str) -> None:
     assert robot.max_speed_mps < free_speed_mps < 2.0 * robot.max_speed_mps
 
 
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_says_how_sure_it_is_with_a_source_or_why_it_does_not(name: str, root: Path) -> None:
+    sure, text = load_robot(name).uncertainty, preset_file(root, name).read_text(encoding="utf-8")
+    assert (sure is None) == ("# No [uncertainty]: " in text)
+    assert sure is None or len(sure.source) > 10
+
+
+def test_rusti_is_as_sure_as_the_paper_says() -> None:
+    sure = load_robot("rusti").uncertainty
+    assert sure is not None
+    least, most = 1.0 - 0.91, 1.0 - 0.66
+    # The mean square of what is spread evenly between two limits.
+    assert sure.between_runs == pytest.approx(math.sqrt((most**3 - least**3) / (3.0 * (most - least))), abs=0.005)
+
+
 def test_rusti_computer_differs_from_rusti_in_the_computer_alone() -> None:
     rusti, computer = load_robot("rusti"), load_robot("rusti_computer")
     without = dataclasses.replace(
-        computer, name=rusti.name, description=rusti.description, computer_w=0.0, computer_j_per_sample=0.0
-    )
+        computer, name=rusti.name, description=rusti.description, computer_w=0.0, computer_j_per_sample=0.0,
+        uncertainty=rusti.uncertainty,
+    )  # fmt: skip
     assert without == rusti
 
 

@@ -13,10 +13,12 @@ onnx = pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
 
 from homeward.agents.trained.inputs import COLUMNS, make_inputs  # noqa: E402
-from homeward.agents.trained.onnx_export import Args, ExportError, check_equal, main, setting_of  # noqa: E402
-from homeward.agents.trained.onnx_graph import BELIEF, INPUT, OUTPUTS, quantities, to_onnx  # noqa: E402
-from homeward.agents.trained.policy_file import ON_THE_GO, NetworkPolicy, load_policy, save_policy  # noqa: E402
+from homeward.agents.trained.onnx_export import Args, ExportError, check_equal, main  # noqa: E402
+from homeward.agents.trained.onnx_graph import quantities, to_onnx  # noqa: E402
+from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS  # noqa: E402
+from homeward.agents.trained.policy_file import ON_THE_GO, NetworkPolicy, PolicyFileError, load_policy, save_policy  # noqa: E402
 from homeward.agents.trained.provenance import robot_hash  # noqa: E402
+from homeward.agents.trained.setting import setting_of  # noqa: E402
 from homeward.envs.actions import action_space, encode_actions  # noqa: E402
 from homeward.envs.features import INDEX, NAMES  # noqa: E402
 from homeward.envs.options import Options, known_of  # noqa: E402
@@ -135,12 +137,12 @@ def test_a_file_that_decides_otherwise_is_refused(action_type: str, beliefs: boo
 def test_another_robot_than_the_trained_one_is_refused(tmp_path: Path) -> None:
     hashed = robot_hash(known_of(Options("Survey", robot="jackal")))
     policy = save_drawn_policy(tmp_path, made_with={"robot": hashed})
-    with pytest.raises(ExportError, match=r"robot 'husky' has other numbers .* give that one's file with --robot"):
+    with pytest.raises(PolicyFileError, match=r"robot 'husky' has other numbers .* give that one's file with --robot"):
         setting_of(policy)
     assert setting_of(policy, "jackal")[1].robot.name == "jackal"
 
 
 @pytest.mark.parametrize("training", [None, {}, {"env": "homeward/Nothing-v0"}])
 def test_a_policy_of_unknown_origin_is_refused(training: Any, tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match="does not say which environment"):
+    with pytest.raises(PolicyFileError, match="does not say which environment"):
         setting_of(save_drawn_policy(tmp_path, training=training))

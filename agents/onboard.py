@@ -1,0 +1,271 @@
+"""A policy on a robot: asked once per decision, from what the robot reads, for what it would do in its environment.
+
+`homeward.companion.Companion(policy=load_onboard("ppo", "OutAndBack"))` asks it with every reading that it is updated
+with; without a companion, `Onboard.update` does the same.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Policy
+from homeward.agents.learning.settings import DMAX, SCRATCH
+from homeward.agents.registry import FROM_FILES, AgentError, shipped
+from homeward.agents.trained.inputs import BeliefInputs
+from homeward.agents.trained.onnx_policy import load_onnx
+from homeward.agents.trained.policy_file import load_policy
+from homeward.agents.trained.setting import options_of
+from homeward.envs import IDS
+from homeward.envs.actions import MODES, decode_actions, encode_actions
+from homeward.envs.features import FEATURES, INDEX
+from homeward.envs.observer import Observer, Read
+from homeward.envs.options import Known, known_of
+from homeward.envs.route_files import load_route
+from homeward.envs.routes import Route
+from homeward.envs.state import GO
+from homeward.physics import Robot
+
+Action = tuple[float, float, str]
+"""Speed (m/s, 0 where it stops), sensing rate (Hz), and `stop`, `go` or `return`; no `go` once a return is final."""
+
+_MOST_BYTES = 100_000_000
+_SOON = 1e-6
+"""Share of a decision by which a reading may come too early to end it: times are rounded."""
+
+
+class Onboard:
+    """Asks a policy once per `decision_s`, and remembers what it needs to between.
+
+    The mission is that of the environment: it begins at home with the first reading, a return is final once it was
+    asked for in some decisions in a row, and a patrol stands at its posts for the pit stop.
+
+    Args:
+        policy: Of `homeward.agents`, for the environment that `known` is of.
+        known: Constants of that environment; its decisions, distances and times are meant.
+        forecast: The route as it is forecast, see `homeward.envs.observer.Observer`.
+        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s. If left out, beliefs hold
+            any wind for possible, and a policy that sees none takes it for calm.
+        mean_grade: Mean sine of the route's slope; that of the forecast if left out.
+
+    Attributes:
+        robot: The robot that it is asked for.
+        decision_s: Time between decisions, s.
+
+    Raises:
+        ValueError: The forecast has other places than the environment.
+    """
+
+    def __init__(
+        self,
+        policy: Policy,
+        known: Known,
+        forecast: Route | None = None,
+        forecast_mps: tuple[float, float] | None = None,
+        mean_grade: float | None = None,
+    ) -> None:
+        self._policy, self.known = policy, known
+        self._given = forecast, forecast_mps or (0.0, 0.0), mean_grade
+        inputs = getattr(policy, "inputs", None)
+        self._beliefs = inputs if isinstance(inputs, BeliefInputs) else None
+        if self._beliefs is not None and forecast_mps is None:
+            self._beliefs.forget_forecast()
+        self.robot: Robot = known.robot
+        self.decision_s, self._most = float(known.shared["decision_s"][0]), int(known.shared["max_decisions"][0])
+        self.begin()
+        for second in (0.0, 1.0):  # compile its kernels
+            self.update(second * self.decision_s, 0.0)
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a mission with the next reading, as with another battery."""
+        self._observer = Observer(self.known, *self._given)
+        self._observations: list[NDArray[np.float32]] = []
+        self._action = encode_actions(self.known, 0.0, 0.0, GO)
+        self._due_s = self._time_s = math.nan
+        self._position_m, self._outwards = 0.0, True
+        self._energy_j = self._read_s = 0.0
+
+    def see(self, position_m: float, grade_rad: float = math.nan, interest: float = math.nan) -> None:
+        """Note what the robot sees of a place ahead of it, better than it is forecast.
+
+        Args:
+            position_m: Where, metres from home along the route.
+            grade_rad: Slope along the way out, rad.
+            interest: Its interest, a weight.
+        """
+        self._observer.see(position_m, grade_rad, interest)
+
+    def update(
+        self,
+        time_s: float,
+        position_m: float,
+        *,
+        speed_mps: float = math.nan,
+        power_w: float = math.nan,
+        soc: float = math.nan,
+        grade_rad: float = math.nan,
+        heading_rad: float = math.nan,
+        temperature_c: float = math.nan,
+        interest: float = math.nan,
+    ) -> Action | None:
+        """Take in what was read at a time, NaN where an instrument was silent, and say what the policy asks for now.
+
+        Args:
+            time_s: When, s: later than before.
+            position_m: Metres from home along the way.
+            speed_mps: Speed, m/s.
+            power_w: Mean power out of the battery since the reading before, W.
+            soc: State of charge, a share.
+            grade_rad: Slope in the direction of travel, rad, uphill positive.
+            heading_rad: Direction of travel, rad counter-clockwise from east.
+            temperature_c: Temperature of the air, C.
+            interest: Interest here, a weight.
+
+        Returns:
+            Speed (m/s), sensing rate (Hz) and mode, until the next decision; None where the mission is over.
+        """
+        first = math.isnan(self._due_s)
+        since_s = 0.0 if first else time_s - self._time_s
+        if math.isfinite(power_w):
+            self._energy_j += power_w * since_s
+            self._read_s += since_s
+        moved_m = position_m - self._position_m
+        if moved_m:
+            self._outwards = moved_m > 0.0
+        if moved_m or first:
+            sign, turned_rad = (1.0, 0.0) if self._outwards else (-1.0, math.pi)
+            self._observer.see(position_m, sign * grade_rad, interest, heading_rad + turned_rad, self._outwards)
+        else:  # one that stands may have turned round, and reads no other slope
+            self._observer.see(position_m, interest=interest, outwards=self._outwards)
+        read = Read(position_m, soc=soc, speed_mps=speed_mps, temperature_c=temperature_c)
+        if first:
+            self._due_s, self._time_s = time_s + self.decision_s, time_s
+            self._ask(self._observer.begin(read))
+        self._follow(time_s, read)
+        self._time_s, self._position_m = time_s, position_m
+        return self.action
+
+    def _follow(self, time_s: float, read: Read) -> None:
+        """Decide as often as is due: several times where nothing was read for a while."""
+        due = math.floor((time_s - self._due_s) / self.decision_s + _SOON) + 1
+        if due <= 0:
+            return
+        power_w = self._energy_j / self._read_s if self._read_s else math.nan
+        self._energy_j = self._read_s = 0.0
+        for still in range(min(due, self._most), 0, -1):
+            if self.action is None:
+                return
+            share = min((self._due_s - self._time_s) / (time_s - self._time_s) + _SOON, 1.0)
+            at_m = read.position_m if share == 1.0 else self._position_m + share * (read.position_m - self._position_m)
+            at = read if still == 1 else Read(at_m)
+            self._ask(self._observer.decide(self._action, at._replace(position_m=at_m, power_w=power_w)))
+            self._due_s += self.decision_s
+
+    def _ask(self, observation: NDArray[np.float32]) -> None:
+        """Show the policy an observation; what it then asks for is kept."""
+        begun = not self._observations
+        self._observations.append(observation)
+        self._action = self._policy.act(observation, np.array([begun]))
+        soc = float(observation[0, INDEX["energy"]])
+        if begun and soc < 1.0 and self._beliefs is not None:
+            self._beliefs.recharge(soc)
+
+    @property
+    def action(self) -> Action | None:
+        """What the policy asks for, see `update`; None, too, before the first reading."""
+        if not self._observations or len(self._observations) > self._most or self._observer.home:
+            return None
+        commands = decode_actions(self.known, self._action)
+        mode = MODES[int(commands.mode[0])]
+        if mode == "go" and self._observer.returning:
+            mode = "return"
+        return float(commands.driven_mps[0]), float(commands.sensing_hz[0]), mode
+
+    def state(self) -> dict[str, Any]:
+        """What a restart needs, for JSON: some tens of kilobytes."""
+        seen = np.concatenate(self._observations) if self._observations else np.zeros((0, len(FEATURES)), np.float32)
+        return {
+            "observer": _packed(self._observer.state()), "observations": _packed(seen.tobytes()),
+            "due_s": self._due_s, "time_s": self._time_s, "position_m": self._position_m, "outwards": self._outwards,
+            "energy_j": self._energy_j, "read_s": self._read_s,
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from `state`, made alike: the policy is shown once more what it has seen.
+
+        Raises:
+            KeyError, TypeError, ValueError, zlib.error: It is none, or of one made otherwise.
+        """
+        self.begin()
+        self._observer.restore(_unpacked(state["observer"]))
+        for row in np.frombuffer(_unpacked(state["observations"]), np.float32).reshape(-1, 1, len(FEATURES)):
+            self._ask(row)
+        for name in ("due_s", "time_s", "position_m", "energy_j", "read_s"):
+            setattr(self, f"_{name}", float(state[name]))
+        self._outwards = bool(state["outwards"])
+
+
+def load_onboard(
+    policy: str | Path,
+    mission: str | None = None,
+    *,
+    robot: str | Path | Robot | None = None,
+    route: str | Path | Route | None = None,
+    forecast_mps: tuple[float, float] | None = None,
+) -> Onboard:
+    """A trained policy, ready for a robot.
+
+    Args:
+        policy: `ppo` or `ppo_scratch`, which ship, the folder that `train.py` wrote, or a file that
+            `homeward.agents.trained.onnx_export` wrote.
+        mission: `OutAndBack`, `Survey` or `Patrol`; of a policy that ships.
+        robot: Preset name, path of a robot file, or a `Robot`; the one of the training if left out. With another, it
+            meets what it was not trained for.
+        route: The route as it is forecast: path of a profile or track, or a `Route`. If left out, as long as generated
+            routes are and flat, with their mean interest.
+        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s; see `Onboard`.
+
+    Raises:
+        AgentError: There is no such policy.
+        PolicyFileError, OptionError, RobotError, RouteError: It, or what it is to be used with, cannot be used.
+
+    >>> onboard = load_onboard("ppo", "OutAndBack")
+    >>> onboard.robot.name, onboard.decision_s
+    ('rusti_computer', 30.0)
+    >>> onboard.update(0.0, 0.0, soc=1.0)  # top speed, nothing sensed
+    (1.0, 0.0, 'go')
+    """
+    if str(policy) in FROM_FILES:
+        if mission not in IDS:
+            raise AgentError(f"mission = {mission!r} is not allowed; choose from {', '.join(IDS)}")
+        policy = shipped(mission, SCRATCH if str(policy) == f"ppo_{SCRATCH}" else DMAX)
+    other: dict[str, Any] = {} if robot is None else {"robot": robot}
+    chosen, known = _load(policy, other)
+    forecast = None
+    if route is not None:
+        forecast = route if isinstance(route, Route) else load_route(route, float(known.shared["place_m"][0]))
+        chosen, known = _load(policy, other | {"route": forecast})
+    return Onboard(chosen, known, forecast, forecast_mps)
+
+
+def _load(policy: str | Path, other: dict[str, Any]) -> tuple[Policy, Known]:
+    """A policy and constants of its environment, with some keywords of that other than in its training."""
+    if Path(policy).suffix == ".onnx":
+        return load_onnx(policy, **other)
+    known = known_of(options_of(load_policy(policy), **other))
+    return load_policy(policy, known), known
+
+
+def _packed(content: bytes) -> str:
+    return base64.b85encode(zlib.compress(content, 9)).decode()
+
+
+def _unpacked(text: str) -> bytes:
+    return zlib.decompressobj().decompress(base64.b85decode(text), _MOST_BYTES)

@@ -1,0 +1,103 @@
+"""A policy from an ONNX file, with all that the file says of itself: what it acts in, and the beliefs that it takes."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.agents.base import Observations, Policy
+from homeward.agents.trained.inputs import BeliefInputs, inputs_from
+from homeward.agents.trained.policy_file import PolicyFileError
+from homeward.envs.actions import encode_actions
+from homeward.envs.features import NAMES
+from homeward.envs.options import Known, Options, known_of
+from homeward.files import read_bytes
+from homeward.installed import advice
+from homeward.physics import Robot, load_robot
+
+INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
+_MOST_BYTES = 100_000_000
+
+
+class OnnxPolicy(Policy):
+    """Runs an exported network in onnxruntime, and beside it the beliefs that no graph holds.
+
+    Args:
+        session: An `onnxruntime.InferenceSession`.
+        trained: Constants of the environment of the training, for which the network gives its commands.
+        size: Physical size of a feature of 1, shape (features,).
+        zero: Physical value of a feature of 0, shape (features,).
+        inputs: What makes the beliefs, if the network takes them.
+    """
+
+    def __init__(
+        self,
+        session: Any,
+        trained: Known,
+        size: NDArray[np.float64],
+        zero: NDArray[np.float64],
+        inputs: BeliefInputs | None = None,
+    ) -> None:
+        self._session, self._trained, self._size, self._zero = session, trained, size, zero
+        self.inputs = inputs
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission, see `homeward.agents.base.Policy.act`."""
+        feed = {INPUT: (self._zero + self._size * observations).astype(np.float32)}
+        if self.inputs is not None:
+            feed[BELIEF] = self.inputs(observations, begun)[:, len(NAMES) :]
+        return encode_actions(self._trained, *self._session.run(list(OUTPUTS), feed))
+
+
+def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
+    """Read a file that `homeward.agents.trained.onnx_export` wrote: the policy, and the environment that it acts in.
+
+    Args:
+        path: Of the file.
+        **other: Keywords of the environment to use instead of those of the training, such as `robot` or `route`.
+
+    Raises:
+        PolicyFileError: The file cannot be read, or was not written by this version, or onnxruntime is not installed.
+        OptionError, RobotError, RouteError: What it is to be used with cannot be used.
+    """
+    session = _open(Path(path))
+    told = session.get_modelmeta().custom_metadata_map
+    try:
+        columns, setting = json.loads(told["inputs"])[INPUT], json.loads(told["setting"])
+        if [one["name"] for one in columns] != list(NAMES):
+            raise PolicyFileError(f"{path} takes other features than this version has: export it again")
+        setting["robot"] = _robot(told["robot_file"])
+        trained, known = known_of(Options(**setting)), known_of(Options(**setting | other))
+        inputs = inputs_from(json.loads(told["beliefs"]), known) if "beliefs" in told else None
+        size, zero = (np.array([float(one[name]) for one in columns]) for name in ("size", "zero"))
+    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
+        raise PolicyFileError(f"{path} does not say what it acts in: export it again ({error!r})") from None
+    return OnnxPolicy(session, trained, size, zero, inputs), known
+
+
+def _open(path: Path) -> Any:
+    """A session of a file."""
+    try:
+        import onnxruntime
+    except ModuleNotFoundError as error:
+        raise PolicyFileError(f"{path} needs {error.name}: {advice('onnx', str(error.name))}") from None
+    threads = onnxruntime.SessionOptions()
+    threads.intra_op_num_threads = 1  # for one mission, more would only wait for each other
+    try:
+        return onnxruntime.InferenceSession(read_bytes(path, _MOST_BYTES), threads, providers=["CPUExecutionProvider"])
+    except OSError as error:
+        raise PolicyFileError(f"cannot read {path}: {error.strerror}; give a file that onnx_export wrote") from None
+    except Exception as error:  # onnxruntime has no class of its own for them
+        raise PolicyFileError(f"{path} is no network that onnxruntime reads: {error}") from None
+
+
+def _robot(text: str) -> Robot:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.toml"
+        path.write_text(text, "utf-8")
+        return load_robot(path)

@@ -1,0 +1,284 @@
+"""The observation on a robot: what its instruments read, as the environments show it to their agents.
+
+The robot follows its own mission in a mission record of the environments, by their own code: the decision as it was
+commanded, corrected to where the robot says that it is, the map home by the slopes that were read, the instruments as
+they were read. So a policy sees on a robot what it would see in the environment on the same readings.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.envs.actions import decode_actions
+from homeward.envs.driving import cross, decide, map_place
+from homeward.envs.features import FEATURES, OBSERVATION_DTYPE, home_cost, observe
+from homeward.envs.instruments import meter
+from homeward.envs.kernel import note_ahead
+from homeward.envs.options import Known
+from homeward.envs.reward import score
+from homeward.envs.routes import MEAN_INTEREST, Route
+from homeward.envs.state import CONSTANTS_DTYPE, GO, MISSION_DTYPE, RETURN, ROUTE_DTYPE, STOP
+from homeward.physics.jit import compiled, inline
+
+Array = NDArray[np.float64]
+
+_SLACK = 0.1
+"""Share of a decision's way at top speed by which a robot may be elsewhere than its command took it: beyond that, it is
+taken to have driven evenly, as fast as its positions say."""
+_STANDING_MPS = 1e-6
+_BORDER = 1e-6
+"""Share of a place within which a robot is taken to be on its border."""
+_PLENTY = 1e3  # full batteries: what the robot has left is read, not worked out
+
+
+class Read(NamedTuple):
+    """What a robot read in the time of a decision, NaN where an instrument was silent.
+
+    Attributes:
+        position_m: Along the route at its end, home is 0.
+        power_w: Mean power out of the battery.
+        soc: State of charge at its end, a share.
+        speed_mps: Speed at its end.
+        temperature_c: Temperature of the air at its end.
+    """
+
+    position_m: float
+    power_w: float = math.nan
+    soc: float = math.nan
+    speed_mps: float = math.nan
+    temperature_c: float = math.nan
+
+
+class Observer:
+    """Makes the observations of one mission from what the robot reads.
+
+    Args:
+        known: Constants of the environment whose observations are made.
+        forecast: The route as it is forecast, cut into the places that `known` has: slopes, headings and interest. A
+            flat one with the mean interest of generated routes if left out.
+        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s.
+        mean_grade: Mean sine of the route's slope; that of the forecast if left out.
+
+    Raises:
+        ValueError: The forecast has other places than `known`.
+    """
+
+    def __init__(
+        self,
+        known: Known,
+        forecast: Route | None = None,
+        forecast_mps: tuple[float, float] = (0.0, 0.0),
+        mean_grade: float | None = None,
+    ) -> None:
+        self.known = known
+        s = known.shared[0]
+        self._count, self._place_m = int(s["places"]), float(s["place_m"])
+        if forecast is None:
+            nothing = np.zeros(self._count)
+            forecast = Route(self._place_m, nothing, nothing, nothing + MEAN_INTEREST, nothing)
+        if len(forecast.grade_rad) != self._count or not math.isclose(forecast.place_m, self._place_m, rel_tol=1e-9):
+            raise ValueError(
+                f"the forecast has {len(forecast.grade_rad)} places of {forecast.place_m:g} m; give {self._count} of "
+                f"{self._place_m:g} m"
+            )
+        self._forecast = forecast
+        self._constants = np.zeros(1, CONSTANTS_DTYPE)
+        self._constants["shared"], self._constants["nominal"] = s, known.robot.record()[0]
+        self._records, self._routes = np.zeros(1, MISSION_DTYPE), np.zeros(1, ROUTE_DTYPE)
+        self._sines, self._readings = np.zeros((2, self._count))  # of each place: sum of what was read, and how often
+        self._interest = forecast.interest.copy()
+        m, places = self._records[0], self._routes["places"][0, : self._count]
+        places["curvature_per_m"] = forecast.curvature_per_m
+        places["east"], places["north"] = np.cos(forecast.heading_rad), np.sin(forecast.heading_rad)
+        m["direction"], m["temperature_c"] = 1.0, forecast.temperature_c
+        m["mean_grade"] = float(np.mean(np.sin(forecast.grade_rad))) if mean_grade is None else mean_grade
+        for axis, value in zip(("east", "north"), forecast_mps, strict=True):
+            m[f"mean_{axis}_mps"] = m[f"forecast_{axis}_mps"] = value
+
+    def begin(self, read: Read) -> NDArray[np.float32]:
+        """Observe the start of the mission, shape (1, features)."""
+        m, usable_j = self._records[0], float(self.known.shared["usable_j"][0])
+        m["energy_j"] = m["capacity_j"] = _PLENTY * usable_j
+        m["temperature_c"] = _or(read.temperature_c, float(m["temperature_c"]))
+        m["soc"] = m["metered"] = _or(read.soc, 1.0)
+        # What is not in the battery counts as if it had been driven as the model has it.
+        m["metered_followed"] = 1.0 - m["soc"]
+        m["metered_j"] = m["modelled_j"] = m["metered_followed"] * usable_j
+        self._note_places()
+        rows = np.zeros(1, OBSERVATION_DTYPE)
+        _begin(self._records, self._routes, self._constants, read.position_m, rows)
+        return _as_features(rows)
+
+    def see(
+        self,
+        position_m: float,
+        grade_rad: float = math.nan,
+        interest: float = math.nan,
+        heading_rad: float = math.nan,
+        outwards: bool = True,
+    ) -> None:
+        """Note what is read of the ground, here or of a place that is seen ahead. Slopes read in a place are averaged.
+
+        Args:
+            position_m: Where, along the route.
+            grade_rad: Slope along the way out, rad; NaN: not seen.
+            interest: Its interest; NaN: not seen.
+            heading_rad: Direction of the way out there, rad counter-clockwise from east; NaN: not seen.
+            outwards: On a border between places: whether that beyond it is meant.
+        """
+        at = position_m / self._place_m
+        place = round(at) - (not outwards) if abs(at - round(at)) < _BORDER else math.floor(at)
+        place = min(max(place, 0), self._count - 1)
+        if math.isfinite(grade_rad):
+            self._sines[place] += math.sin(grade_rad)
+            self._readings[place] += 1.0
+        if math.isfinite(interest):
+            self._interest[place] = interest
+        if math.isfinite(heading_rad):
+            self._routes["places"][0, place]["east"] = math.cos(heading_rad)
+            self._routes["places"][0, place]["north"] = math.sin(heading_rad)
+
+    def decide(self, action: NDArray[Any], read: Read) -> NDArray[np.float32]:
+        """Follow a decision, and observe what came of it, shape (1, features).
+
+        Args:
+            action: That the robot was commanded, shape (1, 3).
+            read: What it read meanwhile.
+        """
+        s, decision_s = self.known.shared[0], float(self.known.shared[0]["decision_s"])
+        self._note_places()
+        records, routes = self._records.copy(), self._routes.copy()
+        way_m = read.position_m - float(records["position_m"][0])
+        self._drive(action, None)
+        if abs(self._records["position_m"][0] - read.position_m) > _SLACK * s["max_speed_mps"] * decision_s:
+            self._records, self._routes = records.copy(), routes
+            self._drive(action, way_m / decision_s)
+        m = self._records[0]
+        m["energy_j"] = m["capacity_j"]
+        modelled_w = float(m["modelled_j"] - records["modelled_j"][0]) / decision_s
+        m["read_w"] = _or(read.power_w, modelled_w)
+        m["read_mps"] = _or(read.speed_mps, abs(way_m) / decision_s)
+        m["soc"] = _or(read.soc, max(float(m["metered"] - m["read_w"] * decision_s / s["usable_j"]), 0.0))
+        rows = np.zeros(1, OBSERVATION_DTYPE)
+        temperature_c = _or(read.temperature_c, float(m["temperature_c"]))
+        _read(self._records, self._routes, self._constants, read.position_m, temperature_c, rows)
+        return _as_features(rows)
+
+    def _drive(self, action: NDArray[Any], along_mps: float | None) -> None:
+        """Drive as commanded; if that was not so, as fast as the positions say, along the way out."""
+        commands = decode_actions(self.known, action)
+        speed_mps, mode = float(commands.speed_mps[0]), int(commands.mode[0])
+        if along_mps is not None:
+            ahead = -1.0 if mode == RETURN else float(self._records["direction"][0])
+            speed_mps, mode = max(ahead * along_mps, _STANDING_MPS), GO if mode == STOP else mode
+        sensing_hz = float(commands.sensing_hz[0])
+        _drive(self._records, self._routes, self._constants, speed_mps, sensing_hz, mode)
+
+    def state(self) -> bytes:
+        """What a restart needs."""
+        return b"".join(one.tobytes() for one in self._memory())
+
+    def restore(self, state: bytes) -> None:
+        """Go on from `state`, made alike.
+
+        Raises:
+            ValueError: The state is of another mission.
+        """
+        memory = self._memory()
+        if len(state) != sum(one.nbytes for one in memory):
+            raise ValueError("the state is of another version or of another route")
+        for one in memory:
+            one[:] = np.frombuffer(state[: one.nbytes], one.dtype)
+            state = state[one.nbytes :]
+
+    def _memory(self) -> tuple[NDArray[Any], ...]:
+        return self._records, self._routes, self._sines, self._readings, self._interest
+
+    @property
+    def returning(self) -> bool:
+        """Whether the robot heads home for good."""
+        return bool(self._records["returning"][0])
+
+    @property
+    def home(self) -> bool:
+        """Whether the robot has come home for good."""
+        return bool(self._records["home"][0])
+
+    def _note_places(self) -> None:
+        """Lay what is seen and forecast out for the kernels."""
+        places, forecast = self._routes["places"][0, : self._count], self._forecast
+        known = self._readings > 0.0
+        sine = np.sin(forecast.grade_rad)
+        places["sine_read"] = np.where(known, self._sines / np.maximum(self._readings, 1.0), sine)
+        places["interest"] = self._interest
+        sines, interests = np.stack((places["sine_read"], sine)), np.stack((places["interest"], forecast.interest))
+        _note(self._records, self._routes, self._constants, _totals(sines), _totals(interests))
+
+
+def _or(value: float, otherwise: float) -> float:
+    return value if math.isfinite(value) else otherwise
+
+
+def _totals(rows: Array) -> Array:
+    """Running totals to each place, shape (2, places + 1)."""
+    return np.pad(np.cumsum(rows, axis=1), ((0, 0), (1, 0)))
+
+
+def _as_features(rows: NDArray[np.void]) -> NDArray[np.float32]:
+    return rows.view(np.float32).reshape(1, len(FEATURES))
+
+
+@compiled
+def _begin(records: Any, routes: Any, constants: Any, position_m: float, rows: Any) -> None:
+    m, route, c = records[0], routes[0], constants[0]
+    map_place(m, c.nominal, route.places[0], c.nominal, c.shared, 0.0, 0.0)
+    m.here = route.places[0]
+    _move_to(m, route, c, position_m)
+    observe(m, c.shared, home_cost(m, c.shared), rows[0])
+
+
+@compiled
+def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any) -> None:
+    """Note what is ahead of each place; one that the robot just came to is costed anew by the slopes read since."""
+    m, route, c = records[0], routes[0], constants[0]
+    note_ahead(route, c.shared, sines, interests)
+    here = route.places[m.place]
+    if m.place == m.mapped - 1 and here.sine_read != m.here.sine_read:
+        map_place(m, c.nominal, here, c.nominal, c.shared, here.home_cost_j, here.true_home_cost_j)
+        m.mapped -= 1
+    m.here = here
+
+
+@compiled
+def _drive(records: Any, routes: Any, constants: Any, speed_mps: float, sensing_hz: float, mode: int) -> None:
+    c = constants[0]
+    decide(records[0], c.nominal, routes[0], c.nominal, c.shared, speed_mps, sensing_hz, mode)
+
+
+@compiled
+def _read(records: Any, routes: Any, constants: Any, position_m: float, temperature_c: float, rows: Any) -> None:
+    """Take in where the robot is and what it read, and observe."""
+    m, c = records[0], constants[0]
+    _move_to(m, routes[0], c, position_m)
+    meter(m, c.shared)
+    m.score = score(m, c.shared)
+    m.temperature_c = temperature_c
+    observe(m, c.shared, home_cost(m, c.shared), rows[0])
+
+
+@inline
+def _move_to(m: Any, route: Any, c: Any, position_m: float) -> None:
+    """Be where the robot says that it is."""
+    slack_m, outwards = _BORDER * c.shared.place_m, m.direction
+    m.position_m, m.furthest_m = position_m, max(m.furthest_m, position_m)
+    m.direction = 1.0
+    while m.place < c.shared.places - 1 and position_m > (m.place + 1) * c.shared.place_m + slack_m:
+        cross(m, c.nominal, route, c.nominal, c.shared)
+    m.direction = -1.0
+    while m.place > 0 and position_m < m.place * c.shared.place_m - slack_m:
+        cross(m, c.nominal, route, c.nominal, c.shared)
+    m.direction = outwards

@@ -1,0 +1,65 @@
+"""An exported file alone, on a robot without the project's checkout, decides what the policy decides."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+
+from homeward.agents.onboard import load_onboard  # noqa: E402
+from homeward.agents.registry import shipped  # noqa: E402
+from homeward.agents.trained.onnx_graph import to_onnx  # noqa: E402
+from homeward.agents.trained.onnx_policy import load_onnx  # noqa: E402
+from homeward.agents.trained.policy_file import PolicyFileError, load_policy  # noqa: E402
+from homeward.agents.trained.setting import setting_of  # noqa: E402
+from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
+
+
+def exported(mission: str, start: str, folder: Path) -> Path:
+    policy = load_policy(shipped(mission, start))
+    path = folder / "policy.onnx"
+    path.write_bytes(to_onnx(policy, *setting_of(policy)).SerializeToString())
+    return path
+
+
+@pytest.mark.parametrize(("mission", "start"), [("OutAndBack", "dmax"), ("Survey", "dmax"), ("Patrol", "scratch")])
+def test_a_file_alone_decides_what_the_policy_decides(mission: str, start: str, tmp_path: Path) -> None:
+    ours, known = load_onnx(exported(mission, start, tmp_path))
+    policy = load_policy(shipped(mission, start), known)
+    assert known.shared.tobytes() == setting_of(policy)[1].shared.tobytes()
+    env = HomewardVectorEnv(16, mission=mission)
+    observations, _ = env.reset(seed=8_000_001)
+    decided = set()
+    for decision in range(170):
+        begun = np.full(16, decision == 0)
+        actions = policy.act(observations, begun)
+        np.testing.assert_array_equal(ours.act(observations, begun), actions)
+        observations, *_ = env.step(actions)
+        decided |= set(map(tuple, actions.tolist()))
+    assert {mode for _, _, mode in decided} >= {1, 2}
+
+
+def test_another_robot_gets_its_own_speeds(tmp_path: Path) -> None:
+    onboard = load_onboard(exported("OutAndBack", "dmax", tmp_path), robot="jackal")
+    assert onboard.robot.name == "jackal" and onboard.decision_s > 30.0
+    original = load_onboard("ppo", "OutAndBack", robot="jackal")
+    assert onboard.update(0.0, 0.0, soc=1.0) == original.update(0.0, 0.0, soc=1.0)
+
+
+def test_files_that_cannot_be_used_are_refused_in_one_line(tmp_path: Path) -> None:
+    path = exported("Patrol", "scratch", tmp_path)
+    model = onnx.load(path)
+    del model.metadata_props[:]
+    (tmp_path / "mute.onnx").write_bytes(model.SerializeToString())
+    (tmp_path / "nonsense.onnx").write_bytes(b"nonsense")
+    for name, said in (
+        ("mute", "does not say what it acts in"), ("nonsense", "is no network that onnxruntime reads"),
+        ("none", "cannot read .*none.onnx: No such file"),
+    ):  # fmt: skip
+        with pytest.raises(PolicyFileError, match=said) as caught:
+            load_onboard(tmp_path / f"{name}.onnx")
+        assert "\n" not in str(caught.value)
