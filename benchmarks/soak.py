@@ -1,4 +1,4 @@
-"""A companion that listens to a robot on ROS 2 for an hour: does its memory stay flat, and are its updates on time?
+"""Listen to a robot on ROS 2 for an hour, and see whether memory stays flat and updates are on time.
 
 `python benchmarks/soak.py --minutes 60` starts a simulated robot in another process, which publishes battery state,
 odometry and IMU at 20 Hz on the loopback interface alone, and listens to it as `homeward watch --ros2` does. It prints

@@ -6,9 +6,9 @@ held what it then took, and how far off it was in all; DIR/watch.html shows it, 
 a table or a ROS bag, read without ROS, with battery power, or voltage and current. In a terminal it shows the drive
 meanwhile.
 
-`homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and advises live: battery
-state, odometry and IMU are subscribed, by the mappings that bags use; whether it can reach home, whether to turn now and
-the energy to home are published.
+`homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and advises live:
+battery state, odometry and IMU are subscribed, by the mappings that bags use; whether it can reach home, whether to
+turn now and the energy to home are published.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Args:
     """What to watch."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each; none with
-    --ros2."""
+    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each; none
+    with --ros2."""
     robot: str
     """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
     columns: str | None = None
@@ -80,6 +80,8 @@ def main(args: Args) -> list[Watched]:
     """
     if args.ros2:
         return _join(args)
+    if args.namespace or any(one is not None for one in (args.domain, args.home, args.state)):
+        raise CompanionError("--domain, --namespace, --home and --state are for --ros2")
     if not args.runs:
         raise RecordingError("no recording is given; name at least one file, or --ros2")
     robot = load_robot(args.robot)

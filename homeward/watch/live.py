@@ -60,6 +60,11 @@ def _between(one: Spread) -> str:
     return f"{quantities.energy(max(one.mean, 0.0))} ({low} to {high})"
 
 
+def kind_of(warning: str) -> str:
+    """A warning without its figures, so that one that counts is told from a new one."""
+    return "".join(sign for sign in warning if not sign.isdigit())
+
+
 class LiveView:
     """Shows advice as it comes, a few pictures a second.
 
@@ -90,7 +95,7 @@ class LiveView:
             self._name, self._begun_s = name, time.monotonic()
             self._said.clear()
         for text in advice.warnings:
-            kind = "".join(sign for sign in text if not sign.isdigit())
+            kind = kind_of(text)
             if kind not in self._said and len(self._said) == _WARNINGS:
                 del self._said[next(iter(self._said))]
             self._said[kind] = text

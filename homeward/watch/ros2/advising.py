@@ -47,7 +47,11 @@ def messages(
         )  # fmt: skip
         yield f"{name}/battery", kind, state
     kind = "diagnostic_msgs/msg/DiagnosticArray"
-    yield "/diagnostics", kind, message(kind, header=header, status=[_status(advice, robot, warnings, silent, namespace)])
+    yield (
+        "/diagnostics",
+        kind,
+        message(kind, header=header, status=[_status(advice, robot, warnings, silent, namespace)]),
+    )
 
 
 def can_reach_home(advice: Advice) -> bool:

@@ -23,6 +23,8 @@ _BASES: dict[str, Any] = {
     **{f"{sign}int{bits}": getattr(types, f"{sign}int{bits}") for sign in ("", "u") for bits in (8, 16, 32, 64)},
     "float32": types.float32, "float64": types.float64,
 }  # fmt: skip
+_array: Any = types.array  # which are said to be no generic types
+_sequence: Any = types.sequence
 _EMPTY: dict[str, Any] = {"bool": False, "string": "", "float32": 0.0, "float64": 0.0}
 
 
@@ -62,8 +64,8 @@ def _type_of(definition: Any) -> Any:
         return struct_of(content)
     inner, size = content
     if node == Nodetype.ARRAY:
-        return types.array[_type_of(inner), size]
-    return types.sequence[_type_of(inner), size] if size else types.sequence[_type_of(inner)]
+        return _array[_type_of(inner), size]
+    return _sequence[_type_of(inner), size] if size else _sequence[_type_of(inner)]
 
 
 def message(kind: str, **values: Any) -> IdlStruct:

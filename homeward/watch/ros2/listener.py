@@ -122,6 +122,7 @@ class Listener:
         offered = [Found(*one) for one in sorted(found.items())]
         mapping = best_topics(offered) if self._mapping is None else self._mapping
         self.mapping_name = mapping.name
+
         def options(channel: str, value: Callable[[Topic], _Value]) -> list[_Option]:
             return [_Option(topic, one, value(topic)) for topic, one in mapping.candidates(channel, offered)]
 
@@ -227,9 +228,16 @@ class Listener:
         return None
 
     def _reading(
-        self, values: dict[str, float], place: tuple[float, float, float] | None, time_s: float, dt_s: float, now_s: float
+        self,
+        values: dict[str, float],
+        place: tuple[float, float, float] | None,
+        time_s: float,
+        dt_s: float,
+        now_s: float,
     ) -> dict[str, Any]:
-        speed = values.get("speed_mps", 0.5 * (values.get("wheel_left_mps", math.nan) + values.get("wheel_right_mps", math.nan)))
+        speed = values.get(
+            "speed_mps", 0.5 * (values.get("wheel_left_mps", math.nan) + values.get("wheel_right_mps", math.nan))
+        )
         reading: dict[str, Any] = {"speed_mps": speed, "sensing_hz": values.get("sensing_hz")}
         reading |= self._power(values, speed, now_s)
         if "soc" in values:
@@ -328,6 +336,4 @@ def _heading(topic: Topic) -> _Value:
 
 def _acceleration(topic: Topic) -> _Value:
     path = topic.vectors[ACCELERATION]
-    return lambda values: (
-        math.nan if values.get(f"{path}_covariance[0]") == -1.0 else values[f"{path}.x"]
-    )
+    return lambda values: math.nan if values.get(f"{path}_covariance[0]") == -1.0 else values[f"{path}.x"]

@@ -20,7 +20,9 @@ _KEPT = 100
 """Messages of a topic that are kept until they are taken: a fifth of a second of an IMU at 500 Hz."""
 _MOST = 1000
 _REPRESENTATION = Policy.DataRepresentation(use_cdrv0_representation=True)  # the one that every ROS 2 has
-_SENSOR = Qos(Policy.Reliability.BestEffort, Policy.Durability.Volatile, Policy.History.KeepLast(_KEPT), _REPRESENTATION)
+_SENSOR = Qos(
+    Policy.Reliability.BestEffort, Policy.Durability.Volatile, Policy.History.KeepLast(_KEPT), _REPRESENTATION
+)
 _STATE = Qos(Policy.Reliability.Reliable(0), Policy.Durability.Volatile, Policy.History.KeepLast(1), _REPRESENTATION)
 
 

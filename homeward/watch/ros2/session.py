@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from homeward.cli import Terminal
 from homeward.companion import Companion
 from homeward.diagnosis.read.bags.topics import load_topics
 from homeward.physics import Robot
-from homeward.watch.live import LiveView
+from homeward.watch.live import LiveView, kind_of
 from homeward.watch.ros2.node import PERIOD_S, Node
 
 _SAVED_S = 60.0
@@ -21,6 +22,8 @@ _PRINTED_S = 60.0
 """Time between lines where the output is no terminal."""
 _WAITS_S = 5.0
 """Time without an advice after which it is said what is waited for."""
+_NAMED = 8
+"""Topics that are named of those that are not listened to."""
 
 
 class Session:
@@ -52,8 +55,8 @@ class Session:
         if state is not None and state.is_file():
             self.node.load(state)
 
-    def run(self, console: Terminal, quiet: bool, most_s: float = float("inf")) -> None:
-        """Listen and advise, for a time in s, or until it is interrupted.
+    def run(self, console: Terminal, quiet: bool, done: Callable[[], bool] = lambda: False) -> None:
+        """Listen and advise until it is done or interrupted.
 
         Raises:
             CompanionError, RecordingError: See `Node.step`.
@@ -67,7 +70,8 @@ class Session:
             if console.is_terminal and not quiet:
                 live = stack.enter_context(LiveView(console, full_j))
             printer = _Printer(console, self.node, self._where)
-            while (now_s := time.monotonic()) - began_s < most_s:
+            while not done():
+                now_s = time.monotonic()
                 news = self.node.step()
                 if live is not None and news and (advice := self.node.advice) is not None:
                     shown = dataclasses.replace(advice, warnings=tuple(self.node.warnings))
@@ -100,22 +104,31 @@ class _Printer:
         if advice is None:
             if since_s > _WAITS_S and self._node.found != self._waited:
                 self._waited = dict(self._node.found)
-                topics = ", ".join(f"{name} ({kind})" for name, kind in sorted(self._waited.items())) or "none"
-                self._console.print(f"{self._where}: waiting for motion; topics that could give it: {topics}")
+                self._console.print(f"{self._where}: waiting for motion; {self._heard()}", soft_wrap=True)
             return
         if not all_of_it:
             return
         if listener.sources != self._sources:
             self._sources = dict(listener.sources)
-            topics = dict.fromkeys(self._sources.values())
-            said = "; ".join(f"{', '.join(c for c, t in self._sources.items() if t == name)} from {name}" for name in topics)
+            channels: dict[str, list[str]] = {}
+            for channel, topic in self._sources.items():
+                channels.setdefault(topic, []).append(channel)
+            said = "; ".join(f"{', '.join(several)} from {topic}" for topic, several in channels.items())
             self._console.print(f"topic mapping {listener.mapping_name}: {said}", soft_wrap=True)
         for text in self._node.warnings:
-            kind = "".join(sign for sign in text if not sign.isdigit())
-            if kind not in self._warned:
-                self._warned.add(kind)
+            if kind_of(text) not in self._warned:
                 self._console.print(f"{quantities.duration(since_s)}: {text}", soft_wrap=True)
-        self._warned &= {"".join(sign for sign in text if not sign.isdigit()) for text in self._node.warnings}
+        self._warned = set(map(kind_of, self._node.warnings))
         if advice.turn_now != self._turns or since_s - self._printed_s >= _PRINTED_S:
             self._turns, self._printed_s = advice.turn_now, since_s
             self._console.print(f"{quantities.duration(since_s)}: {advice}", soft_wrap=True)
+
+    def _heard(self) -> str:
+        """What is listened to, and what else there is."""
+        wanted = self._node.listener.wanted
+        here, others = (
+            [f"{name} ({kind})" for name, kind in sorted(self._node.found.items()) if (name in wanted) == meant]
+            for meant in (True, False)
+        )
+        more = f"; {len(others)} other topics" + (f", such as {', '.join(others[:_NAMED])}" if others else "")
+        return f"listened to by the topic mapping {self._node.listener.mapping_name}: {', '.join(here) or 'none'}{more}"

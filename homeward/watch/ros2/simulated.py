@@ -108,7 +108,9 @@ def _contents(
     flat = message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=s_y, w=c_y)
     tilted = message("geometry_msgs/msg/Quaternion", x=-s_y * s_p, y=c_y * s_p, z=s_y * c_p, w=c_y * c_p)
     still = {"x": 0.0, "y": 0.0, "z": 0.0}
-    place = message("geometry_msgs/msg/Pose", position=message("geometry_msgs/msg/Point", **(still | {"x": x_m})), orientation=flat)
+    place = message(
+        "geometry_msgs/msg/Pose", position=message("geometry_msgs/msg/Point", **(still | {"x": x_m})), orientation=flat
+    )
     twist = message(
         "geometry_msgs/msg/Twist", linear=message("geometry_msgs/msg/Vector3", **(still | {"x": speed_mps})),
         angular=message("geometry_msgs/msg/Vector3", **still),

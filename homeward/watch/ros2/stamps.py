@@ -1,4 +1,4 @@
-"""Time by the stamps of messages: it goes on as they do, and by this computer's clock where they jump or stand still."""
+"""Time by the stamps of messages: it goes on as they do, or by this computer's clock where they jump or stand still."""
 
 from __future__ import annotations
 

@@ -31,7 +31,9 @@ def battery(time_s: float, voltage: float = 24.0, current: float = -5.0, percent
 
 
 def odometry(time_s: float, x: float, speed: float = 1.0, yaw: float = 0.2) -> Any:
-    pose = SimpleNamespace(position=vector(x, 0.0, 0.0), orientation=vector(0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
+    pose = SimpleNamespace(
+        position=vector(x, 0.0, 0.0), orientation=vector(0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+    )
     twist = SimpleNamespace(linear=vector(speed, 0.0, 0.0), angular=vector(0.0, 0.0, 0.0))
     return SimpleNamespace(header=header(time_s), pose=SimpleNamespace(pose=pose), twist=SimpleNamespace(twist=twist))
 
@@ -171,5 +173,5 @@ def test_the_clock_of_receipt_where_the_mapping_says_so(tmp_path: Any) -> None:
 def test_a_field_that_is_not_there_is_said(tmp_path: Any) -> None:
     file = tmp_path / "mine.toml"
     file.write_text('[[topics]]\nname = "/odom"\nspeed_mps = "twist.linear.x"\n')
-    with pytest.raises(RecordingError, match="no field 'linear' of 'twist.linear.x'"):
+    with pytest.raises(RecordingError, match=r"no field 'linear' of 'twist\.linear\.x'"):
         Bench(mapping=load_topics(file)).feed(1, odom=drive)

@@ -74,7 +74,7 @@ class Topics:
     topics: tuple[Topic, ...]
 
     def candidates(self, channel: str, connections: Sequence[Offered]) -> list[tuple[Topic, Offered]]:
-        """Topics of those offered that give a channel or vector: the preferred first, of equals the one with most messages."""
+        """Topics that give a channel or vector: the preferred first, of equals the one with most messages."""
         return [
             (topic, connection)
             for topic in self.topics
