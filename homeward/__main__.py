@@ -16,7 +16,7 @@ COMMANDS = {
     "diagnose": ("RUN ...", "say which physics a simulator lacks, from recordings of the robot"),
     "watch": (
         "RUN ... --robot ROBOT",
-        "replay recordings as if live: what was predicted against what came; or advise on ROS 2",
+        "replay recordings as if live, or advise a robot on its ROS 2 network",
     ),
     "columns": ("RUN", "propose which columns of a foreign recording are which channels"),
     "fleet": ("FOLDER", "diagnose every robot of a fleet, also on a Ray cluster"),

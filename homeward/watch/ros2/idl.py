@@ -14,6 +14,7 @@ from cyclonedds.idl import IdlStruct, make_idl_struct, types
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
+from homeward.companion import CompanionError
 from homeward.diagnosis.read.bags.messages import known_types
 
 _BASES: dict[str, Any] = {
@@ -49,7 +50,8 @@ def struct_of(kind: str) -> type[IdlStruct]:
     """The type of a message such as `sensor_msgs/msg/Imu`, a dataclass with its fields.
 
     Raises:
-        KeyError: It has no known definition, or a field that DDS for Python has no type for.
+        KeyError: It has no known definition.
+        CompanionError: It has a field that Cyclone DDS for Python has no type for.
     """
     package, _, name = kind.split("/")
     fields = {field: _type_of(definition) for field, definition in _store().fielddefs[kind][1]}
@@ -59,6 +61,8 @@ def struct_of(kind: str) -> type[IdlStruct]:
 def _type_of(definition: Any) -> Any:
     node, content = definition
     if node == Nodetype.BASE:
+        if content[0] not in _BASES:
+            raise CompanionError(f"messages with a field of type {content[0]} cannot be read by Cyclone DDS for Python")
         return _BASES[content[0]]
     if node == Nodetype.NAME:
         return struct_of(content)

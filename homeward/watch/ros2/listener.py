@@ -44,6 +44,10 @@ _LEAST_SIGNS = 50
 """Readings while driving from which the sign of a current is told."""
 _ACCELERATION_S = 2.0
 """Time over which an accelerometer and the robot's own acceleration are averaged, as for bags."""
+_CHARGED = 0.1
+"""By how much a state of charge must rise: monitors that go by voltage rise by some per cent when the robot stops."""
+_STEP = 0.015
+"""By how much it must fall until a charge is taken to be over: more than a step of most monitors."""
 _SILENT, _LEAST_SILENT_S = 5.0, 2.0
 """Usual times between messages, and the least time, after which a topic is said to be silent."""
 _SAID_S = 60.0
@@ -73,10 +77,33 @@ class _Option(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """What was heard in a while: its time, s, and the keyword arguments of `Companion.update`."""
+    """What was heard in a while.
+
+    Attributes:
+        time_s: When, s.
+        reading: Keyword arguments of `Companion.update`.
+        charged: State of charge to which the battery was charged or swapped, None if it was not.
+    """
 
     time_s: float
     reading: dict[str, Any]
+    charged: float | None = None
+
+
+class Charge:
+    """Tells a battery that is charged or swapped from one that recovers while the robot rests."""
+
+    def __init__(self) -> None:
+        self._from, self._charging = math.inf, False
+
+    def see(self, soc: float) -> bool:
+        """Whether the battery was charged or swapped since the last state of charge."""
+        risen = soc - self._from
+        self._charging = risen > -_STEP if self._charging else risen > _CHARGED
+        charged = self._charging and risen > 0.0
+        if charged or (risen < 0.0 and not self._charging):
+            self._from = soc
+        return charged
 
 
 class Listener:
@@ -109,6 +136,7 @@ class Listener:
         self._first_motion_s: float | None = None
         self._said: dict[str, tuple[str, float]] = {}  # by kind: what, and when
         self._at: dict[str, tuple[float, float]] = {}  # of each topic: when it last came, and how often it does
+        self._charge = Charge()
         self._voltage_v, self._per_cent, self._signs = math.nan, False, [0, 0]
         self._turned_rad: float | None = None
         self._past: deque[tuple[float, float, float]] = deque()  # time, acceleration, speed
@@ -199,7 +227,11 @@ class Listener:
         self._values, place, self._place = {}, self._place, None
         if now_s - self._first_motion_s < _SETTLES_S:
             return None
-        return Heard(time_s, self._reading(values, place, time_s, time_s - before_s, now_s))
+        reading = self._reading(values, place, time_s, time_s - before_s, now_s)
+        charged = "soc" in reading and self._charge.see(reading["soc"])
+        if charged:
+            self._say(f"the battery was charged or swapped: {reading['soc']:.0%}", now_s, "the battery was charged")
+        return Heard(time_s, reading, reading["soc"] if charged else None)
 
     def silence(self, now_s: float) -> Heard:
         """What to tell the companion where no motion is heard: that time goes on."""

@@ -40,6 +40,9 @@ class Network:
     Args:
         domain: Its number, which ROS 2 calls ROS_DOMAIN_ID.
 
+    Attributes:
+        spoilt: How often messages of a topic could not be read.
+
     Raises:
         CompanionError: It cannot be joined.
     """
@@ -52,6 +55,7 @@ class Network:
                 f"cannot join domain {domain}: {error}; check CYCLONEDDS_URI and the network interface that it names"
             ) from None
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        self.spoilt: dict[str, int] = {}
         self._found: dict[str, str] = {}
         self._readers: dict[str, DataReader[Any]] = {}
         self._writers: dict[str, DataWriter[Any]] = {}
@@ -75,12 +79,17 @@ class Network:
 
     def take(self) -> list[Message]:
         """Messages that have come since the last time, of each topic in order."""
-        return [
-            Message(name, sample, sample.sample_info.publication_handle)
-            for name, reader in self._readers.items()
-            for sample in reader.take(_KEPT)
-            if sample.sample_info.valid_data
-        ]
+        messages = []
+        for name, reader in self._readers.items():
+            try:
+                samples = reader.take(_KEPT)
+            except Exception:  # bytes that do not fit the type raise anything, from struct.error to UnicodeDecodeError
+                self.spoilt[name] = self.spoilt.get(name, 0) + 1
+                continue
+            messages += [
+                Message(name, one, one.sample_info.publication_handle) for one in samples if one.sample_info.valid_data
+            ]
+        return messages
 
     def publish(self, name: str, kind: str, content: IdlStruct) -> None:
         """Publish a message, reliably to those who ask for that."""

@@ -21,9 +21,10 @@ from cyclonedds.topic import Topic
 from homeward.cli import Terminal
 from homeward.companion import Companion, CompanionError
 from homeward.physics import load_robot
-from homeward.watch.ros2 import LOOPBACK, listener, session
+from homeward.watch.ros2 import LOOPBACK, idl, listener, session
 from homeward.watch.ros2.advising import messages
 from homeward.watch.ros2.idl import struct_of
+from homeward.watch.ros2.network import Network
 from homeward.watch.ros2.node import PERIOD_S, Node
 from homeward.watch.ros2.session import Session
 
@@ -164,3 +165,20 @@ def test_what_is_published_when_it_must_turn() -> None:
     (status,) = said["/diagnostics"].status
     assert status.level == 2 and "it may not get home" in status.message and status.name == "r1/homeward: way home"
     assert ("warning", "dark") in {(pair.key, pair.value) for pair in status.values}
+
+
+def test_bytes_that_do_not_fit_their_type_are_left_out() -> None:
+    class Reader:
+        def take(self, most: int) -> list[Any]:
+            return [struct_of("nav_msgs/msg/Odometry").deserialize(b"\0\1\0\0" + bytes(20))]
+
+    network = Network(DOMAIN)
+    network._readers["/odom"] = Reader()  # type: ignore[assignment]
+    assert network.take() == [] == network.take() and network.spoilt == {"/odom": 2}
+
+
+def test_a_field_without_a_type_in_dds_takes_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(idl._BASES, "float64")
+    idl.struct_of.cache_clear()
+    with pytest.raises(CompanionError, match="a field of type float64 cannot be read"):
+        struct_of("std_msgs/msg/Float64")
