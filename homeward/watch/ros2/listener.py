@@ -39,6 +39,8 @@ _MOTION = "speed_mps", "wheel_left_mps"
 """Channels of which the first that is heard gives the clock."""
 _SETTLES_S = 2.0
 """Time from the first motion in which topics are found and not yet believed."""
+_MOST = 1000
+"""Values of a channel that are kept until there is motion."""
 _MOVES_MPS = 0.05
 _LEAST_SIGNS = 50
 """Readings while driving from which the sign of a current is told."""
@@ -53,6 +55,8 @@ _SILENT, _LEAST_SILENT_S = 5.0, 2.0
 _SAID_S = 60.0
 """Time for which something is said."""
 _ELECTRIC = {name for names in POWER for name in names}
+_LAST = {"heading", "heading_rad", "soc"}
+"""Of what the last value is taken, and not the mean: directions have none."""
 _VOID = _ELECTRIC | {"grade", "heading"}
 """What is nothing as long as it is zero: drivers leave unmeasured fields so."""
 
@@ -129,7 +133,7 @@ class Listener:
         self._options: dict[str, dict[str, list[_Option]]] = {}  # by topic and channel
         self._chosen: dict[str, tuple[Topic, Found]] = {}
         self._getters: dict[str, dict[str, Callable[[Any], float]]] = {}
-        self._values: dict[str, list[float]] = {}
+        self._values: dict[str, deque[float]] = {}
         self._place: tuple[float, float, float] | None = None
         self._stamps = Stamps()
         self._stamp: tuple[float | None, float] | None = None
@@ -190,7 +194,7 @@ class Listener:
             if (option := self._spokesman(channel, options, name, values)) is not None:
                 value = option.value(values)
                 if math.isfinite(value):
-                    self._values.setdefault(channel, []).append(value)
+                    self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
                     spoke.add(channel)
         if "pose" in spoke:
             yaw_rad = _heading_of(values, self._chosen["pose"][0])
@@ -223,19 +227,14 @@ class Listener:
             self._say(self._stamps.said, now_s)
         if time_s is None:
             return None
-        values = {name: float(np.mean(several)) for name, several in self._values.items()}
-        self._values, place, self._place = {}, self._place, None
         if now_s - self._first_motion_s < _SETTLES_S:
+            self._values, self._place = {}, None
             return None
-        reading = self._reading(values, place, time_s, time_s - before_s, now_s)
-        charged = "soc" in reading and self._charge.see(reading["soc"])
-        if charged:
-            self._say(f"the battery was charged or swapped: {reading['soc']:.0%}", now_s, "the battery was charged")
-        return Heard(time_s, reading, reading["soc"] if charged else None)
+        return self._heard_by(time_s, time_s - before_s, now_s)
 
     def silence(self, now_s: float) -> Heard:
-        """What to tell the companion where no motion is heard: that time goes on."""
-        return Heard(self._stamps.without(now_s), {})
+        """What was heard since the last time without motion: that time goes on, and what else there is."""
+        return self._heard_by(self._stamps.without(now_s), 0.0, now_s)
 
     def warnings(self, now_s: float) -> list[str]:
         """What is wrong with what is heard, a line each."""
@@ -259,14 +258,11 @@ class Listener:
                     return option
         return None
 
-    def _reading(
-        self,
-        values: dict[str, float],
-        place: tuple[float, float, float] | None,
-        time_s: float,
-        dt_s: float,
-        now_s: float,
-    ) -> dict[str, Any]:
+    def _heard_by(self, time_s: float, dt_s: float, now_s: float) -> Heard:
+        values = {
+            name: several[-1] if name in _LAST else float(np.mean(several)) for name, several in self._values.items()
+        }
+        self._values, place, self._place = {}, self._place, None
         speed = values.get(
             "speed_mps", 0.5 * (values.get("wheel_left_mps", math.nan) + values.get("wheel_right_mps", math.nan))
         )
@@ -282,7 +278,10 @@ class Listener:
         if place is not None:
             reading["position"] = place[:2]
         reading["heading_rad"] = self._heading(values, place, dt_s)
-        return reading
+        charged = "soc" in reading and self._charge.see(reading["soc"])
+        if charged:
+            self._say(f"the battery was charged or swapped: {reading['soc']:.0%}", now_s, "the battery was charged")
+        return Heard(time_s, reading, reading["soc"] if charged else None)
 
     def _heading(self, values: dict[str, float], place: tuple[float, float, float] | None, dt_s: float) -> float:
         """The heading by odometry, else as recorded or by an IMU, else by turning rates from east."""
@@ -313,6 +312,8 @@ class Listener:
                     f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
                     "of BatteryState; it is taken as discharge", now_s,
                 )  # fmt: skip
+        if current < 0.0 and not abs(speed) > _MOVES_MPS:
+            return {}  # charging, which says nothing of what the robot takes
         return {"voltage_v": self._voltage_v, "current_a": current}
 
     def _slope_felt(self, time_s: float, forward_mps2: float, speed: float) -> float:
@@ -330,8 +331,16 @@ class Listener:
         return math.asin(min(max(sine, -1.0), 1.0))
 
     def _heard(self, name: str, now_s: float) -> None:
-        at_s, usual_s = self._at.get(name, (now_s, 0.0))
-        self._at[name] = now_s, 0.9 * usual_s + 0.1 * min(now_s - at_s, 2.0 * usual_s + 1.0)
+        if name not in self._at:
+            self._at[name] = now_s, math.inf  # it may come but once
+            return
+        at_s, usual_s = self._at[name]
+        since_s = now_s - at_s
+        # Drawn towards the new one; a gap does not become usual at once.
+        self._at[name] = (
+            now_s,
+            since_s if usual_s == math.inf else 0.8 * usual_s + 0.2 * min(since_s, 2.0 * usual_s + 0.1),
+        )
 
     def _say(self, text: str, now_s: float, kind: str | None = None) -> None:
         self._said[kind or text] = text, now_s

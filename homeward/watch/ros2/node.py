@@ -83,11 +83,11 @@ class Node:
         heard = self.listener.take(now_s)
         if heard is not None:
             self._heard_s = now_s
-            if heard.charged is not None:
-                self.companion.swap_battery(min(max(heard.charged, 0.0), 1.0))
         elif self.advice is not None and self.silent and now_s - self._published_s >= _PUBLISH_S:
             heard = self.listener.silence(now_s)
         if heard is not None:
+            if heard.charged is not None:
+                self.companion.swap_battery(min(max(heard.charged, 0.0), 1.0))
             self.advice = self.companion.update(heard.time_s, **heard.reading)
         spoilt = [f"messages of {name} do not fit their type and are left out" for name in self._network.spoilt]
         self.warnings = [*spoilt, *self.listener.warnings(now_s), *(self.advice.warnings if self.advice else ())]
