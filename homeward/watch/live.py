@@ -6,7 +6,7 @@ import time
 from types import TracebackType
 
 from rich import box
-from rich.console import Console, Group
+from rich.console import Console
 from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
@@ -51,8 +51,11 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
     return Panel(grid, title=Text(f"{name}: {quantities.duration(since_s)}"), box=box.ROUNDED, width=86)
 
 
-def _with_bar(share: float, text: str, style: str) -> Group:
-    return Group(ProgressBar(total=1.0, completed=share, width=40, complete_style=style), Text(text))
+def _with_bar(share: float, text: str, style: str) -> Table:
+    rows = Table.grid()  # a bar does not end its line
+    rows.add_row(ProgressBar(total=1.0, completed=share, width=40, complete_style=style))
+    rows.add_row(Text(text))
+    return rows
 
 
 def _between(one: Spread) -> str:
