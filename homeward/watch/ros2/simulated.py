@@ -11,13 +11,18 @@ import sys
 import time
 from dataclasses import dataclass
 
+from homeward import cli, installed
+
+if __name__ == "__main__":
+    installed.needed("ros2", "cyclonedds", "rosbags")
+
 import numpy as np
-from cyclonedds.core import Policy, Qos
+from cyclonedds.core import DDSException, Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
 
-from homeward import cli
+from homeward.companion import CompanionError
 from homeward.physics import Robot, RobotError, ancillary_power, load_robot, model
 from homeward.watch.ros2.idl import message, struct_of
 
@@ -62,8 +67,14 @@ def main(args: Args) -> None:
 
     Raises:
         RobotError: There is no such robot.
+        CompanionError: Another argument cannot be used.
+        DDSException: The domain cannot be joined.
     """
     robot = load_robot(args.robot)
+    if not (args.hz > 0.0 and 0.0 <= args.lost <= 1.0 and 0.0 < args.speed <= robot.max_speed_mps and args.out_s > 0.0):
+        raise CompanionError(
+            f"give --hz and --out-s above 0, --lost from 0 to 1, and --speed above 0, up to {robot.max_speed_mps:g} m/s"
+        )
     participant = DomainParticipant(args.domain)
     sensor = Qos(
         Policy.Reliability.BestEffort, Policy.Durability.Volatile, Policy.History.KeepLast(5),
@@ -125,4 +136,4 @@ def _contents(
 
 
 if __name__ == "__main__":
-    sys.exit(cli.run(main, Args, __doc__, (RobotError,)))
+    sys.exit(cli.run(main, Args, __doc__, (RobotError, CompanionError, DDSException)))
