@@ -14,7 +14,10 @@ COMMANDS = {
     "sweep": ("--seeds 0 1 2", "train over seeds and settings, also on a Ray cluster"),
     "evaluate": ("--agents NAME ...", "compare agents on the same episodes"),
     "diagnose": ("RUN ...", "say which physics a simulator lacks, from recordings of the robot"),
-    "watch": ("RUN ... --robot ROBOT", "replay recordings as if live: what was predicted against what came"),
+    "watch": (
+        "RUN ... --robot ROBOT",
+        "replay recordings as if live, or advise a robot on its ROS 2 network",
+    ),
     "columns": ("RUN", "propose which columns of a foreign recording are which channels"),
     "fleet": ("FOLDER", "diagnose every robot of a fleet, also on a Ray cluster"),
     "robots": ("[ROBOT]", "list the robots that ship, or print the file of one"),

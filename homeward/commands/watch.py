@@ -5,11 +5,17 @@ each moment what the rest of the drive will take. It prints, by what was left of
 held what it then took, and how far off it was in all; DIR/watch.html shows it, DIR/watch.csv holds every moment. RUN is
 a table or a ROS bag, read without ROS, with battery power, or voltage and current. In a terminal it shows the drive
 meanwhile.
+
+`homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and advises live:
+battery state, odometry and IMU are subscribed, by the mappings that bags use; whether it can reach home, whether to
+turn now and the energy to home are published.
 """
 
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -19,7 +25,7 @@ import tyro
 from rich import box
 from rich.table import Table
 
-from homeward import cli, quantities
+from homeward import cli, installed, quantities
 from homeward.companion import CompanionError
 from homeward.diagnosis import RecordingError, read_recording
 from homeward.diagnosis.tell.report import check_writable, write_texts
@@ -35,7 +41,8 @@ class Args:
     """What to watch."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each."""
+    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each; none
+    with --ros2."""
     robot: str
     """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
     columns: str | None = None
@@ -52,17 +59,31 @@ class Args:
     """Show nothing while it is replayed."""
     out: Path = Path("runs/watch")
     """Folder for watch.html and watch.csv."""
+    ros2: bool = False
+    """Join a ROS 2 network instead of replaying; needs the extra ros2."""
+    domain: int | None = None
+    """With --ros2: number of its domain; ROS_DOMAIN_ID, or 0, if left out."""
+    namespace: str = ""
+    """With --ros2: topics below it alone are listened to, such as /robot1, and the advice is published below it."""
+    home: tuple[float, float] | None = None
+    """With --ros2: where home is in the frame of the odometry, m; where the robot is first heard, if left out."""
+    state: Path | None = None
+    """With --ros2: file that is gone on from if it is there, and that is written every minute and at the end."""
 
 
 def main(args: Args) -> list[Watched]:
-    """Replay, print the table and write the page.
+    """Replay, print the table and write the page; or join a network.
 
     Raises:
         RobotError, RecordingError, CompanionError: Input that cannot be used.
         OSError: The output folder cannot be written to.
     """
+    if args.ros2:
+        return _join(args)
+    if args.namespace or any(one is not None for one in (args.domain, args.home, args.state)):
+        raise CompanionError("--domain, --namespace, --home and --state are for --ros2")
     if not args.runs:
-        raise RecordingError("no recording is given; name at least one file")
+        raise RecordingError("no recording is given; name at least one file, or --ros2")
     robot = load_robot(args.robot)
     recordings = [read_recording(path, args.columns) for path in args.runs]
     check_writable(args.out)
@@ -82,6 +103,35 @@ def main(args: Args) -> list[Watched]:
     page = write_texts(args.out, texts)[0]
     console.print(f"Page: {page}", soft_wrap=True)
     return runs
+
+
+def _join(args: Args) -> list[Watched]:
+    """Advise a robot on its network until it is interrupted; nothing to return."""
+    if args.runs:
+        raise RecordingError("--ros2 takes no recordings: it listens to a robot")
+    domain = _domain(args.domain)
+    if args.namespace and not args.namespace.startswith("/"):
+        raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a slash in front")
+    try:
+        from homeward.watch.ros2.session import Session  # only now: it needs further packages
+    except ModuleNotFoundError as error:
+        raise CompanionError(f"--ros2 needs {error.name}: {installed.advice('ros2', 'cyclonedds rosbags')}") from None
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the state is saved then, too
+    Session(
+        load_robot(args.robot), domain, args.columns, args.namespace.rstrip("/"), args.home, args.state,
+        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+    ).run(cli.Terminal(), args.quiet)  # fmt: skip
+    return []
+
+
+def _domain(given: int | None) -> int:
+    """Number of the domain."""
+    text = os.environ.get("ROS_DOMAIN_ID", "") if given is None else str(given)
+    if not text:
+        return 0
+    if not text.isdecimal() or int(text) > 232:
+        raise CompanionError(f"ROS domain {text!r} is not allowed; give a number from 0 to 232")
+    return int(text)
 
 
 def table_of(rows: list[Row]) -> Table:

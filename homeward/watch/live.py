@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from types import TracebackType
 
 from rich import box
-from rich.console import Console, Group
+from rich.console import Console
 from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
@@ -19,6 +18,8 @@ from homeward.companion import Advice, Spread
 
 _PER_S = 8.0
 """Pictures a second."""
+_WARNINGS = 4
+"""How many are shown; of those that differ in figures alone, the last."""
 
 
 def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[str, ...]) -> Panel:
@@ -50,13 +51,21 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
     return Panel(grid, title=Text(f"{name}: {quantities.duration(since_s)}"), box=box.ROUNDED, width=86)
 
 
-def _with_bar(share: float, text: str, style: str) -> Group:
-    return Group(ProgressBar(total=1.0, completed=share, width=40, complete_style=style), Text(text))
+def _with_bar(share: float, text: str, style: str) -> Table:
+    rows = Table.grid()  # a bar does not end its line
+    rows.add_row(ProgressBar(total=1.0, completed=share, width=40, complete_style=style))
+    rows.add_row(Text(text))
+    return rows
 
 
 def _between(one: Spread) -> str:
     low, high = quantities.energy(max(one.low, 0.0)), quantities.energy(max(one.high, 0.0))
     return f"{quantities.energy(max(one.mean, 0.0))} ({low} to {high})"
+
+
+def kind_of(warning: str) -> str:
+    """A warning without its figures, so that one that counts is told from a new one."""
+    return "".join(sign for sign in warning if not sign.isdigit())
 
 
 class LiveView:
@@ -71,7 +80,7 @@ class LiveView:
     def __init__(self, console: Console, full_j: float, speed: float = 0.0) -> None:
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._full_j, self._speed, self._drawn_s, self._begun_s = full_j, speed, 0.0, time.monotonic()
-        self._said: deque[str] = deque(maxlen=4)
+        self._said: dict[str, str] = {}
         self._name = ""
 
     def __enter__(self) -> LiveView:
@@ -89,11 +98,13 @@ class LiveView:
             self._name, self._begun_s = name, time.monotonic()
             self._said.clear()
         for text in advice.warnings:
-            if text not in self._said:
-                self._said.append(text)
+            kind = kind_of(text)
+            if kind not in self._said and len(self._said) == _WARNINGS:
+                del self._said[next(iter(self._said))]
+            self._said[kind] = text
         if self._speed > 0.0:
             time.sleep(max(self._begun_s + since_s / self._speed - time.monotonic(), 0.0))
         now_s = time.monotonic()
         if now_s - self._drawn_s >= 1.0 / _PER_S or since_s >= duration_s:
             self._drawn_s = now_s
-            self._live.update(view(name, advice, since_s, self._full_j, tuple(self._said)), refresh=True)
+            self._live.update(view(name, advice, since_s, self._full_j, tuple(self._said.values())), refresh=True)

@@ -1,5 +1,6 @@
 """Recordings replayed as if live: predictions hold where the model does, and misses are shown."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
+from homeward import quantities
 from homeward.commands.watch import Args, main
 from homeward.companion import Companion, CompanionError
 from homeward.diagnosis import RecordingError, read_recording
@@ -103,6 +105,8 @@ def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: l
     text = console.export_text()
     for part in ("battery", "way home", "point of no return", "no power for 3 s", "40 min"):
         assert part in text
+    energy = quantities.energy(runs[0].advice.energy_left_j.high)
+    assert re.search(rf"\n│ +[^━\n]+ to {re.escape(energy)}\) +│\n", text)  # whole, on a line of its own
     with LiveView(console, 1.728e6) as live:
         live.show("run0", runs[0].advice, 2400.0, 2400.0)
 

@@ -20,29 +20,36 @@ from homeward.diagnosis.read.channels import Array
 GRAVITY_MPS2 = 9.80665  # standard gravity
 _ORIENTATION_S = 1.0
 _ACCELERATION_S = 2.0
-_PLANAR = 1e-4  # sine of a slope below which a pose has none
+PLANAR = 1e-4  # sine of a slope below which a pose has none
 _UNIT = 0.05
 
 
 def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
     """Grade from quaternions x, y, z, w, shape (4, n), rad, or None where there are none or they stay in the plane."""
-    length = np.linalg.norm(quaternion, axis=0)
-    good = np.abs(length - 1.0) < _UNIT
-    if good.mean() < 0.5:
-        return None
-    x, y, z, w = quaternion / np.where(good, length, np.nan)
-    sine = 2.0 * (x * z - w * y)
-    if np.nanmax(np.abs(sine)) < _PLANAR:
+    sine = uphill(quaternion)
+    if np.isfinite(sine).mean() < 0.5 or np.nanmax(np.abs(sine)) < PLANAR:
         return None
     return np.arcsin(_smoothed(time_s, sine, _ORIENTATION_S))
 
 
+def uphill(quaternion: Array) -> Array:
+    """Sine of the slope that the forward axis points up, from quaternions as above; NaN for what is no rotation."""
+    length = np.linalg.norm(quaternion, axis=0)
+    x, y, z, w = quaternion / np.where(np.abs(length - 1.0) < _UNIT, length, np.nan)
+    return np.asarray(2.0 * (x * z - w * y))
+
+
 def heading(quaternion: Array) -> Array | None:
     """Direction of the robot's forward axis, rad counter-clockwise, not wrapped, from quaternions as above, or None."""
-    x, y, z, w = quaternion
-    if not np.any(np.abs(z) > _PLANAR) or (np.abs(np.linalg.norm(quaternion, axis=0) - 1.0) > _UNIT).any():
+    if not np.any(np.abs(quaternion[2]) > PLANAR) or (np.abs(np.linalg.norm(quaternion, axis=0) - 1.0) > _UNIT).any():
         return None
-    return np.asarray(np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))))
+    return np.asarray(np.unwrap(yaw(quaternion)))
+
+
+def yaw(quaternion: Array) -> Array:
+    """Direction of the forward axis, rad counter-clockwise, from quaternions as above."""
+    x, y, z, w = quaternion
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def from_acceleration(time_s: Array, forward_mps2: Array, motion_s: Array, speed_mps: Array) -> Array | None:

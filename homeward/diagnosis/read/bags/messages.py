@@ -78,6 +78,12 @@ def _store(base: Stores, types: Sequence[Any]) -> Typestore:
     return store
 
 
+def known_types() -> Typestore:
+    """Types of the standard packages of ROS 2, and those that ship here in their newest layout."""
+    newest, _ = shipped_definitions()
+    return _store(Stores.LATEST, [get_types_from_msg(text, name) for name, text in newest.items()])
+
+
 def shipped_definitions() -> list[dict[str, str]]:
     """Message definitions that ship, by type: one mapping for the newest layouts, then one for older ones."""
     folder = files("homeward.diagnosis.read.bags") / "definitions"

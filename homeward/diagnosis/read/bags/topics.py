@@ -5,9 +5,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
-
-from rosbags.interfaces import Connection
+from typing import Any, Protocol, TypeVar
 
 from homeward.diagnosis.read.bags.messages import WrongField, getter
 from homeward.diagnosis.read.channels import CHANNELS, MOTION, POWER, first_set
@@ -22,6 +20,25 @@ _KEYS = ("name", "type", "except", "stamp")
 _FOLDER = files("homeward.diagnosis.read.bags") / "maps"
 
 
+class Offer(Protocol):
+    """A topic of a bag or of a network."""
+
+    @property
+    def topic(self) -> str:
+        """Name."""
+
+    @property
+    def msgtype(self) -> str:
+        """Type of its messages, such as nav_msgs/msg/Odometry."""
+
+    @property
+    def msgcount(self) -> int:
+        """How many there are."""
+
+
+Offered = TypeVar("Offered", bound=Offer)
+
+
 @dataclass(frozen=True)
 class Topic:
     """What to take from the topics whose name and type fit."""
@@ -33,8 +50,8 @@ class Topic:
     sources: dict[str, Source]  # fields of each channel, with factors to SI
     vectors: dict[str, str]  # paths of ORIENTATION and ACCELERATION
 
-    def fits(self, connection: Connection) -> bool:
-        """Whether a topic of a bag is meant."""
+    def fits(self, connection: Offer) -> bool:
+        """Whether a topic is meant."""
         name = connection.topic
         wanted = fnmatchcase(name, self.pattern) and not fnmatchcase(name, self.refused)
         return wanted and self.kind in ("", connection.msgtype)
@@ -56,8 +73,8 @@ class Topics:
     name: str
     topics: tuple[Topic, ...]
 
-    def candidates(self, channel: str, connections: Sequence[Connection]) -> list[tuple[Topic, Connection]]:
-        """Topics of a bag that give a channel or vector: the preferred first, of equals the one with most messages."""
+    def candidates(self, channel: str, connections: Sequence[Offered]) -> list[tuple[Topic, Offered]]:
+        """Topics that give a channel or vector: the preferred first, of equals the one with most messages."""
         return [
             (topic, connection)
             for topic in self.topics
@@ -66,7 +83,7 @@ class Topics:
             if topic.fits(connection) and connection.msgcount
         ]
 
-    def value(self, connections: Sequence[Connection]) -> tuple[bool, bool, int]:
+    def value(self, connections: Sequence[Offer]) -> tuple[bool, bool, int]:
         """How much of a bag the mapping covers: power, motion, number of channels."""
         given = {name for name in (*CHANNELS, ORIENTATION, ACCELERATION) if self.candidates(name, connections)}
         return first_set(POWER, given) != (), first_set(MOTION, given) != (), len(given)
@@ -98,7 +115,7 @@ def load_topics(mapping: str | Path) -> Topics:
     return Topics(str(mapping), topics)
 
 
-def best_topics(connections: Sequence[Connection]) -> Topics:
+def best_topics(connections: Sequence[Offer]) -> Topics:
     """The mapping that ships and covers most of a bag; between equals the first by name."""
     return max((load_topics(name) for name in shipped_topics()), key=lambda one: one.value(connections))
 

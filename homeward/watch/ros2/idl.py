@@ -1,0 +1,91 @@
+"""Types of ROS 2 messages as Cyclone DDS wants them, made from the message definitions that `rosbags` knows.
+
+ROS 2 calls the type `sensor_msgs/msg/Imu` `sensor_msgs::msg::dds_::Imu_` in DDS, and serialises its fields in order as
+plain CDR (design.ros2.org, Topic and Service name mapping to DDS; OMG DDS-XTypes 1.3, 7.4).
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Any
+
+from cyclonedds.idl import IdlStruct, make_idl_struct, types
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
+
+from homeward.companion import CompanionError
+from homeward.diagnosis.read.bags.messages import known_types
+
+_BASES: dict[str, Any] = {
+    "bool": bool, "string": str,
+    # The DDS layers of ROS 2 say uint8 of both, and types that differ do not match (rmw_cyclonedds, dyntype.cpp).
+    "byte": types.uint8, "char": types.uint8,
+    **{f"{sign}int{bits}": getattr(types, f"{sign}int{bits}") for sign in ("", "u") for bits in (8, 16, 32, 64)},
+    "float32": types.float32, "float64": types.float64,
+}  # fmt: skip
+_array: Any = types.array  # which are said to be no generic types
+_sequence: Any = types.sequence
+_EMPTY: dict[str, Any] = {"bool": False, "string": "", "float32": 0.0, "float64": 0.0}
+
+
+@cache
+def _store() -> Typestore:
+    return known_types()
+
+
+def kind_of(type_name: str) -> str | None:
+    """The message type that a DDS type carries, None for what is no message of ROS 2 or has no known definition.
+
+    >>> kind_of("sensor_msgs::msg::dds_::Imu_"), kind_of("HelloWorld")
+    ('sensor_msgs/msg/Imu', None)
+    """
+    match = re.fullmatch(r"(\w+)::msg::dds_::(\w+)_", type_name)
+    kind = f"{match[1]}/msg/{match[2]}" if match else ""
+    return kind if kind in _store().fielddefs else None
+
+
+@cache
+def struct_of(kind: str) -> type[IdlStruct]:
+    """The type of a message such as `sensor_msgs/msg/Imu`, a dataclass with its fields.
+
+    Raises:
+        KeyError: It has no known definition.
+        CompanionError: It has a field that Cyclone DDS for Python has no type for.
+    """
+    package, _, name = kind.split("/")
+    fields = {field: _type_of(definition) for field, definition in _store().fielddefs[kind][1]}
+    return make_idl_struct(f"{name}_", f"{package}.msg.dds_.{name}_", fields)
+
+
+def _type_of(definition: Any) -> Any:
+    node, content = definition
+    if node == Nodetype.BASE:
+        if content[0] not in _BASES:
+            raise CompanionError(f"messages with a field of type {content[0]} cannot be read by Cyclone DDS for Python")
+        return _BASES[content[0]]
+    if node == Nodetype.NAME:
+        return struct_of(content)
+    inner, size = content
+    if node == Nodetype.ARRAY:
+        return _array[_type_of(inner), size]
+    return _sequence[_type_of(inner), size] if size else _sequence[_type_of(inner)]
+
+
+def message(kind: str, **values: Any) -> IdlStruct:
+    """A message; fields that are left out are 0 or empty.
+
+    >>> message("std_msgs/msg/Bool", data=True)
+    Bool_(data=True)
+    """
+    empty = {field: _empty(definition) for field, definition in _store().fielddefs[kind][1] if field not in values}
+    return struct_of(kind)(**empty, **values)
+
+
+def _empty(definition: Any) -> Any:
+    node, content = definition
+    if node == Nodetype.NAME:
+        return message(content)
+    if node == Nodetype.BASE:
+        return _EMPTY.get(content[0], 0)
+    return [_empty(content[0]) for _ in range(content[1])] if node == Nodetype.ARRAY else []

@@ -1,0 +1,380 @@
+"""From messages of a network to readings for the companion, by the topic mappings that bags are read with.
+
+What a bag's reader decides knowing the whole drive is decided here as it comes: of the topics that give a channel the
+most preferred that has had something to say, the sign of a battery's current by which way it flows while the robot
+drives. Messages of a moment are taken together: means of what is measured, the last of where the robot is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from homeward import quantities
+from homeward.diagnosis import RecordingError
+from homeward.diagnosis.read.bags import grade
+from homeward.diagnosis.read.bags.messages import WrongField, getter
+from homeward.diagnosis.read.bags.topics import (
+    ACCELERATION,
+    BATTERY,
+    IMU,
+    ORIENTATION,
+    Topic,
+    Topics,
+    best_topics,
+)
+from homeward.diagnosis.read.channels import CHANNELS, POWER
+from homeward.watch.ros2.odometry import Odometry
+from homeward.watch.ros2.stamps import Stamps
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+_POSE = "pose.pose.position.x", "pose.pose.position.y"
+
+_MOTION = "speed_mps", "wheel_left_mps"
+"""Channels of which the first that is heard gives the clock."""
+_SETTLES_S = 2.0
+"""Time from the first motion in which topics are found and not yet believed."""
+_MOST = 1000
+"""Values of a channel that are kept until there is motion."""
+_MOVES_MPS = 0.05
+_LEAST_SIGNS = 50
+"""Readings while driving from which the sign of a current is told."""
+_ACCELERATION_S = 2.0
+"""Time over which an accelerometer and the robot's own acceleration are averaged, as for bags."""
+_CHARGED = 0.1
+"""By how much a state of charge must rise: monitors that go by voltage rise by some per cent when the robot stops."""
+_STEP = 0.015
+"""By how much it must fall until a charge is taken to be over: more than a step of most monitors."""
+_SILENT, _LEAST_SILENT_S = 5.0, 2.0
+"""Usual times between messages, and the least time, after which a topic is said to be silent."""
+_SAID_S = 60.0
+"""Time for which something is said."""
+_ELECTRIC = {name for names in POWER for name in names}
+_LAST = {"heading", "heading_rad", "soc"}
+"""Of what the last value is taken, and not the mean: directions have none."""
+_VOID = _ELECTRIC | {"grade", "heading"}
+"""What is nothing as long as it is zero: drivers leave unmeasured fields so."""
+
+
+_Value = Callable[[dict[str, float]], float]
+
+
+class Found(NamedTuple):
+    """A topic of the network."""
+
+    topic: str
+    msgtype: str
+    msgcount: int = 1
+
+
+class _Option(NamedTuple):
+    """One way to know a channel."""
+
+    topic: Topic
+    found: Found
+    value: _Value
+
+
+class Heard(NamedTuple):
+    """What was heard in a while.
+
+    Attributes:
+        time_s: When, s.
+        reading: Keyword arguments of `Companion.update`.
+        charged: State of charge to which the battery was charged or swapped, None if it was not.
+    """
+
+    time_s: float
+    reading: dict[str, Any]
+    charged: float | None = None
+
+
+class Charge:
+    """Tells a battery that is charged or swapped from one that recovers while the robot rests."""
+
+    def __init__(self) -> None:
+        self._from, self._charging = math.inf, False
+
+    def see(self, soc: float) -> bool:
+        """Whether the battery was charged or swapped since the last state of charge."""
+        risen = soc - self._from
+        self._charging = risen > -_STEP if self._charging else risen > _CHARGED
+        charged = self._charging and risen > 0.0
+        if charged or (risen < 0.0 and not self._charging):
+            self._from = soc
+        return charged
+
+
+class Listener:
+    """Gathers what messages say.
+
+    Args:
+        mapping: Which fields of which topics are which channels; that which ships and covers most if left out.
+        max_speed_mps: Top speed of the robot.
+
+    Attributes:
+        wanted: Topics that the mapping names of those found, with the types of their messages.
+        sources: Which topic gives which channel.
+        mapping_name: Of the mapping.
+        odometry: The frame of the positions.
+    """
+
+    def __init__(self, mapping: Topics | None, max_speed_mps: float) -> None:
+        self._mapping = mapping
+        self.wanted: dict[str, str] = {}
+        self.sources: dict[str, str] = {}
+        self.mapping_name = "" if mapping is None else mapping.name
+        self.odometry = Odometry(max_speed_mps)
+        self._options: dict[str, dict[str, list[_Option]]] = {}  # by topic and channel
+        self._chosen: dict[str, tuple[Topic, Found]] = {}
+        self._getters: dict[str, dict[str, Callable[[Any], float]]] = {}
+        self._values: dict[str, deque[float]] = {}
+        self._place: tuple[float, float, float] | None = None
+        self._stamps = Stamps()
+        self._stamp: tuple[float | None, float] | None = None
+        self._first_motion_s: float | None = None
+        self._said: dict[str, tuple[str, float]] = {}  # by kind: what, and when
+        self._at: dict[str, tuple[float, float]] = {}  # of each topic: when it last came, and how often it does
+        self._charge = Charge()
+        self._voltage_v, self._per_cent, self._signs = math.nan, False, [0, 0]
+        self._turned_rad: float | None = None
+        self._past: deque[tuple[float, float, float]] = deque()  # time, acceleration, speed
+
+    def offer(self, found: Mapping[str, str]) -> None:
+        """Choose among the topics of the network.
+
+        Args:
+            found: Types of their messages by their names.
+        """
+        offered = [Found(*one) for one in sorted(found.items())]
+        mapping = best_topics(offered) if self._mapping is None else self._mapping
+        self.mapping_name = mapping.name
+
+        def options(channel: str, value: Callable[[Topic], _Value]) -> list[_Option]:
+            return [_Option(topic, one, value(topic)) for topic, one in mapping.candidates(channel, offered)]
+
+        every = {channel: options(channel, partial(_channel, name=channel)) for channel in CHANNELS}
+        slopes, headings = options(ORIENTATION, _slope), options(ORIENTATION, _heading)
+        every["grade"] = sorted(slopes, key=lambda option: option.found.msgtype != IMU)
+        every["heading"] = sorted(headings, key=lambda option: option.found.msgtype == IMU)
+        every[ACCELERATION] = options(ACCELERATION, _acceleration)
+        every["pose"] = [one._replace(value=_x_m) for one in every["speed_mps"] if one.found.msgtype == ODOMETRY]
+        self._getters, self._options = {}, {}
+        for channel, ways in every.items():
+            for one in ways:
+                paths = [*one.topic.paths(), *(_POSE if one.found.msgtype == ODOMETRY else ())]
+                self._getters.setdefault(one.found.topic, {}).update({path: getter(path) for path in paths})
+                self._options.setdefault(one.found.topic, {})[channel] = ways
+        self.wanted = {one.topic: one.msgtype for one in offered if one.topic in self._getters}
+
+    def hear(self, name: str, message: Any, publisher: int, now_s: float) -> None:
+        """Take in a message.
+
+        Args:
+            name: Of its topic.
+            message: With the fields of its type.
+            publisher: Who published it.
+            now_s: When it came, by a clock that only goes on, s.
+
+        Raises:
+            RecordingError: It has no field that the mapping names.
+        """
+        try:
+            values = {path: get(message) for path, get in self._getters[name].items()}
+        except WrongField as error:
+            raise RecordingError(f"{name} ({self.wanted[name]}): {error}") from None
+        self._heard(name, now_s)
+        spoke = set()
+        for channel, options in self._options[name].items():
+            if (option := self._spokesman(channel, options, name, values)) is not None:
+                value = option.value(values)
+                if math.isfinite(value):
+                    self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
+                    spoke.add(channel)
+        if "pose" in spoke:
+            yaw_rad = _heading_of(values, self._chosen["pose"][0])
+            speed = self._values["speed_mps"][-1] if "speed_mps" in self._values else math.nan
+            pose = values[_POSE[0]], values[_POSE[1]], 0.0 if math.isnan(yaw_rad) else yaw_rad
+            if all(map(math.isfinite, pose)):
+                self._place, moved = self.odometry.place(pose, speed, publisher, now_s)
+                if moved:
+                    self._say(f"{name} was restarted and began elsewhere: the way goes on from where it was", now_s)
+        motion = next((one for one in _MOTION if one in self._chosen), None)
+        if motion in spoke:
+            self._first_motion_s = now_s if self._first_motion_s is None else self._first_motion_s
+            stamp = getattr(getattr(message, "header", None), "stamp", None)
+            stamp_s = 0.0 if stamp is None else int(stamp.sec) + 1e-9 * int(stamp.nanosec)
+            on_receipt = self._chosen[motion][0].on_receipt or stamp_s <= 0.0
+            self._stamp = None if on_receipt else stamp_s, now_s
+
+    def take(self, now_s: float) -> Heard | None:
+        """What was heard since the last time; None without motion, which is waited for.
+
+        Args:
+            now_s: Time by the clock of `hear`, s.
+        """
+        if self._stamp is None or self._first_motion_s is None:
+            return None
+        before_s = self._stamps.time_s
+        time_s = self._stamps.see(*self._stamp)
+        self._stamp = None
+        if self._stamps.said:
+            self._say(self._stamps.said, now_s)
+        if time_s is None:
+            return None
+        if now_s - self._first_motion_s < _SETTLES_S:
+            self._values, self._place = {}, None
+            return None
+        return self._heard_by(time_s, time_s - before_s, now_s)
+
+    def silence(self, now_s: float) -> Heard:
+        """What was heard since the last time without motion: that time goes on, and what else there is."""
+        return self._heard_by(self._stamps.without(now_s), 0.0, now_s)
+
+    def warnings(self, now_s: float) -> list[str]:
+        """What is wrong with what is heard, a line each."""
+        for name, (at_s, usual_s) in self._at.items():
+            if name in self.sources.values() and now_s - at_s > max(_SILENT * usual_s, _LEAST_SILENT_S):
+                self._say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
+        self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= _SAID_S}
+        return [text for text, _ in self._said.values()]
+
+    def _spokesman(self, channel: str, options: list[_Option], name: str, values: dict[str, float]) -> _Option | None:
+        """The option that speaks for a channel, where it is of this topic; the first that has something to say."""
+        chosen = self._chosen.get(channel)
+        for option in options:
+            if option[:2] == chosen:
+                return option if option.found.topic == name else None
+            if option.found.topic == name:
+                value = option.value(values)
+                if math.isfinite(value) and (channel not in _VOID or abs(value) > grade.PLANAR):
+                    self._chosen[channel] = option[:2]
+                    self.sources[channel] = name
+                    return option
+        return None
+
+    def _heard_by(self, time_s: float, dt_s: float, now_s: float) -> Heard:
+        values = {
+            name: several[-1] if name in _LAST else float(np.mean(several)) for name, several in self._values.items()
+        }
+        self._values, place, self._place = {}, self._place, None
+        speed = values.get(
+            "speed_mps", 0.5 * (values.get("wheel_left_mps", math.nan) + values.get("wheel_right_mps", math.nan))
+        )
+        reading: dict[str, Any] = {"speed_mps": speed, "sensing_hz": values.get("sensing_hz")}
+        reading |= self._power(values, speed, now_s)
+        if "soc" in values:
+            self._per_cent |= values["soc"] > CHANNELS["soc"].high
+            reading["soc"] = values["soc"] * (0.01 if self._per_cent else 1.0)
+        slope = values.get("grade_rad", values.get("grade", math.nan))
+        if math.isnan(slope):
+            slope = self._slope_felt(time_s, values.get(ACCELERATION, math.nan), speed)
+        reading["grade_rad"] = -slope if speed < 0.0 else slope
+        if place is not None:
+            reading["position"] = place[:2]
+        reading["heading_rad"] = self._heading(values, place, dt_s)
+        charged = "soc" in reading and self._charge.see(reading["soc"])
+        if charged:
+            self._say(f"the battery was charged or swapped: {reading['soc']:.0%}", now_s, "the battery was charged")
+        return Heard(time_s, reading, reading["soc"] if charged else None)
+
+    def _heading(self, values: dict[str, float], place: tuple[float, float, float] | None, dt_s: float) -> float:
+        """The heading by odometry, else as recorded or by an IMU, else by turning rates from east."""
+        if place is not None and self._chosen.get("heading") == self._chosen["pose"]:
+            return place[2]
+        for name in ("heading_rad", "heading"):
+            if name in values:
+                return values[name]
+        if place is None and "yaw_rate_radps" in values and not {"heading_rad", "heading", "pose"} & set(self._chosen):
+            self._turned_rad = (self._turned_rad or 0.0) + values["yaw_rate_radps"] * dt_s
+            return self._turned_rad
+        return math.nan
+
+    def _power(self, values: dict[str, float], speed: float, now_s: float) -> dict[str, float]:
+        if "power_w" in values:
+            return {"power_w": values["power_w"]}
+        self._voltage_v = values.get("voltage_v", self._voltage_v)
+        if "current_a" not in values:
+            return {}
+        current = values["current_a"]
+        if self._chosen["current_a"][1].msgtype == BATTERY:
+            if abs(speed) > _MOVES_MPS and current:
+                self._signs[current > 0.0] += 1
+            charging, discharging = self._signs
+            if charging > discharging and charging + discharging >= _LEAST_SIGNS:
+                current = -current
+                self._say(
+                    f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
+                    "of BatteryState; it is taken as discharge", now_s,
+                )  # fmt: skip
+        if current < 0.0 and not abs(speed) > _MOVES_MPS:
+            return {}  # charging, which says nothing of what the robot takes
+        return {"voltage_v": self._voltage_v, "current_a": current}
+
+    def _slope_felt(self, time_s: float, forward_mps2: float, speed: float) -> float:
+        """Slope by an accelerometer less the robot's own acceleration, NaN until both were heard for a while."""
+        if not math.isfinite(forward_mps2 + speed):
+            return math.nan
+        self._past.append((time_s, forward_mps2, speed))
+        while time_s - self._past[0][0] > _ACCELERATION_S:
+            self._past.popleft()
+        passed_s = time_s - self._past[0][0]
+        if passed_s < 0.5 * _ACCELERATION_S:
+            return math.nan
+        own = (speed - self._past[0][2]) / passed_s
+        sine = (float(np.mean([one[1] for one in self._past])) - own) / grade.GRAVITY_MPS2
+        return math.asin(min(max(sine, -1.0), 1.0))
+
+    def _heard(self, name: str, now_s: float) -> None:
+        if name not in self._at:
+            self._at[name] = now_s, math.inf  # it may come but once
+            return
+        at_s, usual_s = self._at[name]
+        since_s = now_s - at_s
+        # Drawn towards the new one; a gap does not become usual at once.
+        self._at[name] = (
+            now_s,
+            since_s if usual_s == math.inf else 0.8 * usual_s + 0.2 * min(since_s, 2.0 * usual_s + 0.1),
+        )
+
+    def _say(self, text: str, now_s: float, kind: str | None = None) -> None:
+        self._said[kind or text] = text, now_s
+
+
+def _channel(topic: Topic, name: str) -> _Value:
+    return topic.sources[name].of
+
+
+def _x_m(values: dict[str, float]) -> float:
+    return values[_POSE[0]]
+
+
+def _quaternion(values: dict[str, float], topic: Topic) -> np.ndarray[Any, np.dtype[np.float64]]:
+    path = topic.vectors[ORIENTATION]
+    if values.get(f"{path}_covariance[0]") == -1.0:
+        return np.full((4, 1), np.nan)
+    return np.array([[values[f"{path}.{axis}"]] for axis in "xyzw"])
+
+
+def _slope(topic: Topic) -> _Value:
+    return lambda values: float(np.arcsin(grade.uphill(_quaternion(values, topic)))[0])
+
+
+def _heading_of(values: dict[str, float], topic: Topic) -> float:
+    if ORIENTATION not in topic.vectors:
+        return math.nan
+    return float(grade.yaw(_quaternion(values, topic))[0])
+
+
+def _heading(topic: Topic) -> _Value:
+    return lambda values: _heading_of(values, topic)
+
+
+def _acceleration(topic: Topic) -> _Value:
+    path = topic.vectors[ACCELERATION]
+    return lambda values: math.nan if values.get(f"{path}_covariance[0]") == -1.0 else values[f"{path}.x"]

@@ -1,0 +1,99 @@
+"""The ROS 2 network: topics found, subscribed and published by Cyclone DDS, under their names in DDS."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+from cyclonedds.core import DDSException, InstanceState, Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from homeward.companion import CompanionError
+from homeward.watch.ros2.idl import kind_of, struct_of
+
+_PREFIX = "rt"  # of topics, before their name with its slash (design.ros2.org)
+_KEPT = 100
+"""Messages of a topic that are kept until they are taken: a fifth of a second of an IMU at 500 Hz."""
+_MOST = 1000
+_REPRESENTATION = Policy.DataRepresentation(use_cdrv0_representation=True)  # the one that every ROS 2 has
+_SENSOR = Qos(
+    Policy.Reliability.BestEffort, Policy.Durability.Volatile, Policy.History.KeepLast(_KEPT), _REPRESENTATION
+)
+_STATE = Qos(Policy.Reliability.Reliable(0), Policy.Durability.Volatile, Policy.History.KeepLast(1), _REPRESENTATION)
+
+
+class Message(NamedTuple):
+    """A message and who published it."""
+
+    topic: str
+    content: Any
+    publisher: int
+
+
+class Network:
+    """One participant of a domain.
+
+    Args:
+        domain: Its number, which ROS 2 calls ROS_DOMAIN_ID.
+
+    Attributes:
+        spoilt: How often messages of a topic could not be read.
+
+    Raises:
+        CompanionError: It cannot be joined.
+    """
+
+    def __init__(self, domain: int) -> None:
+        try:
+            self._participant = DomainParticipant(domain)
+        except DDSException as error:
+            raise CompanionError(
+                f"cannot join domain {domain}: {error}; check CYCLONEDDS_URI and the network interface that it names"
+            ) from None
+        self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        self.spoilt: dict[str, int] = {}
+        self._found: dict[str, str] = {}
+        self._readers: dict[str, DataReader[Any]] = {}
+        self._writers: dict[str, DataWriter[Any]] = {}
+
+    def found(self) -> dict[str, str]:
+        """Topics that others publish or have published, with the types of their messages, as far as these are known."""
+        for one in self._publications.take(_MOST):
+            alive = one.sample_info.instance_state == InstanceState.Alive
+            if alive and one.topic_name.startswith(f"{_PREFIX}/") and one.participant_key != self._participant.guid:
+                kind = kind_of(one.type_name)
+                if kind is not None:
+                    self._found[one.topic_name.removeprefix(_PREFIX)] = kind
+        return self._found
+
+    def subscribe(self, topics: dict[str, str]) -> None:
+        """Subscribe topics, by name and type, that are not yet: best effort, as sensors publish."""
+        for name, kind in topics.items():
+            if name not in self._readers:
+                topic = Topic(self._participant, f"{_PREFIX}{name}", struct_of(kind))
+                self._readers[name] = DataReader(self._participant, topic, qos=_SENSOR)
+
+    def take(self) -> list[Message]:
+        """Messages that have come since the last time, of each topic in order."""
+        messages = []
+        for name, reader in self._readers.items():
+            try:
+                samples = reader.take(_KEPT)
+            except Exception:  # bytes that do not fit the type raise anything, from struct.error to UnicodeDecodeError
+                self.spoilt[name] = self.spoilt.get(name, 0) + 1
+                continue
+            messages += [
+                Message(name, one, one.sample_info.publication_handle) for one in samples if one.sample_info.valid_data
+            ]
+        return messages
+
+    def publish(self, name: str, kind: str, content: IdlStruct) -> None:
+        """Publish a message, reliably to those who ask for that."""
+        if name not in self._writers:
+            topic = Topic(self._participant, f"{_PREFIX}{name}", struct_of(kind))
+            self._writers[name] = DataWriter(self._participant, topic, qos=_STATE)
+        self._writers[name].write(content)

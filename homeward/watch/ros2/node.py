@@ -1,0 +1,131 @@
+"""What is heard of the network goes to the companion, and its advice back to the network."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+from homeward.companion import Advice, Companion, CompanionError
+from homeward.diagnosis.read.bags.topics import Topics
+from homeward.files import read_json, write_whole
+from homeward.watch.ros2 import advising
+from homeward.watch.ros2.listener import Listener
+from homeward.watch.ros2.network import Network
+
+PERIOD_S = 0.1
+"""Time over which messages are taken together."""
+_PUBLISH_S = 1.0
+"""Time after which an advice is published again; one that changes in what matters is at once."""
+_SILENT_S = 2.0
+"""Time without motion from which the companion is told that time goes on."""
+
+
+class Node:
+    """A participant that listens, asks and says; call `step` now and then.
+
+    Args:
+        companion: Of the robot.
+        domain: Number of the ROS 2 domain.
+        mapping: Which fields of which topics are which channels.
+        namespace: Topics below it alone are listened to, and the advice is published below it; "" for all.
+
+    Attributes:
+        advice: The last, None before the first.
+        warnings: What is wrong now, a line each.
+        messages: How many were taken.
+
+    Raises:
+        CompanionError: The domain cannot be joined.
+    """
+
+    def __init__(
+        self, companion: Companion, domain: int = 0, mapping: Topics | None = None, namespace: str = ""
+    ) -> None:
+        self.companion, self._namespace = companion, namespace
+        self.listener = Listener(mapping, companion.robot.max_speed_mps)
+        self.advice: Advice | None = None
+        self.warnings: list[str] = []
+        self.messages = 0
+        self._network = Network(domain)
+        self._found: dict[str, str] = {}
+        self._heard_s = self._published_s = -1e9
+        self._published: tuple[bool, bool] | None = None
+
+    @property
+    def found(self) -> dict[str, str]:
+        """Topics of the network that may be listened to, with the types of their messages."""
+        return self._found
+
+    @property
+    def silent(self) -> bool:
+        """Whether no motion is heard."""
+        return time.monotonic() - self._heard_s > _SILENT_S
+
+    def step(self) -> bool:
+        """Take what has come, and publish what is due; whether there is a new advice.
+
+        Raises:
+            CompanionError: There is no way to know where the robot is.
+            RecordingError: The mapping names a field that a message does not have.
+        """
+        found = {name: kind for name, kind in self._network.found().items() if self._meant(name)}
+        if found != self._found:
+            self._found = found
+            self.listener.offer(found)
+            self._network.subscribe(self.listener.wanted)
+        now_s = time.monotonic()
+        for one in self._network.take():
+            self.messages += 1
+            if one.topic in self.listener.wanted:
+                self.listener.hear(one.topic, one.content, one.publisher, now_s)
+        heard = self.listener.take(now_s)
+        if heard is not None:
+            self._heard_s = now_s
+        elif self.advice is not None and self.silent and now_s - self._published_s >= _PUBLISH_S:
+            heard = self.listener.silence(now_s)
+        if heard is not None:
+            if heard.charged is not None:
+                self.companion.swap_battery(min(max(heard.charged, 0.0), 1.0))
+            self.advice = self.companion.update(heard.time_s, **heard.reading)
+        spoilt = [f"messages of {name} do not fit their type and are left out" for name in self._network.spoilt]
+        self.warnings = [*spoilt, *self.listener.warnings(now_s), *(self.advice.warnings if self.advice else ())]
+        self._publish(now_s)
+        return heard is not None
+
+    def _meant(self, name: str) -> bool:
+        return name.startswith(f"{self._namespace}/") and f"/{advising.OWN}/" not in name
+
+    def _publish(self, now_s: float) -> None:
+        matters = None if self.advice is None else (advising.can_reach_home(self.advice), self.advice.turn_now)
+        if now_s - self._published_s < _PUBLISH_S and matters == self._published:
+            return
+        self._published_s, self._published = now_s, matters
+        robot = self.companion.robot
+        for message in advising.messages(
+            self.advice, robot.usable_energy_j, robot.name, self.warnings, self.silent, self._namespace
+        ):
+            self._network.publish(*message)
+
+    def save(self, path: Path) -> None:
+        """Write what a restart needs.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        state = {"companion": self.companion.state(), "odometry": self.listener.odometry.state()}
+        write_whole(path, json.dumps(state) + "\n")
+
+    def load(self, path: Path) -> None:
+        """Go on from a file that `save` wrote.
+
+        Raises:
+            CompanionError: It cannot be used.
+        """
+        try:
+            state: dict[str, Any] = read_json(path)
+            self.listener.odometry.restore(state["odometry"])
+            self.companion.restore(state["companion"])
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            raise CompanionError(f"{path} cannot be gone on from: {error}; delete it to begin anew") from None

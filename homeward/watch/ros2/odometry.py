@@ -1,0 +1,71 @@
+"""Positions by odometry in one frame, also where odometry is restarted and begins at zero again."""
+
+from __future__ import annotations
+
+import math
+
+_SLACK_M = 2.0
+_TOP_SPEEDS = 2.0
+
+
+class Odometry:
+    """Keeps the frame of the first pose.
+
+    A robot does not jump because a process was restarted. Where the publisher is another one than before and its pose
+    is farther away than the robot can have driven, the frame is turned and moved so that the robot is where it was, or
+    would be had it gone on as it did. A jump without a restart is left to the companion, which checks positions.
+
+    Args:
+        max_speed_mps: Top speed of the robot.
+    """
+
+    def __init__(self, max_speed_mps: float) -> None:
+        self._max_speed_mps = max_speed_mps
+        self._publisher: int | None = None
+        self._turn_rad, self._east_m, self._north_m = 0.0, 0.0, 0.0
+        self._last: tuple[float, float, float] | None = None
+        self._last_s, self._speed_mps = 0.0, 0.0
+
+    def place(
+        self, pose: tuple[float, float, float], speed_mps: float, publisher: int, now_s: float
+    ) -> tuple[tuple[float, float, float], bool]:
+        """A pose in the frame of the first one, and whether the frame was moved for it.
+
+        Args:
+            pose: As published: m, m, rad.
+            speed_mps: Of the robot, NaN if not known.
+            publisher: Who published it.
+            now_s: When it came, s.
+        """
+        moved = False
+        if self._last is not None and publisher != self._publisher:
+            since_s = now_s - self._last_s
+            apart_m = math.dist(self._here(pose)[:2], self._last[:2])
+            if apart_m > _SLACK_M + _TOP_SPEEDS * self._max_speed_mps * since_s:
+                self._anchor(pose, since_s)
+                moved = True
+        self._publisher, self._last, self._last_s = publisher, self._here(pose), now_s
+        self._speed_mps = speed_mps if math.isfinite(speed_mps) else 0.0
+        return self._last, moved
+
+    def _here(self, pose: tuple[float, float, float]) -> tuple[float, float, float]:
+        x_m, y_m, yaw_rad = pose
+        cos, sin = math.cos(self._turn_rad), math.sin(self._turn_rad)
+        return self._east_m + cos * x_m - sin * y_m, self._north_m + sin * x_m + cos * y_m, yaw_rad + self._turn_rad
+
+    def _anchor(self, pose: tuple[float, float, float], since_s: float) -> None:
+        assert self._last is not None
+        east_m, north_m, yaw_rad = self._last
+        way_m = self._speed_mps * since_s
+        self._turn_rad, self._east_m, self._north_m = yaw_rad - pose[2], 0.0, 0.0
+        x_m, y_m, _ = self._here(pose)
+        self._east_m = east_m + way_m * math.cos(yaw_rad) - x_m
+        self._north_m = north_m + way_m * math.sin(yaw_rad) - y_m
+
+    def state(self) -> list[float]:
+        """For a restart of this process: the frame."""
+        return [self._turn_rad, self._east_m, self._north_m]
+
+    def restore(self, state: list[float]) -> None:
+        """Go on from `state`."""
+        self._turn_rad, self._east_m, self._north_m = (float(one) for one in state)

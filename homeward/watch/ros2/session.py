@@ -1,0 +1,134 @@
+"""A session of `homeward watch --ros2`: join, listen, show, until it is interrupted."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from homeward import quantities
+from homeward.cli import Terminal
+from homeward.companion import Companion
+from homeward.diagnosis.read.bags.topics import load_topics
+from homeward.physics import Robot
+from homeward.watch.live import LiveView, kind_of
+from homeward.watch.ros2.node import PERIOD_S, Node
+
+_SAVED_S = 60.0
+_PRINTED_S = 60.0
+"""Time between lines where the output is no terminal."""
+_WAITS_S = 5.0
+"""Time without an advice after which it is said what is waited for."""
+_NAMED = 8
+"""Topics that are named of those that are not listened to."""
+
+
+class Session:
+    """Advises a robot on its network.
+
+    Args:
+        robot: The robot.
+        domain: Number of the ROS 2 domain.
+        mapping: Of topics, shipped name or TOML file; that which ships and covers most if left out.
+        namespace: See `Node`.
+        home: Where home is in the frame of the odometry, m; where the robot is first heard, if left out.
+        state: File that is gone on from if it is there, and written every minute and at the end.
+        keywords: Of the companion.
+
+    Raises:
+        CompanionError: An argument or the state cannot be used, or the domain cannot be joined.
+        RecordingError: The mapping cannot.
+    """
+
+    def __init__(
+        self, robot: Robot, domain: int, mapping: str | Path | None = None, namespace: str = "",
+        home: tuple[float, float] | None = None, state: Path | None = None, **keywords: Any,
+    ) -> None:  # fmt: skip
+        topics = None if mapping is None else load_topics(mapping)
+        companion = Companion(robot, home="here" if home is None else home, **keywords)
+        self.node = Node(companion, domain, topics, namespace)
+        self._where = f"{robot.name} on domain {domain}"
+        self._state = state
+        if state is not None and state.is_file():
+            self.node.load(state)
+
+    def run(self, console: Terminal, quiet: bool, done: Callable[[], bool] = lambda: False) -> None:
+        """Listen and advise until it is done or interrupted.
+
+        Raises:
+            CompanionError, RecordingError: See `Node.step`.
+            OSError: The state cannot be written.
+        """
+        began_s = saved_s = time.monotonic()
+        full_j = self.node.companion.robot.usable_energy_j
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._save)
+            live = None
+            if console.is_terminal and not quiet:
+                live = stack.enter_context(LiveView(console, full_j))
+            printer = _Printer(console, self.node, self._where)
+            while not done():
+                now_s = time.monotonic()
+                news = self.node.step()
+                if live is not None and news and (advice := self.node.advice) is not None:
+                    shown = dataclasses.replace(advice, warnings=tuple(self.node.warnings))
+                    live.show(self._where, shown, advice.time_s, float("inf"))
+                elif not quiet:
+                    printer.say(now_s - began_s, live is None)
+                if now_s - saved_s >= _SAVED_S:
+                    saved_s = now_s
+                    self._save()
+                time.sleep(max(now_s + PERIOD_S - time.monotonic(), 0.0))
+
+    def _save(self) -> None:
+        if self._state is not None and self.node.advice is not None:
+            self.node.save(self._state)
+
+
+class _Printer:
+    """Prints what matters, a line each: what is waited for, and where there is no live view the advice."""
+
+    def __init__(self, console: Terminal, node: Node, where: str) -> None:
+        self._console, self._node, self._where = console, node, where
+        self._waited: dict[str, str] | None = None
+        self._sources: dict[str, str] = {}
+        self._turns: bool | None = None
+        self._printed_s = 0.0
+        self._warned: set[str] = set()
+
+    def say(self, since_s: float, all_of_it: bool) -> None:
+        advice, listener = self._node.advice, self._node.listener
+        if advice is None:
+            if since_s > _WAITS_S and self._node.found != self._waited:
+                self._waited = dict(self._node.found)
+                self._console.print(f"{self._where}: waiting for motion; {self._heard()}", soft_wrap=True)
+            return
+        if not all_of_it:
+            return
+        if listener.sources != self._sources:
+            self._sources = dict(listener.sources)
+            channels: dict[str, list[str]] = {}
+            for channel, topic in self._sources.items():
+                channels.setdefault(topic, []).append(channel)
+            said = "; ".join(f"{', '.join(several)} from {topic}" for topic, several in channels.items())
+            self._console.print(f"topic mapping {listener.mapping_name}: {said}", soft_wrap=True)
+        for text in self._node.warnings:
+            if kind_of(text) not in self._warned:
+                self._console.print(f"{quantities.duration(since_s)}: {text}", soft_wrap=True)
+        self._warned = set(map(kind_of, self._node.warnings))
+        if advice.turn_now != self._turns or since_s - self._printed_s >= _PRINTED_S:
+            self._turns, self._printed_s = advice.turn_now, since_s
+            self._console.print(f"{quantities.duration(since_s)}: {advice}", soft_wrap=True)
+
+    def _heard(self) -> str:
+        """What is listened to, and what else there is."""
+        wanted = self._node.listener.wanted
+        here, others = (
+            [f"{name} ({kind})" for name, kind in sorted(self._node.found.items()) if (name in wanted) == meant]
+            for meant in (True, False)
+        )
+        more = f"; {len(others)} other topics" + (f", such as {', '.join(others[:_NAMED])}" if others else "")
+        return f"listened to by the topic mapping {self._node.listener.mapping_name}: {', '.join(here) or 'none'}{more}"
