@@ -115,6 +115,7 @@ class Belief:
             east, north = (10.0 * feature(observations, f"forecast_{axis}") for axis in ("east", "north"))
             self.estimator.begin(begun, east, north)
             self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
+            self._decisions[begun] = 0
         outwards = feature(observations, "outbound")
         at = feature(observations, "distance") * s["reach_m"] / s["place_m"]
         on_border = np.abs(at - np.rint(at)) < _ON_BORDER
@@ -123,7 +124,8 @@ class Belief:
         position_m = at * s["place_m"]
         modelled = feature(observations, "modelled")
         readings = np.zeros(len(begun), READING_DTYPE)
-        self._decisions = np.rint(feature(observations, "time") * s["max_decisions"]).astype(np.int64)
+        decisions = np.rint(feature(observations, "time") * s["max_decisions"]).astype(np.int64)
+        later, self._decisions = decisions > self._decisions, decisions
         readings["time_s"] = self._decisions * s["decision_s"]
         readings["position_m"] = position_m
         readings["power_w"] = feature(observations, "power") * s["cruise_w"] if self._sees_turns else np.nan
@@ -138,7 +140,7 @@ class Belief:
         place = at.astype(np.int64)
         # What is read of a slope on the way out belongs to the place: to read it twice tells nothing new.
         outbound = (outwards > 0.0) & (position_m >= self._position_m)
-        new = (place != self._place) & outbound & (self._decisions > 0)
+        new = (place != self._place) & outbound & later
         readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
         self._place = np.where(new, place, self._place)
         self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
