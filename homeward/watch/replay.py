@@ -19,6 +19,7 @@ from homeward.diagnosis.read.signals import Signals, signals, speed_of, steps_s
 from homeward.estimation import WAY_DTYPE, Prior
 from homeward.estimation.drive import modelled_driving
 from homeward.physics import Robot, d_max, optimal_speed, replay
+from homeward.physics.terminals import at_terminals
 
 Array = NDArray[np.float64]
 
@@ -75,8 +76,9 @@ class Rest:
         forward = np.where(run.speed_mps < 0.0, -1.0, 1.0)
         sine, heading = forward * np.sin(run.grade_rad), heading_of(run)
         along = np.stack((forward * np.cos(heading), forward * np.sin(heading)), axis=-1)
+        robot = at_terminals(companion.robot) if run.at_terminals else companion.robot
         modelled = replay(
-            companion.robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+            robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
             accel_mps2=run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
             base_distance_m=run.base_distance_m, direction=run.direction,
         )  # fmt: skip

@@ -10,7 +10,8 @@ import numpy as np
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, usual_step_s, windows
 from homeward.physics import Robot, replay
-from homeward.physics.effects import EFFECTS, Effect, payload
+from homeward.physics.effects import payload
+from homeward.physics.terminals import at_terminals
 
 _MOST_WINDOWS = 100_000  # of very long recordings the windows grow instead
 _MOST_LOADS = 5  # at which a run is replayed
@@ -94,7 +95,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
     """
     met = met or WithEffects()
     means = []
-    outside = _without_battery(robot)
+    outside = at_terminals(robot)
     for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
         true = 1.0 if met.speed_factors is None else met.speed_factors[index]
         power, force_n = _loaded(
@@ -110,19 +111,6 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
         late: Array = np.interp(run.time_s - met.lag_s, run.time_s, power) if met.lag_s != 0.0 else power
         means.append(cut.means(late))
     return np.concatenate(means)
-
-
-def lost_inside(entry: Effect | Any) -> bool:
-    """Whether an effect takes energy inside the battery, and not from what moves."""
-    return bool(entry.kind == "battery" and "speed_mps" not in entry.needs)
-
-
-def _without_battery(robot: Robot) -> Robot:
-    """The robot with a battery that loses nothing inside."""
-    inside = {effect.id for effect in EFFECTS if lost_inside(effect)}
-    if not inside & set(robot.effects):
-        return robot
-    return dataclasses.replace(robot, effects={name: one for name, one in robot.effects.items() if name not in inside})
 
 
 def _loaded(robot: Robot, run: Signals, **met: Any) -> tuple[Array, Array]:
