@@ -10,6 +10,7 @@ the file was given and as it was corrected. `range_drives.py` says what is drive
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import sys
@@ -33,12 +34,15 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 from benchmarks.range_drives import PARTS, Site, sites
 from homeward import cli
 from homeward.datasets import DatasetError
-from homeward.diagnosis import analyse, read_recording
+from homeward.diagnosis import Recording, analyse, read_recording
+from homeward.diagnosis.fit.replay import current_a
+from homeward.diagnosis.read.signals import signals, steps_s
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.estimation.tails import DEGREES, deviations
 from homeward.files import write_whole
 from homeward.physics import Robot, d_max, load_robot
-from homeward.watch.replay import Watched, watch
+from homeward.watch.replay import watch
+from homeward.watch.watched import Watched, rest_of
 
 Array = NDArray[np.float64]
 
@@ -110,12 +114,12 @@ def crps(mean: Array, scale: Array, truth: Array) -> Array:
     return np.asarray(scale * (z * (2.0 * student.cdf(z, nu) - 1.0) + spread - constant))
 
 
-def score_of(site: Site, run: str, watched: Watched, plain: tuple[float, float]) -> Score:
-    """Scores of one drive; `plain` is J/m of d_max, nominal and corrected."""
+def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array]) -> Score:
+    """Scores of one drive; `plain` is what plain d_max says at its moments, by the nominal and the corrected file."""
     total_j = float(watched.took_j.sum())
     half_j = 0.5 * (watched.high_j - watched.low_j)
     scores_j = crps(watched.mean_j, half_j / deviations(0.95), watched.took_j)
-    nominal, corrected = (float(np.abs(one * watched.left_m - watched.took_j).sum()) / total_j for one in plain)
+    nominal, corrected = (float(np.abs(one - watched.took_j).sum()) / total_j for one in plain)
     return Score(
         site.name, run, len(half_j), float(watched.covered.mean()), bool(watched.covered[0]),
         float(watched.mean_j.sum()) / total_j - 1.0, float(half_j.sum()) / total_j, float(scores_j.sum()) / total_j,
@@ -123,16 +127,23 @@ def score_of(site: Site, run: str, watched: Watched, plain: tuple[float, float])
     )  # fmt: skip
 
 
-def plain_j_per_m(robot: Robot, recording: Any) -> float:
-    """Energy per metre by plain d_max at a recording's mean speed while moving and its duty cycle, J/m."""
-    from homeward.diagnosis.read.signals import signals, steps_s
+def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
+    """What the paper's model says of the rest at each moment, shape (moments,).
 
+    Energy is that of d_max on the flat at the drive's mean speed while moving and its duty cycle. Motor currents have
+    none: of them it is the charge by rolling, drag and slope.
+    """
+    robot = dataclasses.replace(robot, effects={}) if watched.unit == "A s" else robot
     run = signals(recording, robot)
-    step_s, speed = steps_s(run.time_s), np.abs(run.speed_mps[:-1])
+    step_s, speed = np.append(steps_s(run.time_s), 0.0), np.abs(run.speed_mps)
+    if watched.unit == "A s":
+        rest_a = 0.0 if robot.uncertainty is None else robot.uncertainty.rest_current_a
+        left = rest_of(current_a(run, robot, rest_a) * step_s)
+        return left[np.searchsorted(run.time_s - run.time_s[0], watched.time_s)]
     moving_s = float(step_s[speed > 0.0].sum())
     mean_mps, duty = float(speed @ step_s) / moving_s, moving_s / float(step_s.sum())
-    sensing_hz = float(run.sensing_hz[:-1] @ step_s) / float(step_s.sum())
-    return robot.usable_energy_j / float(d_max(robot, mean_mps, duty=duty, sensing_hz=sensing_hz))
+    sensing_hz = float(run.sensing_hz @ step_s) / float(step_s.sum())
+    return robot.usable_energy_j / float(d_max(robot, mean_mps, duty=duty, sensing_hz=sensing_hz)) * watched.left_m
 
 
 def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
@@ -146,8 +157,9 @@ def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
     scores = []
     for path, run in zip(site.held_out, site.runs, strict=True):
         recording = read_recording(path, site.columns)
-        plain = plain_j_per_m(nominal, recording), plain_j_per_m(robot, recording)
-        scores.append(asdict(score_of(site, run, watch(recording, robot), plain)))
+        watched = watch(recording, robot)
+        plain = plain_of(nominal, recording, watched), plain_of(robot, recording, watched)
+        scores.append(asdict(score_of(site, run, watched, plain)))
     return {"site": site.name, "verdict": analysis.diagnosis.verdict, "diagnosed_s": lasted_s, "scores": scores}
 
 

@@ -309,10 +309,12 @@ def _by_file(
     A range is as wide as makes a uniform number as uncertain as the file has it.
     """
     sure = robot.uncertainty
-    if sure is None or difficulty.route_is_known:
-        why = "nothing is hidden at `known`" if sure is not None else f"{robot.name!r} has no table [uncertainty]"
+    if sure is None or sure.of != "energy" or difficulty.route_is_known:
+        why = f"{robot.name!r} has no table [uncertainty] of energy"
+        why = "nothing is hidden at `known`" if difficulty.route_is_known and sure is not None else why
         raise OptionError(f"randomise = 'file' is not allowed: {why}; give the corrected.toml of a diagnosis")
     between = sure.between_runs or 0.0
+    one_run = sure.between_runs is None
 
     def around(middle: float, name: str, otherwise: Uniform, more: float = 0.0) -> Uniform:
         variance = sure.variance(name)
@@ -324,7 +326,7 @@ def _by_file(
     difficulty = replace(
         difficulty,
         health=around(1.0, "capacity", difficulty.health),
-        rolling=around(1.0, "rolling", difficulty.rolling, between),
+        rolling=difficulty.rolling if one_run else around(1.0, "rolling", difficulty.rolling, between),
         payload=around(0.0, "mass", difficulty.payload),
     )
     if own_instruments:

@@ -65,7 +65,7 @@ def known_of(robot: Robot, has_forecast: bool) -> Known:
     prior = _GENERIC if has_forecast else _GENERIC._replace(forecast_sd_mps=np.inf)
     wind = "a wind as forecast, within 1 m/s" if has_forecast else "an unknown wind, 1.5 m/s either way"
     given = robot.uncertainty
-    if given is None:
+    if given is None or given.of != "energy":
         return Known(prior, (
             f"the file of {robot.name!r} does not say how sure it is: generic ranges (capacity 80 to 100 %, rolling "
             "resistance 80 to 130 %, payload up to 20 %)", wind,

@@ -17,7 +17,8 @@ from homeward.physics import load_robot, replay
 from homeward.watch.coverage import rows_of
 from homeward.watch.live import LiveView, view
 from homeward.watch.page import verdict, watch_html
-from homeward.watch.replay import Rest, Watched, watch
+from homeward.watch.replay import Rest, watch
+from homeward.watch.watched import Watched
 
 
 def drive(folder: Path, seed: int, rolling: float = 1.0, spoiled: float = 1.0) -> Path:
@@ -99,6 +100,7 @@ def test_names_on_the_page_are_escaped(runs: list[Watched]) -> None:
 
 def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: list[Watched]) -> None:
     console = Console(width=100, record=True, force_terminal=True)
+    assert runs[0].advice is not None
     console.print(view("run0", runs[0].advice, 2400.0, 1.728e6, ("no power for 3 s",)))
     text = console.export_text()
     for part in ("battery", "way home", "point of no return", "no power for 3 s", "40 min"):

@@ -10,12 +10,12 @@ from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.uncertainty import Joint, Spread, spread
 from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.fit.parameter_groups import GROUPS
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.fit.replay import Runs, wheels_mps
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.noise import white_noise
 from homeward.physics.uncertainty import Uncertainty
 
-_IDS = {group.symbol: group.name for group in GROUPS["W"]}
+_IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
 _NORMAL = 1.96
 _COVERED = 0.95  # below the upper end of a 90 % interval
 _MOST_INSTRUMENT = 0.5
@@ -24,13 +24,13 @@ _FEWEST_STANDING = 50  # samples that tell the noise of power
 
 
 def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
-    """How sure the robot is that a diagnosis hands over; None of motor currents, which are no energy.
+    """How sure the robot is that a diagnosis hands over; of motor currents, of their charge, which is no energy.
 
     What nothing explains is the rest that the handed-over file leaves of windows that it was not fitted to. Where one
     run alone was recorded, how runs differ is not known and left out.
     """
     evidence, handed = analysis.evidence, analysis.diagnosis.file
-    if evidence is None or handed is None or evidence.runs.unit != "W":
+    if evidence is None or handed is None:
         return None
     runs = evidence.runs
     predicted = evidence.predictions.get("file", evidence.predictions.get("nominal"))
@@ -42,6 +42,8 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     rest = spread(left, runs, memory)
     # Integrated over both sides, an exponential correlation of length L makes 2 L.
     mean_mps = float(np.average(np.abs(runs.context["speed_mps"]), weights=runs.duration_s))
+    if runs.unit == "A":  # of the wheels, which also take charge on the spot
+        mean_mps = float(np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals])))
     fitted, covariance = _fitted(evidence, handed.holds)
     count = len(runs.signals)
     return Uncertainty(
@@ -51,8 +53,17 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
         between_runs=_between_runs(left, runs, rest, mean_w),
         unexplained=_round(rest.rest / mean_w),
         unexplained_m=_round(0.5 * rest.correlation_s * mean_mps),
-        instruments=_instruments(evidence, mean_w),
+        instruments=_instruments(evidence, mean_w) if runs.unit == "W" else (),
+        of="energy" if runs.unit == "W" else "charge",
+        rest_current_a=_rest_current_a(evidence),
     )
+
+
+def _rest_current_a(evidence: Evidence) -> float:
+    for one in evidence.estimates:
+        if one.group.name == "rest_current":
+            return _round(max(one.fitted or one.assumed or 0.0, 0.0))
+    return 0.0
 
 
 def _between_runs(left: Array, runs: Runs, rest: Spread, mean_w: float) -> float | None:
