@@ -13,6 +13,7 @@ from homeward.diagnosis.fit.parameter_groups import GROUPS
 from homeward.diagnosis.fit.replay import Runs, wheels_mps
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.noise import white_noise
+from homeward.diagnosis.read.signals import usual_step_s
 from homeward.physics.uncertainty import Uncertainty
 
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
@@ -115,6 +116,7 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     parts = [white_noise(one) for one in stood if len(one) >= _FEWEST_STANDING]
     if parts:
         found["power_noise"] = float(np.median(parts)) / mean_w
+        found["reading_s"] = float(np.median([usual_step_s(run.time_s) for run in runs.signals]))
     graded = [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]
     if graded:
         found["grade_noise"] = float(np.median(graded))
@@ -124,7 +126,9 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
         stays = float(np.mean(steps == 0.0)) > _STAYS
         found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
         found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(one) for one in charges]))
-    return tuple((name, _round(min(value, _MOST_INSTRUMENT))) for name, value in found.items())
+    return tuple(
+        (name, _round(value if name == "reading_s" else min(value, _MOST_INSTRUMENT))) for name, value in found.items()
+    )
 
 
 def _round(value: float) -> float:
