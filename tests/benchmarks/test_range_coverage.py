@@ -1,4 +1,4 @@
-"""The benchmark of coverage: scores by their definitions, held-out drives that no diagnosis saw, and a part that runs."""
+"""The benchmark of coverage: scores by their definitions, held-out drives that no diagnosis saw, and a part run."""
 
 from pathlib import Path
 
