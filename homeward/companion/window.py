@@ -24,13 +24,14 @@ class Window:
         modelled_j: Energy by the robot's own model, by the slopes as they were read.
         other_j: Of that, beyond driving steadily: electronics, turning, speeding up.
         extra_j: Of that, of the drive.
+        slopes: Readings of a slope in it.
         soc: Last state of charge read in it, NaN if none.
     """
 
     def __init__(self) -> None:
         self.time_s = self.way_m = self.modelled_j = self.other_j = self.extra_j = 0.0
         self.soc = math.nan
-        self._read = 0
+        self._read = self.slopes = 0
         self._read_j = self._read_s = self._sine_m = self._graded_m = 0.0
         self._east_m = self._north_m = self._headed_m = self._speed_m = self._speedy_m = 0.0
         self._volt_s = self._amp_s = self._electric_s = 0.0
@@ -40,7 +41,8 @@ class Window:
         dt_s, way_m = reading.dt_s, step.way_m
         self.time_s += dt_s
         self.way_m += way_m
-        self.modelled_j += modelled_w * dt_s
+        driving_j = steady_w * (way_m / abs(reading.speed_mps) if reading.speed_mps > 0.0 else dt_s)  # NaN: by the way
+        self.modelled_j += (modelled_w - steady_w) * dt_s + driving_j
         self.other_j += (modelled_w - steady_w) * dt_s
         self.extra_j += (drive_w - steady_w) * dt_s
         if math.isfinite(reading.power_w):
@@ -50,6 +52,7 @@ class Window:
         if math.isfinite(reading.soc):
             self.soc = reading.soc
         if math.isfinite(reading.grade_rad):
+            self.slopes += 1
             self._sine_m += math.sin(reading.grade_rad) * way_m
             self._graded_m += way_m
         if math.isfinite(step.heading_rad):
