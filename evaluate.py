@@ -83,6 +83,8 @@ class Args:
     """discrete or continuous."""
     decision_s: float | None = None
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
+    randomise: str = "generic"
+    """generic (robots within the ranges of the difficulty) or file (as uncertain as the robot's file says)."""
     optimum: bool = False
     """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds an episode."""
     margins: bool = False
@@ -192,6 +194,7 @@ def _options(args: Args) -> Options:
         weather=args.weather,
         action_type=args.action_type,
         decision_s=args.decision_s,
+        randomise=args.randomise,
     )
 
 

@@ -69,6 +69,8 @@ class Args:
     """dmax or none."""
     decision_s: float | None = None
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
+    randomise: str = "generic"
+    """generic (robots within the ranges of the difficulty) or file (as uncertain as the robot's file says)."""
     scaled_for: str | None = None
     """Preset name or TOML file of the robot that routes and limits are scaled for, if not --robot."""
     ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
@@ -165,6 +167,7 @@ def _options(args: Args) -> Options:
         shaping=args.shaping,
         discount=args.ppo.discount,
         decision_s=args.decision_s,
+        randomise=args.randomise,
         scaled_for=args.scaled_for,
     )
 

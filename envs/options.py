@@ -244,7 +244,8 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
         difficulty = replace(difficulty, weather_changes=False)
     instruments = load_instruments(difficulty.instruments if options.instruments is None else options.instruments)
     if options.randomise == "file":
-        difficulty, instruments = _by_file(robot, difficulty, options.instruments is None, instruments)
+        own_s = decision_s if options.instruments is None else None
+        difficulty, instruments = _by_file(robot, difficulty, own_s, instruments)
     hidden, interest = np.zeros(1, HIDDEN_DTYPE), MEAN_INTEREST
     h = hidden[0]
     if not generated:
@@ -302,17 +303,20 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
 
 
 def _by_file(
-    robot: Robot, difficulty: Difficulty, own_instruments: bool, instruments: Instruments
+    robot: Robot, difficulty: Difficulty, own_s: float | None, instruments: Instruments
 ) -> tuple[Difficulty, Instruments]:
     """Ranges and instruments that the robot's file has; of what it does not say, those of the difficulty.
 
-    A range is as wide as makes a uniform number as uncertain as the file has it.
+    A range is as wide as makes a uniform number as uncertain as the file has it. Instruments are the file's own where
+    the time between decisions is given: what is read then is a mean over it.
     """
     sure = robot.uncertainty
-    if sure is None or difficulty.route_is_known:
-        why = "nothing is hidden at `known`" if sure is not None else f"{robot.name!r} has no table [uncertainty]"
+    if sure is None or sure.of != "energy" or difficulty.route_is_known:
+        why = f"{robot.name!r} has no table [uncertainty] of energy"
+        why = "nothing is hidden at `known`" if difficulty.route_is_known and sure is not None else why
         raise OptionError(f"randomise = 'file' is not allowed: {why}; give the corrected.toml of a diagnosis")
     between = sure.between_runs or 0.0
+    one_run = sure.between_runs is None
 
     def around(middle: float, name: str, otherwise: Uniform, more: float = 0.0) -> Uniform:
         variance = sure.variance(name)
@@ -324,11 +328,15 @@ def _by_file(
     difficulty = replace(
         difficulty,
         health=around(1.0, "capacity", difficulty.health),
-        rolling=around(1.0, "rolling", difficulty.rolling, between),
+        rolling=difficulty.rolling if one_run else around(1.0, "rolling", difficulty.rolling, between),
         payload=around(0.0, "mass", difficulty.payload),
     )
-    if own_instruments:
+    if own_s is not None:
         read = {name: value if name == "soc_lag_s" else min(value, _MOST_ERROR) for name, value in sure.instruments}
+        reading_s = dict(sure.instruments).get("reading_s", own_s)
+        read.pop("reading_s", None)
+        if "power_noise" in read:
+            read["power_noise"] *= min(reading_s / own_s, 1.0) ** 0.5
         instruments = replace(instruments, **read)
     return difficulty, instruments
 

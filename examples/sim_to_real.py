@@ -2,14 +2,16 @@
 
 `python examples/sim_to_real.py --out runs/sim_to_real` takes a Husky whose turning scrub, rough ground and computing
 load the preset `husky` lacks. It records a few test drives of it with noise, diagnoses them knowing the preset alone,
-trains three policies from nothing but simulators, and drives them, beside rules, on that Husky:
+trains policies from nothing but simulators, with several training seeds, and drives them, beside rules, on that Husky:
 
 * nominal-trained: in the simulator of the preset, with the days of the site (difficulty `uncertain`);
 * randomised-trained: the same with more randomisation, in the hope that it covers what is missing (`harsh`);
-* corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the days of the site.
+* corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the days of the site;
+* file-randomised: in the same, with robots and instruments as uncertain as that file's table `[uncertainty]` has them.
 
 All see the same features and meet the same unseen missions: the routes, limits and days are those of the preset's site,
-the true robot is the Husky, and each policy takes the robot for what its simulator said. A killed run goes on.
+the true robot is the Husky, and each policy takes the robot, its instruments and its days for what its simulator said.
+A killed run goes on.
 """
 
 from __future__ import annotations
@@ -70,7 +72,9 @@ class Args:
     episodes: int = 1000
     """Unseen missions on the real robot."""
     seed: int = 0
-    """Seed of all that is drawn."""
+    """Seed of all that is drawn, and of the first training."""
+    trainings: int = 5
+    """Training seeds of each policy, one after the other from --seed."""
     out: Path = Path("runs/sim_to_real")
     """Folder for recordings, diagnosis, policies and sim_to_real.json."""
     ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
@@ -79,11 +83,12 @@ class Args:
 
 @dataclass(frozen=True)
 class Contender:
-    """Who drives: the agent, the robot file that it believes in, and the difficulty that it was trained at."""
+    """Who drives: the agent, the robot file that it believes in, and how it is randomised in training."""
 
     agent: str
     believes: str
     difficulty: str = SITE
+    randomise: str = "generic"
 
 
 def real_robot() -> Robot:
@@ -158,6 +163,7 @@ def contenders(args: Args) -> dict[str, Contender]:
         "nominal-trained": Contender("ppo", NOMINAL),
         "randomised-trained": Contender("ppo", NOMINAL, "harsh"),
         "corrected-trained": Contender("ppo", corrected),
+        "file-randomised": Contender("ppo", corrected, randomise="file"),
         **{
             f"{rule}, {name}": Contender(rule, file)
             for rule in ("dmax_mapped", "dmax_adaptive")
@@ -168,27 +174,36 @@ def contenders(args: Args) -> dict[str, Contender]:
 
 def simulator(one: Contender) -> Options:
     """The environment that a contender knows: its robot file at the site of the preset."""
-    return Options(MISSION, robot=one.believes, difficulty=one.difficulty, scaled_for=NOMINAL)
+    return Options(
+        MISSION, robot=one.believes, difficulty=one.difficulty, randomise=one.randomise, scaled_for=NOMINAL
+    )  # fmt: skip
 
 
 def reality(one: Contender, real: Path) -> Options:
     """The environment that it meets: the same site, its days, and the real robot."""
-    return dataclasses.replace(simulator(one), difficulty=SITE, true_robot=str(real))
+    return dataclasses.replace(simulator(one), difficulty=SITE, randomise="generic", true_robot=str(real))
 
 
-def learn(args: Args, label: str, one: Contender) -> None:
+def folder(args: Args, label: str, number: int) -> Path:
+    """Where a policy lies."""
+    return args.out / label / str(args.seed + number)
+
+
+def learn(args: Args, label: str, one: Contender, number: int) -> None:
     """Train a policy in its simulator with `train.py`, or find it trained."""
     settings = train.Args(
-        env=IDS[MISSION], out=args.out / label, steps=args.steps, seed=args.seed, resume=True, replace=True, curve=4,
-        difficulty=one.difficulty, robot=one.believes, scaled_for=NOMINAL, ppo=args.ppo,
+        env=IDS[MISSION], out=folder(args, label, number), steps=args.steps, seed=args.seed + number, resume=True,
+        replace=True, curve=4, difficulty=one.difficulty, robot=one.believes, randomise=one.randomise,
+        scaled_for=NOMINAL, ppo=args.ppo,
     )  # fmt: skip
     train.main(settings)
 
 
-def drive(args: Args, label: str, one: Contender, options: Options, seeds: list[int]) -> Run:
-    """Drive unseen missions."""
-    file = args.out / label if one.agent == "ppo" else None
-    return run_episodes(make_policy(one.agent, HomewardVectorEnv(**vars(options)), file), options, seeds)
+def drive(args: Args, label: str, one: Contender, options: Options, seeds: list[int]) -> list[Run]:
+    """Drive unseen missions, once for each training seed."""
+    env = HomewardVectorEnv(**vars(simulator(one)))  # what it believes; what it meets are the options
+    files = [folder(args, label, number) for number in range(args.trainings)] if one.agent == "ppo" else [None]
+    return [run_episodes(make_policy(one.agent, env, file), options, seeds) for file in files]
 
 
 def main(args: Args) -> dict[str, Any]:
@@ -198,26 +213,28 @@ def main(args: Args) -> dict[str, Any]:
         TrainingError, OptionError, RobotError, RecordingError, AgentError: An argument cannot be used.
         OSError: The output folder cannot be written to.
     """
-    if args.episodes < 2 or args.seed < 0:
+    if args.episodes < 2 or args.seed < 0 or args.trainings < 1:
         raise OptionError(
-            f"--episodes {args.episodes} --seed {args.seed}: give at least 2 episodes and a seed of 0 or more"
+            f"--episodes {args.episodes} --seed {args.seed} --trainings {args.trainings}: give at least 2 episodes, a "
+            "seed of 0 or more and at least 1 training"
         )
     real, all_of_them = args.out / "real.toml", contenders(args)
     analysis = diagnosed(args)
     write_whole(real, real_robot().to_toml())
     for label, one in all_of_them.items():
         if one.agent == "ppo":
-            learn(args, label, one)
+            for number in range(args.trainings):
+                learn(args, label, one, number)
     seeds = episode_seeds(args.seed, args.episodes)
     runs, promised = {}, {}
     for label, one in all_of_them.items():
-        runs[label] = [drive(args, label, one, reality(one, real), seeds)]
-        promised[label] = [drive(args, label, one, simulator(one), seeds)]
+        runs[label] = drive(args, label, one, reality(one, real), seeds)
+        promised[label] = drive(args, label, one, simulator(one), seeds)
     first = next(iter(all_of_them.values()))
     result = {
         "command": shlex.join(sys.argv),
         "steps": args.steps,
-        "training_seed": args.seed,
+        "training_seeds": [args.seed + number for number in range(args.trainings)],
         "missing": MISSING,
         "found": {one.effect: {name: value.value for name, value in one.parameters.items()}
                   for one in analysis.diagnosis.missing_physics},
@@ -233,6 +250,7 @@ def main(args: Args) -> dict[str, Any]:
 def show(result: dict[str, Any], analysis: Analysis, args: Args) -> None:
     """Print what the diagnosis found beside what is missing, and who came home with what."""
     console = Console()
+    console.width = max(console.width, 100)  # what the table needs
     console.print(analysis.diagnosis.summary, markup=False, highlight=False)
     for effect, true in MISSING.items():
         found = {**analysis.corrected.effects}.get(effect)
@@ -242,22 +260,22 @@ def show(result: dict[str, Any], analysis: Analysis, args: Args) -> None:
     real, simulated = result["real"], result["simulated"]
     table = Table(
         title=f"{real['env']} on the real robot, {real['options']['difficulty']}, {real['episodes']} unseen missions, "
-        f"seed {real['seed']}; one training seed of {args.steps:,} decisions, started from {args.ppo.start}",
-        caption="below: 95 % intervals, of scores by bootstrap over missions, of stranding by Wilson\n"
+        f"seed {real['seed']}; training seeds: {args.trainings}, of {args.steps:,} decisions, from {args.ppo.start}",
+        caption="below: 95 % intervals, of scores by bootstrap over missions and seeds, of stranding by Wilson\n"
         "simulated: the same seeds in its own simulator, score and share that strands\n"
         + ", ".join(f"{one} {which}" for one, which in real["versions"].items()),
         box=box.SIMPLE_HEAD,
     )
     table.add_column("driven by", min_width=18)
-    for heading in ("score", "minus first", "stranded", "late", "simulated"):
+    for heading in ("score", "minus nominal", "minus corrected", "stranded", "late", "simulated"):
         table.add_column(heading, justify="right", no_wrap=True)
     for label, one in real["agents"].items():
-        against = real["paired"].get(f"{label} - nominal-trained")
+        against = [real["paired"].get(f"{label} - {other}") for other in ("nominal-trained", "corrected-trained")]
         alone = simulated["agents"][label]
         table.add_row(
             label,
             _interval(one["score_mean"], one["score_ci95"], ".0f"),
-            "" if against is None else _interval(against["mean"], against["ci95"], "+.0f"),
+            *("" if other is None else _interval(other["mean"], other["ci95"], "+.0f") for other in against),
             _interval(one["stranded_rate"], one["stranded_ci95"], ".1%"),
             str(one["timed_out"]),
             f"{alone['score_mean']:.0f}\n{alone['stranded_rate']:.1%}",

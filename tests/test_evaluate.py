@@ -329,6 +329,7 @@ sys.exit(evaluate.run())
         (["--instruments", "perfect"], "instruments = 'perfect'; choose exact, meter, gauge or name a TOML file"),
         (["--instruments", "no/such.toml"], "no/such.toml"),
         (["--weather", "windy"], "weather = 'windy' is not allowed; choose from still, changing"),
+        (["--randomise", "wide"], "randomise = 'wide' is not allowed; choose from generic, file"),
         (["--jobs", "0"], "jobs = 0 is not allowed; give at least 1"),
     ],
 )

@@ -14,12 +14,13 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, analyse
+from homeward.envs.options import known_of
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import replay
 
 pytest.importorskip("stable_baselines3")
 
-TRAINED = ("nominal-trained", "randomised-trained", "corrected-trained")
+TRAINED = ("nominal-trained", "randomised-trained", "corrected-trained", "file-randomised")
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,7 @@ def example(load_example: Callable[[str], Any]) -> Any:
 @pytest.fixture(scope="module")
 def args(example: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     small = example.PPOSettings(start="scratch", n_envs=32, n_steps=16, batch_size=128, epochs=1, hidden=16)
-    return example.Args(steps=512, episodes=40, out=tmp_path_factory.mktemp("sim") / "out", ppo=small)
+    return example.Args(steps=512, episodes=40, trainings=1, out=tmp_path_factory.mktemp("sim") / "out", ppo=small)
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +109,10 @@ def test_all_meet_the_same_missions_of_the_real_robot(
     assert "turning" in envs["corrected-trained"].known.robot.effects
     assert not first.known.robot.effects
     assert first.robots["turning_scrub"][0] == 0.6
+    # What the file says of itself is what its policy reckons with, and not what the missions are drawn from.
+    generic, own = (known_of(example.simulator(example.contenders(args)[label])) for label in TRAINED[2:])
+    assert own.robot == generic.robot and own.difficulty.rolling.deviation < 0.5 * generic.difficulty.rolling.deviation
+    assert envs["file-randomised"].known.difficulty == envs["corrected-trained"].known.difficulty
 
 
 def test_the_table_has_a_row_for_everyone(example: Any, args: Any, done: tuple[dict[str, Any], str]) -> None:
@@ -131,10 +136,10 @@ def test_the_table_has_a_row_for_everyone(example: Any, args: Any, done: tuple[d
 def test_a_second_run_trains_nothing_and_says_the_same(
     example: Any, args: Any, done: tuple[dict[str, Any], str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    weights = [args.out / label / "policy.safetensors" for label in TRAINED]
+    weights = [args.out / label / "0" / "policy.safetensors" for label in TRAINED]
     before = [file.stat().st_mtime_ns for file in weights]
     again = example.main(args)
-    assert capsys.readouterr().err.count("finished: nothing to do") == 3
+    assert capsys.readouterr().err.count("finished: nothing to do") == 4
     assert [file.stat().st_mtime_ns for file in weights] == before
     assert again["found"] == done[0]["found"]
     for label, one in again["real"]["agents"].items():
@@ -147,5 +152,8 @@ def test_too_few_missions_take_one_line(root: Path, tmp_path: Path) -> None:
         [sys.executable, script, "--episodes", "1", "--out", str(tmp_path / "out")], capture_output=True, text=True
     )
     assert refused.returncode == 2
-    assert refused.stderr == "sim_to_real.py: --episodes 1 --seed 0: give at least 2 episodes and a seed of 0 or more\n"
+    assert refused.stderr == (
+        "sim_to_real.py: --episodes 1 --seed 0 --trainings 5: give at least 2 episodes, a seed "
+        "of 0 or more and at least 1 training\n"
+    )
     assert not (tmp_path / "out").exists()

@@ -22,7 +22,7 @@ _LEARNER = (
     "rules/rule.py",
     "rules/tuned.py",
 )
-_COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather")
+_COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "randomise")
 
 
 def made_with(options: Options) -> dict[str, str]:

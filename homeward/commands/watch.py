@@ -3,8 +3,8 @@
 `homeward watch RUN... --robot corrected.toml` feeds each recording to a companion (docs/on_the_robot.md) and asks it at
 each moment what the rest of the drive will take. It prints, by what was left of the way, how often the 90 % interval
 held what it then took, and how far off it was in all; DIR/watch.html shows it, DIR/watch.csv holds every moment. RUN is
-a table or a ROS bag, read without ROS, with battery power, or voltage and current. In a terminal it shows the drive
-meanwhile.
+a table or a ROS bag, read without ROS, with battery power, or voltage and current; of motor currents alone it is the
+charge that is predicted, by the corrected.toml of such recordings. In a terminal it shows the drive meanwhile.
 
 `homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and advises live:
 battery state, odometry and IMU are subscribed, by the mappings that bags use; whether it can reach home, whether to
@@ -33,7 +33,8 @@ from homeward.physics import RobotError, load_robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.live import LiveView
 from homeward.watch.page import verdict, watch_html
-from homeward.watch.replay import Watched, run_all
+from homeward.watch.replay import run_all
+from homeward.watch.watched import Watched
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def main(args: Args) -> list[Watched]:
     rows = rows_of(runs)
     console.show(table_of(rows))
     console.print(verdict(rows[-1]))
-    for text in runs[0].advice.rests_on:
+    for text in runs[0].rests_on:
         console.print(f"  {text}", style="dim")
     texts = {"watch.html": watch_html(runs, robot), "watch.csv": moments_of(runs).to_csv(index=False)}
     page = write_texts(args.out, texts)[0]
@@ -153,7 +154,9 @@ def table_of(rows: list[Row]) -> Table:
 def moments_of(runs: list[Watched]) -> pd.DataFrame:
     """Every moment of every run, one a row."""
     names = ("time_s", "left_m", "took_j", "mean_j", "low_j", "high_j")
-    return pd.concat([pd.DataFrame({"run": one.name, **{name: getattr(one, name) for name in names}}) for one in runs])
+    table = pd.concat([pd.DataFrame({"run": one.name, **{name: getattr(one, name) for name in names}}) for one in runs])
+    of_charge = {name: name.replace("_j", "_as") for name in names if runs[0].unit == "A s"}
+    return table.rename(columns=of_charge)
 
 
 def run() -> int:

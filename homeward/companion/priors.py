@@ -31,11 +31,13 @@ class Known(NamedTuple):
         prior: For the estimator.
         words: Where it comes from, a sentence each.
         uncertainty: What the robot's file says of its own, if it does.
+        weight_sd: Of what climbing takes, as a share, beyond what the prior has.
     """
 
     prior: Prior
     words: tuple[str, ...]
     uncertainty: Uncertainty | None = None
+    weight_sd: float = 0.0
 
     def with_unexplained(self, way_m: float) -> Prior:
         """The prior with the error that what nothing explains makes over a way."""
@@ -45,6 +47,14 @@ class Known(NamedTuple):
         return self.prior._replace(model_error=error)
 
 
+_LEAST_MODEL_ERROR = 0.001
+"""Of a file that says what it leaves unexplained: as the environments' agents where nothing is hidden."""
+_OF_ONE_RUN = 0.1
+"""Standard deviation between runs, a share, of a file that does not know it. Chosen: files made from several runs of
+rovers, batteries, a car and a Husky say 0.001 to 0.9, and 0.07 in the median (benchmarks/range_coverage.py, seed 0)."""
+_MOST_AIR = 0.04
+"""Most of a robot's air drag c, N s^2/m^2 over kg^(2/3): twice that of 0.03 m^2 kg^(-2/3) of frontal area, the largest
+of Husky, Jackal, TurtleBot3 and the F1TENTH car by their sizes, at a drag coefficient of 1.2."""
 _OLD_CELLS = "its file does not say how sure the battery's capacity is: 80 to 100 %"
 
 
@@ -58,33 +68,52 @@ def known_of(robot: Robot, has_forecast: bool) -> Known:
     prior = _GENERIC if has_forecast else _GENERIC._replace(forecast_sd_mps=np.inf)
     wind = "a wind as forecast, within 1 m/s" if has_forecast else "an unknown wind, 1.5 m/s either way"
     given = robot.uncertainty
-    if given is None:
+    if given is None or given.of != "energy":
         return Known(prior, (
             f"the file of {robot.name!r} does not say how sure it is: generic ranges (capacity 80 to 100 %, rolling "
             "resistance 80 to 130 %, payload up to 20 %)", wind,
         ))  # fmt: skip
-    rolling, mass = given.variance("rolling"), given.variance("mass")
-    if rolling is None and given.between_runs is not None:
-        rolling = 0.0  # nothing was fitted, but it is known how far runs are from what the file says
-    idle, capacity = given.variance("idle_power"), given.variance("capacity")
-    mass_sd = prior.mass_sd if mass is None else math.sqrt(mass)
-    if rolling is not None:
-        # What was fitted is resistance times mass, of which the mass is a part.
-        rolling += (given.between_runs or 0.0) ** 2 / _rolling_share(robot) ** 2
-        rolling_sd = math.sqrt(max(rolling - mass_sd**2, 1e-6))
-        prior = prior._replace(rolling=1.0, mass=1.0, mass_sd=mass_sd, rolling_sd=rolling_sd)
+    prior, weight_sd = _as_sure_as(given, prior, robot)
+    words = (f"the robot's file says how sure it is: {given.source or 'no source given'}", wind)
+    return Known(prior, words if "capacity" in given.fitted else (*words, _OLD_CELLS), given, weight_sd)
+
+
+def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:
+    """The prior that a file's table makes of the generic one, and the standard deviation of what climbing takes.
+
+    The file was fitted to the robot's own meter, so that the meter's gain is in it; and what was held as assumed agrees
+    with the recordings as it is.
+    """
+    share = _rolling_share(robot)
+    variances = {name: given.variance(name) for name in ("rolling", "mass", "idle_power", "capacity")}
+    rolling, mass, idle, capacity = variances.values()
+    # What differs from run to run may be the ground or anything else: one half each.
+    between = _OF_ONE_RUN if given.between_runs is None else given.between_runs
+    rolling = prior.rolling_sd**2 if given.between_runs is None else rolling or 0.0
+    prior = prior._replace(
+        rolling=1.0, rolling_sd=math.sqrt(rolling + 0.5 * (between / share) ** 2),
+        # Of rolling the product with the mass was fitted; the mass for itself counts where it climbs.
+        mass=1.0, mass_sd=0.0, gain_sd=math.sqrt((idle or 0.0) * (1.0 - share) ** 2 + 0.5 * between**2),
+        model_error=_LEAST_MODEL_ERROR,
+    )  # fmt: skip
+    if "drag" in given.fitted:
+        # What grows with the square of the speed need not be air: of wind no more is felt than what a body catches.
+        felt = min(_MOST_AIR * robot.mass_kg ** (2.0 / 3.0) / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
+        prior = prior._replace(
+            wind_sd_mps=felt * prior.wind_sd_mps, missed_mps=felt * prior.missed_mps,
+            missed_sd_mps=felt * prior.missed_sd_mps,
+        )  # fmt: skip
     if capacity is not None:
         prior = prior._replace(capacity=1.0, capacity_sd=max(math.sqrt(capacity), 1e-3))
     read = dict(given.instruments)
-    gain = read.get("power_gain", 3.0**0.5 * prior.gain_sd) / 3.0**0.5
+    if "power_gain" in read:
+        prior = prior._replace(gain_sd=math.hypot(prior.gain_sd, read["power_gain"] / 3.0**0.5))
     prior = prior._replace(
-        gain_sd=math.hypot(gain, math.sqrt(idle or 0.0) * (1.0 - _rolling_share(robot))),
         power_noise=read.get("power_noise", prior.power_noise), soc_step=read.get("soc_step", prior.soc_step),
         soc_noise=read.get("soc_noise", prior.soc_noise), soc_lag_s=read.get("soc_lag_s", prior.soc_lag_s),
         slope_noise=read.get("grade_noise", prior.slope_noise),
     )  # fmt: skip
-    words = (f"the robot's file says how sure it is: {given.source or 'no source given'}", wind)
-    return Known(prior, words if capacity is not None else (*words, _OLD_CELLS), given)
+    return prior, _GENERIC.mass_sd if mass is None else math.sqrt(mass)
 
 
 def _rolling_share(robot: Robot) -> float:

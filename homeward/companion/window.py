@@ -21,14 +21,17 @@ class Window:
     Attributes:
         time_s: Its length.
         way_m: Driven in it.
-        other_j: Energy by the robot's own model beyond driving steadily: electronics, turning, speeding up.
+        modelled_j: Energy by the robot's own model, by the slopes as they were read.
+        other_j: Of that, beyond driving steadily: electronics, turning, speeding up.
         extra_j: Of that, of the drive.
+        slopes: Readings of a slope in it.
         soc: Last state of charge read in it, NaN if none.
     """
 
     def __init__(self) -> None:
-        self.time_s = self.way_m = self.other_j = self.extra_j = 0.0
+        self.time_s = self.way_m = self.modelled_j = self.other_j = self.extra_j = 0.0
         self.soc = math.nan
+        self._read = self.slopes = 0
         self._read_j = self._read_s = self._sine_m = self._graded_m = 0.0
         self._east_m = self._north_m = self._headed_m = self._speed_m = self._speedy_m = 0.0
         self._volt_s = self._amp_s = self._electric_s = 0.0
@@ -38,14 +41,18 @@ class Window:
         dt_s, way_m = reading.dt_s, step.way_m
         self.time_s += dt_s
         self.way_m += way_m
+        driving_j = steady_w * (way_m / abs(reading.speed_mps) if reading.speed_mps > 0.0 else dt_s)  # NaN: by the way
+        self.modelled_j += (modelled_w - steady_w) * dt_s + driving_j
         self.other_j += (modelled_w - steady_w) * dt_s
         self.extra_j += (drive_w - steady_w) * dt_s
         if math.isfinite(reading.power_w):
             self._read_j += reading.power_w * dt_s
             self._read_s += dt_s
+            self._read += 1
         if math.isfinite(reading.soc):
             self.soc = reading.soc
         if math.isfinite(reading.grade_rad):
+            self.slopes += 1
             self._sine_m += math.sin(reading.grade_rad) * way_m
             self._graded_m += way_m
         if math.isfinite(step.heading_rad):
@@ -69,6 +76,11 @@ class Window:
     def power_noise(self) -> float:
         """Error of that beyond the meter's, as a share, for the time without a reading."""
         return _UNREAD * (1.0 - self._read_s / self.time_s) if self.time_s else 0.0
+
+    @property
+    def of_the_mean(self) -> float:
+        """Noise of the mean power over that of a reading."""
+        return 1.0 / math.sqrt(max(self._read, 1))
 
     @property
     def speed_mps(self) -> float:

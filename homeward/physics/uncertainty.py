@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 _MOST_NUMBERS = 64
+_OF = ("energy", "charge")
 _INSTRUMENTS: dict[str, float] = {
-    "power_gain": 0.5, "power_noise": 10.0, "soc_step": 0.5, "soc_noise": 0.5, "soc_lag_s": 3600.0,
+    "power_gain": 0.5, "power_noise": 10.0, "reading_s": 3600.0, "soc_step": 0.5, "soc_noise": 0.5, "soc_lag_s": 3600.0,
     "speed_noise": 0.5, "grade_noise": 0.5,
 }  # fmt: skip
 """Sizes of the instruments' errors, standard deviations unless `homeward.envs.instruments` says otherwise, and the most
-that each may be."""
+that each may be; `reading_s` is the time between the readings of power that have its noise."""
 
 
 class UncertaintyError(ValueError):
@@ -36,6 +37,9 @@ class Uncertainty:
         unexplained: Standard deviation of power that nothing explains, a share of the mean power.
         unexplained_m: Way over which that is correlated, m.
         instruments: Sizes of the instruments' errors by name, as far as they are known.
+        of: `energy`, or `charge` where motor current was recorded, which follows torque and not power: shares are of
+            that then.
+        rest_current_a: Motor current at rest, A, which no other field of a robot file has.
 
     Raises:
         UncertaintyError: A value is not allowed.
@@ -48,8 +52,12 @@ class Uncertainty:
     unexplained: float = 0.0
     unexplained_m: float = 0.0
     instruments: tuple[tuple[str, float], ...] = ()
+    of: str = "energy"
+    rest_current_a: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.of not in _OF:
+            raise UncertaintyError(f"of = {self.of!r} is not allowed; choose from {', '.join(_OF)}")
         if not isinstance(self.source, str):
             raise UncertaintyError(f"source = {self.source!r} is not a text")
         count = len(self.fitted)
@@ -59,6 +67,7 @@ class Uncertainty:
         for name, value, most in (
             ("between_runs", 0.0 if self.between_runs is None else self.between_runs, 10.0),
             ("unexplained", self.unexplained, 100.0), ("unexplained_m", self.unexplained_m, 1e6),
+            ("rest_current_a", self.rest_current_a, 1000.0),
         ):  # fmt: skip
             _check(name, value, most)
         for name, value in self.instruments:
@@ -108,11 +117,14 @@ class Uncertainty:
     def to_toml(self) -> str:
         """Text of the table, which `from_table` reads back."""
         lines = ["[uncertainty]", f"source = {_quoted(self.source)}"]
+        if self.of == "charge":
+            lines.append('of = "charge"  # of the motors: shares below are of their current')
+            lines.append(f"rest_current_a = {self.rest_current_a:.6g}  # of the motors at rest, A")
         lines.append(f"fitted = [{', '.join(map(_quoted, self.fitted))}]")
         rows = (f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in self.covariance)
         lines.append(f"covariance = [{', '.join(rows)}]  # of their errors as shares")
         if self.between_runs is not None:
-            lines.append(f"between_runs = {self.between_runs:.6g}  # standard deviation of a run's energy, a share")
+            lines.append(f"between_runs = {self.between_runs:.6g}  # standard deviation of a run's {self.of}, a share")
         lines.append(f"unexplained = {self.unexplained:.6g}  # standard deviation of power nothing explains, a share")
         lines.append(f"unexplained_m = {self.unexplained_m:.6g}  # over which it is correlated, m")
         if self.instruments:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homeward.watch.replay import Watched
+from homeward.watch.watched import Watched
 
 _BORDERS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)
 """Shares of a run's way that rows lie between."""

@@ -15,10 +15,11 @@ from homeward import quantities
 from homeward.diagnosis.tell.formats import labels, page
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
-from homeward.watch.replay import Watched
+from homeward.watch.watched import Watched
 
 _MOST_RUNS = 12
 """Runs that are drawn; all count in the table."""
+_RESTS = {"J": "energy of the rest, kJ", "A s": "charge of the rest, kA s"}
 _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 
 
@@ -42,7 +43,7 @@ def watch_html(runs: Sequence[Watched], robot: Robot, dropped: Sequence[str] = (
     rows = rows_of(runs)
     return page(
         environment, "watch.html", runs=runs, names=names, rows=rows, robot=robot.name, dropped=list(dropped),
-        verdict=verdict(rows[-1]), rests_on=runs[0].advice.rests_on, drawn=min(len(runs), _MOST_RUNS),
+        verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), _MOST_RUNS),
         css=Markup(_css()), plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs),
     )  # fmt: skip
 
@@ -63,7 +64,7 @@ def _css() -> str:
 
 
 def figure(runs: Sequence[Watched]) -> Markup:
-    """Energy of the rest over what is left of the way, predicted with its interval and as it came; a panel a run."""
+    """What the rest takes over what is left of the way, predicted with its interval and as it came; a panel a run."""
     shown = list(runs[:_MOST_RUNS])
     made = make_subplots(len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12))
     for row, one in enumerate(shown, start=1):
@@ -79,7 +80,7 @@ def figure(runs: Sequence[Watched]) -> Markup:
                 x=one.left_m.round(1), y=(values / 1000.0).round(4), mode="lines", name=name,
                 line={"color": colour, "width": 1.6}, showlegend=first, legendgroup=name, row=row, col=1,
             )  # fmt: skip
-        made.update_yaxes(title_text="energy of the rest, kJ", rangemode="tozero", row=row, col=1)
+        made.update_yaxes(title_text=_RESTS[one.unit], rangemode="tozero", row=row, col=1)
         made.update_xaxes(title_text="way left, m", autorange="reversed", row=row, col=1)
     made.update_layout(
         height=90 + 260 * len(shown), margin={"l": 60, "r": 15, "t": 30, "b": 45}, template="plotly_white",

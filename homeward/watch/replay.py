@@ -7,7 +7,6 @@ what is put to the proof is what the companion knows of the robot, the ground an
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,50 +18,16 @@ from homeward.diagnosis.read.signals import Signals, signals, speed_of, steps_s
 from homeward.estimation import WAY_DTYPE, Prior
 from homeward.estimation.drive import modelled_driving
 from homeward.physics import Robot, d_max, optimal_speed, replay
+from homeward.physics.terminals import at_terminals
+from homeward.watch.charge import watch_charge
+from homeward.watch.watched import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
 Array = NDArray[np.float64]
 
 _STRETCHES = 48
 """Pieces of a recording's way, of equal length, over which ground, wind and speed are taken to be alike."""
-_WINDOWS = 40
-"""Readings that the estimator takes in of a recording at least."""
-_LEAST_WINDOW_S = 2.0
 _MOST_FED = 20_000
 """Samples that are fed; of longer recordings, means of neighbours."""
-
-
-@dataclass(frozen=True)
-class Watched:
-    """What was predicted in a run, and what came; arrays of shape (moments,).
-
-    Attributes:
-        name: Of the recording.
-        time_s: Since its start.
-        left_m: Way that was then still to come.
-        took_j: Energy that the rest then took.
-        mean_j: What was predicted of it.
-        low_j: Lower end of the 90 % interval.
-        high_j: Upper end.
-        length_m: Way of the whole run.
-        advice: The last advice.
-        warnings: What was warned of, with the time of the first such warning, s.
-    """
-
-    name: str
-    time_s: Array
-    left_m: Array
-    took_j: Array
-    mean_j: Array
-    low_j: Array
-    high_j: Array
-    length_m: float
-    advice: Advice
-    warnings: tuple[tuple[float, str], ...]
-
-    @property
-    def covered(self) -> NDArray[np.bool_]:
-        """Where the truth was in the interval, shape (moments,)."""
-        return np.asarray((self.low_j <= self.took_j) & (self.took_j <= self.high_j))
 
 
 class Rest:
@@ -75,16 +40,17 @@ class Rest:
         forward = np.where(run.speed_mps < 0.0, -1.0, 1.0)
         sine, heading = forward * np.sin(run.grade_rad), heading_of(run)
         along = np.stack((forward * np.cos(heading), forward * np.sin(heading)), axis=-1)
+        robot = at_terminals(companion.robot) if run.at_terminals else companion.robot
         modelled = replay(
-            companion.robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+            robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
             accel_mps2=run.accel_mps2, temperature_c=run.temperature_c, sensing_hz=run.sensing_hz,
             base_distance_m=run.base_distance_m, direction=run.direction,
         )  # fmt: skip
-        self.left_m = _rest(self.way_m)
-        self.took_j = _rest(run.observed * step_s)
-        self._modelled_j = _rest(modelled.power_w * step_s)
-        self._sine_m, self._speed_m = _rest(sine * self.way_m), _rest(np.abs(run.speed_mps) * self.way_m)
-        self._east_m, self._north_m = (_rest(along[:, axis] * self.way_m) for axis in range(2))
+        self.left_m = rest_of(self.way_m)
+        self.took_j = rest_of(run.observed * step_s)
+        self._modelled_j = rest_of(modelled.power_w * step_s)
+        self._sine_m, self._speed_m = rest_of(sine * self.way_m), rest_of(np.abs(run.speed_mps) * self.way_m)
+        self._east_m, self._north_m = (rest_of(along[:, axis] * self.way_m) for axis in range(2))
         at_m = self.left_m[0] * (1.0 - np.arange(_STRETCHES + 1) / _STRETCHES)
         # Samples with which stretches begin: what is left falls.
         self._edges = np.unique(np.searchsorted(-self.left_m, -at_m))
@@ -107,11 +73,6 @@ class Rest:
         return ways, float(self._modelled_j[sample] - steady_j)
 
 
-def _rest(values: Array) -> Array:
-    """Sum from each sample to the end, and 0 for the end, shape (n + 1,)."""
-    return np.append(np.cumsum(values[::-1])[::-1], 0.0)
-
-
 def heading_of(run: Signals) -> Array:
     """Heading, recorded or by the turning rate from east, rad, shape (n,)."""
     if "heading_rad" in run.context and np.isfinite(run.context["heading_rad"]).all():
@@ -128,7 +89,7 @@ def turns(recording: Recording) -> bool:
 def window_of(robot: Robot, duration_s: float) -> float:
     """Time over which readings are summed up, s: the companion's own, or less for a short recording."""
     lasts_s = float(d_max(robot)) / float(optimal_speed(robot))
-    return max(min(lasts_s / 200.0, duration_s / _WINDOWS), _LEAST_WINDOW_S)
+    return max(min(lasts_s / 200.0, duration_s / WINDOWS), LEAST_WINDOW_S)
 
 
 def watch(
@@ -141,7 +102,7 @@ def watch(
     cutoff_v: float | None = None,
     show: Callable[[Advice, float, float], None] | None = None,
 ) -> Watched:
-    """Replay a recording to a companion whose home is where it began.
+    """Replay a recording to a companion whose home is where it began; of motor currents, see `watch_charge`.
 
     Args:
         recording: With battery power, or voltage and current.
@@ -153,14 +114,11 @@ def watch(
         show: Called with each advice, the time in the recording and how long it is, s.
 
     Raises:
-        CompanionError: The recording has motor current only, or the robot stood.
+        CompanionError: The recording has motor current only, and the file knows nothing of charge; or the robot stood.
     """
     run = signals(recording, robot)
-    if run.unit != "W":
-        raise CompanionError(
-            f"{recording.name}: has motor currents only, which follow torque, and the way home takes energy; record "
-            "power_w, or voltage_v and current_a"
-        )
+    if run.unit == "A":
+        return watch_charge(run, robot)
     duration_s = float(run.time_s[-1] - run.time_s[0])
     window_s = window_of(robot, duration_s)
     companion = Companion(
@@ -192,7 +150,9 @@ def watch(
     time_s, left_m, took_j, mean_j, low_j, high_j = np.array(moments).T
     said = tuple((at_s, text) for text, at_s in warned.items())
     whole_m = float(rest.left_m[0])
-    return Watched(recording.name, time_s, left_m, took_j, mean_j, low_j, high_j, whole_m, advice, said)
+    return Watched(
+        recording.name, time_s, left_m, took_j, mean_j, low_j, high_j, whole_m, advice.rests_on, said, advice
+    )  # fmt: skip
 
 
 def _mean(values: Array) -> float | None:
@@ -227,8 +187,15 @@ def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, 
 def run_all(
     recordings: list[Recording], robot: Robot, show: Callable[..., Any] | None = None, **keywords: Any
 ) -> list[Watched]:
-    """Replay recordings one after the other, see `watch`."""
-    return [watch(one, robot, show=None if show is None else _named(show, one.name), **keywords) for one in recordings]
+    """Replay recordings one after the other, see `watch`.
+
+    Raises:
+        CompanionError: As `watch`, or some have power and others motor currents.
+    """
+    runs = [watch(one, robot, show=None if show is None else _named(show, one.name), **keywords) for one in recordings]
+    if len({one.unit for one in runs}) > 1:
+        raise CompanionError("some recordings have power and others motor currents only; watch them apart")
+    return runs
 
 
 def _named(show: Callable[..., Any], name: str) -> Callable[[Advice, float, float], None]:

@@ -340,10 +340,23 @@ def test_a_robot_file_that_says_how_sure_it_is() -> None:
         sure = Uncertainty(source="a test", **sizes)
         return Driven().drive(Companion(dataclasses.replace(husky, uncertainty=sure), home=(0.0, 0.0)), 0.0, 120.0)
 
-    known = {"fitted": ("rolling", "mass"), "covariance": ((1e-4, 0.0), (0.0, 1e-4))}
+    known: dict[str, Any] = {
+        "fitted": ("rolling", "mass"), "covariance": ((1e-4, 0.0), (0.0, 1e-4)), "between_runs": 0.0
+    }  # fmt: skip
     narrow, uneven = of(**known), of(**known, unexplained=0.5, unexplained_m=30.0)
-    differs = of(**known, between_runs=0.2)
+    differs = of(**(known | {"between_runs": 0.2}))
     generic = Driven().drive(companion(), 0.0, 120.0)
+    charge = of(of="charge", **known)
+    assert charge.energy_home_j == generic.energy_home_j and any("generic" in text for text in charge.rests_on)
+    one_run = of(**(known | {"between_runs": None}))  # how others will differ from it is not known
+    assert one_run.energy_home_j.sd > 2.0 * narrow.energy_home_j.sd
+    fitted = {"fitted": ("rolling", "mass", "drag"), "covariance": tuple(map(tuple, (1e-4 * np.eye(3)).tolist()))}
+    heavy = dataclasses.replace(husky, drag_ns2_per_m2=5.0)  # which no air makes of a robot of 50 kg
+    still, windy = (
+        known_of(dataclasses.replace(heavy, uncertainty=Uncertainty(**sizes)), False).prior.wind_sd_mps
+        for sizes in (fitted, known)
+    )
+    assert still < 0.2 * windy
     assert narrow.energy_home_j.sd < generic.energy_home_j.sd
     assert uneven.energy_home_j.sd > 2.0 * narrow.energy_home_j.sd
     assert differs.energy_home_j.sd > narrow.energy_home_j.sd

@@ -1,6 +1,7 @@
 """Robots drawn as uncertain as their file says it is."""
 
 import dataclasses
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -22,6 +23,12 @@ def sure() -> Robot:
     return dataclasses.replace(load_robot("husky"), uncertainty=table)
 
 
+def changed(robot: Robot, **table: Any) -> Robot:
+    """The robot with another table."""
+    assert robot.uncertainty is not None
+    return dataclasses.replace(robot, uncertainty=dataclasses.replace(robot.uncertainty, **table))
+
+
 def test_robots_are_as_uncertain_as_the_file(sure: Robot) -> None:
     env = HomewardVectorEnv(4000, mission="OutAndBack", robot=sure, randomise="file")
     env.reset(seed=0)
@@ -39,6 +46,21 @@ def test_agents_have_it_as_their_prior_and_the_instruments_are_its_own(sure: Rob
     assert prior.rolling_sd == pytest.approx(0.05) and prior.capacity_sd == pytest.approx(0.02)
     assert prior.power_noise == 0.02 and prior.soc_step == 1e-3  # of which it says nothing: the difficulty's meter
     assert known.difficulty.payload == DIFFICULTY["uncertain"].payload  # it does not say
+    often = changed(sure, instruments=(("power_noise", 0.02), ("reading_s", 0.1)))
+    mean = known_of(Options("OutAndBack", robot=often, randomise="file"))  # what is read is a mean over a decision
+    assert mean.instruments.power_noise == pytest.approx(0.02 * (0.1 / mean.shared["decision_s"][0]) ** 0.5)
+
+
+def test_of_one_run_it_is_not_known_how_runs_differ(sure: Robot) -> None:
+    one = changed(sure, between_runs=None)
+    known = known_of(Options("OutAndBack", robot=one, randomise="file"))
+    assert known.difficulty.rolling == DIFFICULTY["uncertain"].rolling
+
+
+def test_charge_of_motors_is_no_energy(sure: Robot) -> None:
+    charge = changed(sure, of="charge")
+    with pytest.raises(OptionError, match="no table"):
+        known_of(Options("OutAndBack", robot=charge, randomise="file"))
 
 
 def test_without_it_nothing_changes(sure: Robot) -> None:

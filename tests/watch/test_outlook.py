@@ -22,7 +22,7 @@ def flat(length_m: float) -> Route:
 @pytest.fixture(scope="module")
 def calm() -> Robot:
     """A Husky whose file is sure of it, and that hardly feels the wind."""
-    sure = Uncertainty("a test", ("rolling", "mass", "capacity"), tuple(map(tuple, (1e-4 * np.eye(3)).tolist())))
+    sure = Uncertainty("a test", ("rolling", "mass", "capacity"), tuple(map(tuple, (1e-4 * np.eye(3)).tolist())), 0.0)
     return dataclasses.replace(load_robot("husky"), uncertainty=sure, drag_ns2_per_m2=1e-6)
 
 

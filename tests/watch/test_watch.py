@@ -14,12 +14,15 @@ from homeward import quantities
 from homeward.commands.watch import Args, main
 from homeward.companion import Companion, CompanionError
 from homeward.diagnosis import RecordingError, read_recording
+from homeward.diagnosis.fit.replay import current_a
 from homeward.diagnosis.read.signals import signals
 from homeward.physics import load_robot, replay
+from homeward.physics.uncertainty import Uncertainty
 from homeward.watch.coverage import rows_of
 from homeward.watch.live import LiveView, view
 from homeward.watch.page import verdict, watch_html
-from homeward.watch.replay import Rest, Watched, watch
+from homeward.watch.replay import Rest, watch
+from homeward.watch.watched import Watched
 
 
 def drive(folder: Path, seed: int, rolling: float = 1.0, spoiled: float = 1.0) -> Path:
@@ -74,6 +77,72 @@ def test_a_change_that_nobody_could_foresee_is_a_miss(tmp_path: Path) -> None:
     assert "too seldom" in verdict(rows_of([spoiled])[0]) or rows_of([spoiled])[0].covered >= 0.8
 
 
+def test_hills_shorter_than_places_are_no_surprise(tmp_path: Path) -> None:
+    """A Husky's places are 60 m long; it drives over hills of 20 m by the very model that it is watched with."""
+    time_s, robot = np.arange(0.0, 300.0, 0.2), load_robot("husky")
+    grade = 0.06 * np.sin(2.0 * np.pi * time_s / 40.0)
+    power = replay(robot, time_s, np.full(len(time_s), 0.5), grade_rad=grade, accel_mps2=0.0).power_w
+    table = pd.DataFrame({"time_s": time_s, "speed_mps": 0.5, "power_w": power, "grade_rad": grade, "heading_rad": 0.0})
+    table.to_csv(tmp_path / "hills.csv", index=False)
+    sure = Uncertainty("a test", ("rolling", "mass"), ((1e-4, 0.0), (0.0, 1e-4)), 0.01)
+    one = watch(read_recording(tmp_path / "hills.csv"), replace(robot, uncertainty=sure))
+    off = one.mean_j / one.took_j - 1.0
+    assert np.abs(off[one.left_m > 20.0]).max() < 0.02 and one.covered.mean() > 0.9
+
+
+def test_at_the_terminals_nothing_is_seen_of_what_the_battery_loses_inside(tmp_path: Path) -> None:
+    sags = replace(load_robot("husky"), effects={"internal_resistance": {"ohm": 0.4}})
+    table = pd.read_csv(drive(tmp_path, 1))
+    terminals = table.drop(columns="power_w").assign(voltage_v=24.0, current_a=table["power_w"] / 24.0)
+    terminals.to_csv(tmp_path / "terminals.csv", index=False)
+    by_power, by_current = (
+        watch(read_recording(tmp_path / name), robot)
+        for name, robot in (("run1.csv", load_robot("husky")), ("terminals.csv", sags))
+    )
+    assert by_current.mean_j[0] == pytest.approx(by_power.mean_j[0], rel=1e-3)
+    assert abs(rows_of([by_current])[-1].bias) < 0.03
+    assert by_current.advice is not None and by_power.advice is not None
+    assert by_current.advice.energy_left_j.mean < 0.98 * by_power.advice.energy_left_j.mean
+
+
+def amps(folder: Path, seed: int, factor: float) -> Path:
+    """A Husky's drive of 5 minutes with turns on the spot, recorded as motor current: `factor` of the file's."""
+    rng, time_s = np.random.default_rng(seed), np.arange(0.0, 300.0, 0.2)
+    speed = np.repeat(rng.choice([0.0, 0.4, 0.8], 15), 100)
+    yaw = np.repeat(rng.choice([0.0, 0.5], 15), 100)
+    table = pd.DataFrame({"time_s": time_s, "speed_mps": speed, "yaw_rate_radps": yaw})
+    table[["motor_left_a", "motor_right_a"]] = 1.0
+    table.to_csv(folder / f"amps{seed}.csv", index=False)
+    run = signals(read_recording(folder / f"amps{seed}.csv"), SCRUBS)
+    each = 0.5 * factor * current_a(run, SCRUBS, 1.0) * (1.0 + 0.02 * rng.normal(size=len(time_s)))
+    table.assign(motor_left_a=each, motor_right_a=each).to_csv(folder / f"amps{seed}.csv", index=False)
+    return folder / f"amps{seed}.csv"
+
+
+CHARGE = Uncertainty("a test", (), (), 0.1, 0.05, 0.5, of="charge", rest_current_a=1.0)
+SCRUBS = replace(load_robot("husky"), effects={"turning": {"scrub": 0.5}}, uncertainty=CHARGE)
+
+
+def test_of_motor_currents_the_charge_is_watched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "husky.toml").write_text(SCRUBS.to_toml())
+    paths = tuple(amps(tmp_path, seed, factor) for seed, factor in enumerate((0.9, 1.0, 1.1)))
+    runs = main(Args(paths, str(tmp_path / "husky.toml"), out=tmp_path / "out"))
+    for one, path in zip(runs, paths, strict=True):
+        table = pd.read_csv(path)
+        charge_as = float((table["motor_left_a"] + table["motor_right_a"]).iloc[:-1].sum()) * 0.2
+        assert one.unit == "A s" and one.took_j[0] == pytest.approx(charge_as, rel=1e-6)
+        assert one.covered.mean() > 0.8
+        middle = len(one.left_m) // 2  # by then a run has shown its own part
+        assert abs(one.mean_j[middle] / one.took_j[middle] - 1.0) < 0.04
+        widths = (one.high_j - one.low_j) / one.mean_j
+        assert widths[middle] < 0.6 * widths[0]
+    assert "charge of the motors" in capsys.readouterr().out
+    assert "took_as" in pd.read_csv(tmp_path / "out" / "watch.csv")
+    assert "charge of the rest" in (tmp_path / "out" / "watch.html").read_text("utf-8")
+    with pytest.raises(CompanionError, match="watch them apart"):
+        main(Args((*paths, drive(tmp_path, 0)), str(tmp_path / "husky.toml"), out=tmp_path / "out"))
+
+
 def test_nothing_of_the_future_is_told(tmp_path: Path) -> None:
     """Up to a moment, predictions are alike, whatever the drive takes later."""
     plain, spoiled = (
@@ -101,6 +170,7 @@ def test_names_on_the_page_are_escaped(runs: list[Watched]) -> None:
 
 def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: list[Watched]) -> None:
     console = Console(width=100, record=True, force_terminal=True)
+    assert runs[0].advice is not None
     console.print(view("run0", runs[0].advice, 2400.0, 1.728e6, ("no power for 3 s",)))
     text = console.export_text()
     for part in ("battery", "way home", "point of no return", "no power for 3 s", "40 min"):

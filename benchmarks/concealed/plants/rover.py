@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -49,19 +50,26 @@ def make(number: int, build: Build, level: str, rng: Generator, short: bool) -> 
         torque = set(scenario.truth) <= IN_TORQUE and bool(rng.random() < 1 / 3)
         scenario = dataclasses.replace(scenario, torque=torque, wheels=scenario.wheels or bool(rng.random() < 0.5))
     trips = [cut(trip) for trip in scenario.trips[:2]] if short else scenario.trips
-    vehicle = _vehicle(calibrated(scenario))
+    vehicle = vehicle_of(calibrated(scenario))
     robot = vehicle.robot
     exact = scenario.torque or bool(rng.random() < 0.5)  # most of the file has no say in currents
     wrong = (0.03, 0.1) if scenario.truth else (0.1, 0.4)
-    logs = [drive(scenario.rover, trip, scenario.brake) for trip in trips]
-    works = [work_of(vehicle, scenario, log, index) for index, log in enumerate(logs)]
-    recordings = [_record(work, log, scenario, NOISES[level], rng) for work, log in zip(works, logs, strict=True)]
+    works, recordings = recorded(vehicle, scenario, trips, level, rng)
     label = level if scenario.truth else "exact" if exact else "misset"
     label = scenario.truth[0] if set(scenario.truth) & set(OUTSIDE) else label
     return Case(
         "rover", number, robot.name, label, scenario.truth, frozenset(), "none", robot,
         robot if exact else misset(robot, rng, *wrong), recordings, dict.fromkeys(scenario.truth, missed_share(works)),
     )  # fmt: skip
+
+
+def recorded(
+    vehicle: Vehicle, scenario: Scenario, trips: Sequence[Trip], level: str, rng: Generator
+) -> tuple[list[Work], list[pd.DataFrame]]:
+    """Drive trips: what happened, and what instruments of a noise saw of it."""
+    logs = [drive(scenario.rover, trip, scenario.brake) for trip in trips]
+    works = [work_of(vehicle, scenario, log, index) for index, log in enumerate(logs)]
+    return works, [_record(work, log, scenario, NOISES[level], rng) for work, log in zip(works, logs, strict=True)]
 
 
 def calibrated(scenario: Scenario) -> Robot:
@@ -127,7 +135,8 @@ def cut(trip: Trip) -> Trip:
                                payload_kg=trip.payload_kg[:ticks])  # fmt: skip
 
 
-def _vehicle(robot: Robot) -> Vehicle:
+def vehicle_of(robot: Robot) -> Vehicle:
+    """The rover with a robot file."""
     return Vehicle(robot, "skid", 0.512, 0.16, 1.0, 0.6, 56.0, True, "rover.xml: about the size of a Husky A200")
 
 

@@ -24,11 +24,12 @@ from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.held_out import evidence, gain, held_out
 from homeward.diagnosis.fit.refit import Refit, standard_errors
-from homeward.diagnosis.fit.replay import Runs, WithEffects, lost_inside
+from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.signals import ODOMETER_PARTS
 from homeward.diagnosis.result import Evidence, Value
 from homeward.physics import Robot
+from homeward.physics.terminals import lost_inside
 
 USABLE_ENERGY = "usable energy"
 """Name of the parameter that the state of charge determines."""

@@ -10,7 +10,8 @@ import numpy as np
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, usual_step_s, windows
 from homeward.physics import Robot, replay
-from homeward.physics.effects import EFFECTS, Effect, payload
+from homeward.physics.effects import payload
+from homeward.physics.terminals import at_terminals
 
 _MOST_WINDOWS = 100_000  # of very long recordings the windows grow instead
 _MOST_LOADS = 5  # at which a run is replayed
@@ -85,6 +86,21 @@ def power_w(run: Signals, robot: Robot) -> Array:
     return _loaded(robot, run)[0]
 
 
+def wheels_mps(run: Signals, robot: Robot) -> Array:
+    """Speed at which the robot's wheels turn, also on the spot, m/s, shape (samples,)."""
+    return np.maximum(np.abs(run.speed_mps), 0.5 * np.abs(run.yaw_rate_radps) * robot.track_m)
+
+
+def current_a(run: Signals, robot: Robot, rest_current_a: float) -> Array:
+    """Motor current that a robot file says of a run, A, shape (samples,), see `predict`."""
+    return _current_a(run, robot, _loaded(robot, run)[1], rest_current_a)
+
+
+def _current_a(run: Signals, robot: Robot, force_n: Array, rest_current_a: float) -> Array:
+    turning = np.minimum(wheels_mps(run, robot) / _SLOW_MPS, 1.0)
+    return np.asarray(rest_current_a + turning * force_n / thrust_n_per_a(robot))
+
+
 def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffects | None = None) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
@@ -94,7 +110,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
     """
     met = met or WithEffects()
     means = []
-    outside = _without_battery(robot)
+    outside = at_terminals(robot)
     for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
         true = 1.0 if met.speed_factors is None else met.speed_factors[index]
         power, force_n = _loaded(
@@ -104,25 +120,10 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
             roughness=None if met.roughness is None else cut.samples(met.roughness[runs.run == index], len(run.time_s)),
         )
         if runs.unit == "A":
-            wheels_mps = np.maximum(np.abs(run.speed_mps), 0.5 * np.abs(run.yaw_rate_radps) * robot.track_m)
-            turning = np.minimum(wheels_mps / _SLOW_MPS, 1.0)
-            power = rest_current_a + turning * force_n / thrust_n_per_a(robot)
+            power = _current_a(run, robot, force_n, rest_current_a)
         late: Array = np.interp(run.time_s - met.lag_s, run.time_s, power) if met.lag_s != 0.0 else power
         means.append(cut.means(late))
     return np.concatenate(means)
-
-
-def lost_inside(entry: Effect | Any) -> bool:
-    """Whether an effect takes energy inside the battery, and not from what moves."""
-    return bool(entry.kind == "battery" and "speed_mps" not in entry.needs)
-
-
-def _without_battery(robot: Robot) -> Robot:
-    """The robot with a battery that loses nothing inside."""
-    inside = {effect.id for effect in EFFECTS if lost_inside(effect)}
-    if not inside & set(robot.effects):
-        return robot
-    return dataclasses.replace(robot, effects={name: one for name, one in robot.effects.items() if name not in inside})
 
 
 def _loaded(robot: Robot, run: Signals, **met: Any) -> tuple[Array, Array]:

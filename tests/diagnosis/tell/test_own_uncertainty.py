@@ -38,6 +38,45 @@ def test_it_holds_what_was_fitted_as_shares_of_it(off: Analysis, husky: Robot) -
     assert "3 runs" in found.source and found.between_runs is not None
 
 
+def test_of_few_runs_the_spread_is_as_wide_as_their_number_asks(off: Analysis) -> None:
+    """A third run lies within 90 % of Student's t of two degrees of freedom about the others' mean."""
+    found, evidence = uncertainty_of(off), off.evidence
+    assert found is not None and evidence is not None and found.between_runs is not None
+    runs, left = evidence.runs, evidence.runs.observed - evidence.predictions["file"]
+    by_run = np.array([left[runs.run == run].mean() for run in range(3)]) / np.abs(runs.observed).mean()
+    wide = 2.92 * np.sqrt(1.0 + 1.0 / 3.0) * by_run.std(ddof=1) / 1.645
+    way_m = np.abs(runs.context["speed_mps"] * runs.duration_s).sum() / 3.0
+    assert np.hypot(found.between_runs, found.unexplained_over(way_m)) == pytest.approx(wide, rel=0.15)
+
+
+def test_a_noisy_charge_has_noise_and_one_in_steps_has_steps(drive: Drive, husky: Robot) -> None:
+    rng, found = np.random.default_rng(0), []
+    for step in (0.0, 0.001):
+        recordings = []
+        for one in drive(husky, minutes=2.0):
+            used_j = np.cumsum(one.channels["power_w"]) * np.diff(one.channels["time_s"], prepend=0.0)
+            soc = 0.9 - used_j / husky.usable_energy_j
+            soc = np.round(soc / step) * step if step else soc + 0.002 * rng.normal(size=len(soc))
+            recordings.append(replace(one, channels={**one.channels, "soc": soc}))
+        sure = uncertainty_of(analyse(recordings, husky))
+        assert sure is not None
+        found.append(dict(sure.instruments))
+    noisy, stepped = found
+    assert noisy["soc_noise"] == pytest.approx(0.002, rel=0.1) and noisy["soc_step"] == 0.0
+    assert stepped["soc_step"] == pytest.approx(0.001, rel=0.01) and stepped["soc_noise"] == 0.0
+    assert noisy["reading_s"] == pytest.approx(np.diff(recordings[0].channels["time_s"]).mean())
+
+
+def test_of_motor_currents_it_is_of_charge(drive: Drive, husky: Robot) -> None:
+    recordings = []
+    for one in drive(replace(husky, rolling_resistance=0.1), minutes=3.0):
+        amps = 4.0 + 0.1 * one.channels["power_w"]
+        channels = {name: values for name, values in one.channels.items() if name != "power_w"}
+        recordings.append(replace(one, channels={**channels, "motor_left_a": 0.5 * amps, "motor_right_a": 0.5 * amps}))
+    sure = uncertainty_of(analyse(recordings, husky))
+    assert sure is not None and sure.of == "charge" and sure.rest_current_a > 1.0 and not sure.instruments
+
+
 def test_what_nothing_explains_is_what_the_file_leaves_of_held_out_windows(off: Analysis) -> None:
     found, evidence = uncertainty_of(off), off.evidence
     assert found is not None and evidence is not None
