@@ -204,8 +204,10 @@ def _quantile(each: Any, risk: float, z: float) -> float:
             own = each[k, 1] + each[k, 2] * _deviations(z, each[k, 3])
             low, high = min(low, own), max(high, own)
     below, above = _log_below(each, low) - np.log(risk), _log_below(each, high) - np.log(risk)
-    if above < _EXACTLY or below > -_EXACTLY:
-        return high if above < _EXACTLY else low
+    if above < _EXACTLY:
+        return high
+    if below > -_EXACTLY:
+        return low
     was = 0.0
     for _ in range(_MOST_STEPS):
         value = (low * above - high * below) / (above - below)
