@@ -22,7 +22,7 @@ from homeward.companion.advice import Action, Advice, Spread
 from homeward.companion.cutoff import Cutoff
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.priors import Known, known_of
-from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
+from homeward.companion.readings import POSITION_M, CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
@@ -93,6 +93,7 @@ class Companion:
         window_s: Time over which readings are summed up.
         place_m: Length over which ground is taken to be alike.
         reaction_s: Time from advice to turn until the robot has turned; a window if left out.
+        arrived_m: Way home within which the robot is at home, where `turn_now` ends.
         prior: What is known beforehand, instead of what follows from the robot's file.
         policy: To be asked for actions, such as `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")` answers.
 
@@ -123,6 +124,7 @@ class Companion:
         window_s: float | None = None,
         place_m: float | None = None,
         reaction_s: float | None = None,
+        arrived_m: float = POSITION_M,
         prior: Prior | None = None,
         policy: OnboardPolicy | None = None,
     ) -> None:
@@ -135,6 +137,7 @@ class Companion:
             ("cutoff_v", cutoff_v, 0.1, _MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)),
             ("cruise_mps", cruise_mps, 1e-3, self.robot.max_speed_mps), ("window_s", window_s, 0.1, 3600.0),
             ("place_m", place_m, 1e-3 * range_m, range_m), ("reaction_s", reaction_s, 0.0, 3600.0),
+            ("arrived_m", arrived_m, 0.0, 1000.0),
         ):  # fmt: skip
             if value is not None:
                 _check(name, value, low, high)
@@ -155,6 +158,7 @@ class Companion:
         cruise = float(optimal_speed(self.robot)) if cruise_mps is None else cruise_mps
         self._window_s = range_m / cruise / _WINDOWS if window_s is None else window_s
         self._reaction_s = self._window_s if reaction_s is None else reaction_s
+        self._arrived_m = arrived_m
         places = _PLACES
         place_m = range_m / _LONGEST_PLACES if place_m is None else place_m
         if route is not None:
@@ -552,8 +556,9 @@ class Companion:
         standing_s = max(low_j, 0.0) / max(self._pace_w, v.idle_w, 1e-9)
         turn_in_s = min(turn_in_m / max(self._pace_mps, 1e-9), standing_s)
         needs_m = self._reaction_s * self._pace_mps
-        self._turned |= home_m > 0.0 and (turn_in_m <= needs_m or turn_in_s <= self._reaction_s)
-        self._turned &= home_m > 0.0
+        self._turned |= turn_in_m <= needs_m or turn_in_s <= self._reaction_s
+        # A way that was reckoned is known to a share of it: who may be elsewhere has not arrived.
+        self._turned &= home_m + _RECKONING * self._way.reckoned_m > self._arrived_m
         chance_there = None
         if self._route is not None and not elsewhere:
             rest_m = max(len(self._route.grade_rad) * self._route.place_m - home_m, 0.0)

@@ -42,6 +42,9 @@ _POWERS = 20.0
 """Powers at top speed up the steepest of usual slopes beyond which a power is."""
 _STEEP = 0.3  # rad, of that
 _STEEPEST = 0.8  # rad
+POSITION_M = 5.0
+"""Error of a position: the accuracy of a receiver of satellites under open sky, 4.9 m (van Diggelen and Enge, Proceedings
+of ION GNSS+ 2015)."""
 _SOC_SLACK = 0.02
 _HELD = 3.0
 """Usual times between readings of an instrument for which its last value holds."""
@@ -203,7 +206,7 @@ class Readings:
             return None
         if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
             apart_m = float(np.linalg.norm(np.subtract(position, self._place)))
-            most_m = self._most_mps * max(self.clock_s - self._place_at_s, 1.0) * 2.0
+            most_m = self._most_mps * (self.clock_s - self._place_at_s) + 2.0 * POSITION_M
             if apart_m > most_m and self._jumps < _JUMPS:
                 self._jumps += 1
                 self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")

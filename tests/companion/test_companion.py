@@ -14,6 +14,7 @@ import pytest
 from homeward.agents.belief import prior_of
 from homeward.companion import Advice, Companion, CompanionError
 from homeward.companion.priors import known_of
+from homeward.companion.readings import POSITION_M
 from homeward.envs.options import Options
 from homeward.envs.options import known_of as known_env_of
 from homeward.envs.routes import Route
@@ -51,9 +52,38 @@ def test_who_turns_when_it_says_so_comes_home_with_little_left() -> None:
     reached_m = robot.xy[0]
     while robot.xy[0] > 0.5:
         advice = robot.drive(one, HOME, 30.0)
-        assert advice.turn_now == (advice.way_home_m > 0.0)  # latched
+        assert advice.turn_now == (advice.way_home_m > POSITION_M)  # latched
     assert 0.02 < robot.left_j / robot.full_j < 0.35
     assert reached_m > 3000.0
+
+
+def turned(one: Companion, robot: Driven, **other: Any) -> Advice:
+    """Drive out until it must turn."""
+    advice = robot.drive(one, 0.0, 60.0, **other)
+    while not advice.turn_now:
+        advice = robot.drive(one, 0.0, 30.0, **other)
+    return advice
+
+
+def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
+    rng, one, robot = np.random.default_rng(0), companion(), Driven(rolling=1.2, health=0.85)
+    turned(one, robot)
+    while robot.xy[0] > 0.5:
+        here = robot.xy - (1.0, 0.0) + rng.normal(scale=1.5, size=2)
+        back = robot.drive(one, HOME, 1.0, position=tuple(here))
+        assert back.turn_now or robot.xy[0] < 12.0, robot.xy
+    stood = [one.update(robot.time_s + k, speed_mps=0.0, power_w=20.0, position=tuple(rng.normal(scale=1.5, size=2)))
+             for k in range(1, 60)]  # fmt: skip
+    assert not any(advice.turn_now for advice in stood) and max(advice.way_home_m for advice in stood) > 1.0
+    assert stood[-1].warnings == ()  # noise is not absurd
+
+
+def test_who_reckons_its_way_does_not_know_that_it_has_arrived() -> None:
+    one, robot = companion(), Driven(rolling=1.2, health=0.85)
+    turned(one, robot, position=None)
+    back = robot.drive(one, HOME, robot.xy[0], position=None)
+    assert back.way_home_m < 2.0 and back.turn_now
+    assert not robot.drive(one, HOME, 1.0).turn_now  # a position says it
 
 
 def test_the_way_home_follows_the_trail_and_short_cuts_of_it() -> None:
