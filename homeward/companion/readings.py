@@ -43,8 +43,8 @@ _POWERS = 20.0
 _STEEP = 0.3  # rad, of that
 _STEEPEST = 0.8  # rad
 POSITION_M = 5.0
-"""Error of a position: the accuracy of a receiver of satellites under open sky, 4.9 m (van Diggelen and Enge, Proceedings
-of ION GNSS+ 2015)."""
+"""Error of a position: the accuracy of a receiver of satellites under open sky, 4.9 m (van Diggelen and Enge,
+Proceedings of ION GNSS+ 2015)."""
 _SOC_SLACK = 0.02
 _HELD = 3.0
 """Usual times between readings of an instrument for which its last value holds."""
