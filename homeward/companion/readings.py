@@ -140,7 +140,8 @@ class Readings:
         had_power = math.isfinite(self._power.value)
         power = self._power.now(self.clock_s, dt_s)
         if had_power and math.isnan(power):
-            self.say(f"no power for {self.clock_s - self._power.at_s:.0f} s: the model fills in", "no power")
+            silent_s = max(self.clock_s - self._power.at_s, dt_s)
+            self.say(f"no power for {silent_s:.0f} s: the model fills in", "no power")
         sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, 1e5, "Hz")
         temperature = self._within("temperature_c", given["temperature_c"], -60.0, 60.0, "kelvin?")
         interest = self._within("interest", given["interest"], 0.0, 1e6, "a weight")
