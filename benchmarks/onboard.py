@@ -58,13 +58,16 @@ def driven(args: Args, told: str) -> Iterator[tuple[float, bool]]:
         known, over = robot.env.batch.known, False
         route, wind_mps, mean_grade = robot.told()
         policy = load_policy(shipped(args.env, args.start), known)
-        beforehand = {"all": (route, wind_mps, mean_grade), "the wind": (None, wind_mps)}.get(told, ())
-        onboard = Onboard(policy, known, *beforehand)
+        knows_wind, knows_all = told in ("all", "the wind"), told == "all"
+        onboard = Onboard(
+            policy, known, route if knows_all else None, wind_mps if knows_wind else None,
+            mean_grade if knows_all else None,
+        )  # fmt: skip
         companion = Companion(known.robot, policy=onboard, window_s=onboard.decision_s)
         home = encode_actions(known, known.shared["cruise_mps"][0], 0.0, RETURN)[0]
         while not over:
             reads = robot.reads()
-            if told == "all":
+            if knows_all:
                 for seen in robot.seen_ahead():
                     onboard.see(*seen)
             else:

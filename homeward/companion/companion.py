@@ -9,9 +9,7 @@ import base64
 import dataclasses
 import json
 import math
-import numbers
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion.advice import Action, Advice, Spread
+from homeward.companion.checks import check_home, check_number, check_route, check_wind
 from homeward.companion.cutoff import Cutoff
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.priors import Known, known_of
 from homeward.companion.readings import POSITION_M, CompanionError, Position, Reading, Readings, checked_position
+from homeward.companion.turning import chance, latest
 from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
@@ -40,7 +40,7 @@ from homeward.estimation.drive import modelled_driving
 from homeward.estimation.excitation import looks_back
 from homeward.estimation.home import home_cost, modelled_power
 from homeward.estimation.prior import PER_CAPACITY, USED, WEIGHT
-from homeward.estimation.tails import normal_risk, true_risk
+from homeward.estimation.tails import normal_risk
 from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
 from homeward.physics.jit import announce_first_compilation
@@ -53,8 +53,6 @@ _LONGEST_PLACES, _PLACES = 160.0, 128
 """Places of a d_max, and how many are kept: the way home of a robot that is to come home is shorter than 0.8 d_max."""
 _CRUMBS = 8.0
 """Crumbs of the trail per place."""
-_TRIES = 5
-"""Guesses at the latest place to turn, after which it is known to some metres."""
 _OFTEN = 0.2
 """Of a place, for which a slope that is read stands at most, to be taken for that of the way since the reading before.
 One reading a window may be of the other direction of travel, where the robot has just turned: taken for that of the
@@ -66,7 +64,6 @@ _DETOUR = 1.3
 others, Transportation Research A 36, 2002)."""
 _RECKONING = 0.1
 """Standard deviation of a way that was reckoned from speed and heading, as a share."""
-_MOST_WIND_MPS = 60.0
 _MOST_CUTOFF = 1.2
 """Cut-off voltage over the nominal one beyond which no battery has it."""
 _SCHEMA = 1
@@ -140,14 +137,10 @@ class Companion:
             ("arrived_m", arrived_m, 0.0, 1000.0),
         ):  # fmt: skip
             if value is not None:
-                _check(name, value, low, high)
-        if home is not None and home != "here" and not isinstance(checked_position("home", home), tuple):
-            raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
-        if forecast_mps is not None:
-            wind = checked_position("forecast_mps", forecast_mps)
-            if not isinstance(wind, tuple) or math.hypot(*wind) > _MOST_WIND_MPS:
-                raise CompanionError(f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s")
-        _check_route(route)
+                check_number(name, value, low, high)
+        check_home(home)
+        check_wind(forecast_mps)
+        check_route(route)
         if policy is not None and policy.robot != self.robot:
             raise CompanionError(
                 f"the policy decides for robot {policy.robot.name!r}, which is not, number for number, the companion's "
@@ -319,7 +312,7 @@ class Companion:
         Raises:
             CompanionError: It is none.
         """
-        _check("soc", soc, 0.0, 1.0)
+        check_number("soc", soc, 0.0, 1.0)
         self._flush()
         self._estimator.recharge(soc, self._known.prior.soc_sd)
         self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
@@ -352,7 +345,7 @@ class Companion:
         Raises:
             CompanionError: It is no route.
         """
-        _check_route(route)
+        check_route(route)
         self._other_way = None if route is None else (route, 0.0)
         self._moved_home, self._turned = None, False
 
@@ -552,7 +545,7 @@ class Companion:
         def low_after_j(onwards_m: float) -> float:
             return float(leaves(onwards_m).total[0]["margin_low_j"]) - withheld_j
 
-        turn_in_m = _latest(low_after_j, low_j, self._range_m)
+        turn_in_m = latest(low_after_j, low_j, self._range_m)
         standing_s = max(low_j, 0.0) / max(self._pace_w, v.idle_w, 1e-9)
         turn_in_s = min(turn_in_m / max(self._pace_mps, 1e-9), standing_s)
         needs_m = self._reaction_s * self._pace_mps
@@ -562,14 +555,14 @@ class Companion:
         chance_there = None
         if self._route is not None and not elsewhere:
             rest_m = max(len(self._route.grade_rad) * self._route.place_m - home_m, 0.0)
-            chance_there = _chance(leaves(rest_m), withheld_j)
+            chance_there = chance(leaves(rest_m), withheld_j)
         return Advice(
             time_s=self._readings.clock_s,
             way_home_m=home_m,
             energy_left_j=Spread(float(total["left_j"]) - withheld_j, float(total["left_sd_j"])),
             energy_home_j=Spread(float(total["cost_j"]), float(total["cost_sd_j"])),
             margin_j=Spread(float(total["margin_j"]) - withheld_j, float(total["margin_sd_j"])),
-            chance_home=_chance(now, withheld_j),
+            chance_home=chance(now, withheld_j),
             risk=self.risk,
             turn_in_m=0.0 if self._turned else turn_in_m,
             turn_in_s=0.0 if self._turned else turn_in_s,
@@ -673,46 +666,6 @@ class Companion:
 
 
 _ONE = np.ones(1, np.bool_)
-
-
-def _check(name: str, value: Any, low: float, high: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not low <= float(value) <= high:
-        raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
-
-
-def _check_route(route: Any) -> None:
-    if route is not None and not all(hasattr(route, name) for name in ("place_m", "grade_rad", "heading_rad")):
-        raise CompanionError(f"route = {route!r} is no route; give what homeward.envs.route_files.load_route reads")
-
-
-def _latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> float:
-    """How far it may drive on before it must turn, m: a secant's root, never beyond what was seen to be safe."""
-    if now_j <= 0.0:
-        return 0.0
-    safe_m, safe_j, over_m, over_j = 0.0, now_j, math.nan, math.nan
-    guess_m = 0.25 * most_m
-    for _ in range(_TRIES):
-        value_j = low_j(guess_m)
-        if value_j >= 0.0:
-            safe_m, safe_j = guess_m, value_j
-            if guess_m >= most_m:
-                return most_m
-        else:
-            over_m, over_j = guess_m, value_j
-        if math.isnan(over_m):
-            guess_m = min(2.0 * guess_m, most_m)
-        else:
-            guess_m = safe_m + (over_m - safe_m) * safe_j / (safe_j - over_j)
-    return min(guess_m, most_m)
-
-
-def _chance(margin: Margin, withheld_j: float) -> float:
-    """Probability that a margin is above zero."""
-    below = 0.0
-    for weight, mean_j, sd_j in zip(margin.weight[0], margin.mean_j[0], margin.sd_j[0], strict=True):
-        if weight > 0.0:
-            below += weight * 0.5 * math.erfc((mean_j - withheld_j) / (max(sd_j, 1e-9) * math.sqrt(2.0)))
-    return 1.0 - true_risk(below)
 
 
 def _with_warnings(advice: Advice, readings: Readings) -> Advice:
