@@ -66,6 +66,9 @@ _RECKONING = 0.1
 """Standard deviation of a way that was reckoned from speed and heading, as a share."""
 _MOST_CUTOFF = 1.2
 """Cut-off voltage over the nominal one beyond which no battery has it."""
+_UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
+"""State of charge by which a gauge must differ from what was drawn, and windows in a row for which, to be another
+battery, or stuck: monitors that go by voltage are off by some per cent."""
 _SCHEMA = 1
 
 
@@ -204,7 +207,7 @@ class Companion:
         self._window, self._windows, self._extra = Window(), 0, np.zeros(self._places)
         self._moved_home: Position | None = None
         self._other_way: tuple[RouteLike, float] | None = None
-        self._turned, self._charged = False, False
+        self._turned, self._charged, self._untold = False, False, 0
         self._pace_mps, self._pace_w = self._vehicle.cruise_mps, self._vehicle.idle_w
         self._speed_mps, self._heading_rad = math.nan, math.nan
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
@@ -397,7 +400,24 @@ class Companion:
         if self._window.time_s > 0.0:
             self._take_in(self._window)
             self._close(self._window)
+            self._check_charge(self._window.soc)
             self._window = Window()
+
+    def _check_charge(self, soc: float) -> None:
+        """Say where the gauge is far from what was drawn; one that reads less is believed, as is safe."""
+        spent, per_capacity = self._estimator.mean()[0, [USED, PER_CAPACITY]]
+        above = soc - (float(self._estimator.state["robot"]["soc_start"][0]) - spent * per_capacity)
+        self._untold = self._untold + 1 if abs(above) > _UNTOLD else 0
+        if self._untold < _UNTOLD_WINDOWS:
+            return
+        kind = "the state of charge reads"
+        text = f"{kind} {abs(above):.0%} {'more' if above > 0.0 else 'less'} than was drawn from it"
+        if above > 0.0:
+            self._readings.say(f"{text}: stuck, or another battery that swap_battery was not told of?", kind)
+            return
+        self._readings.say(f"{text}: another battery? what was learned of the old one is dropped", kind)
+        self._estimator.recharge(soc, self._known.prior.soc_sd)
+        self._untold = 0
 
     def _charge_first(self, soc: float) -> None:
         if self._charged:

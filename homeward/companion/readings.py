@@ -212,19 +212,21 @@ class Readings:
                 self._jumps += 1
                 self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
+        if self._stays(position, driven_m):
+            return None
         self._place, self._place_at_s, self._jumps = position, self.clock_s, 0
-        self._expect_motion(position, driven_m)
         return position
 
-    def _expect_motion(self, position: Position, driven_m: float) -> None:
-        """Warn where positions stay while the speed says that the robot drives."""
+    def _stays(self, position: Position, driven_m: float) -> bool:
+        """Whether positions stay while the speed says that the robot drives: to reckon its way is the safer of both."""
         self._driven_m += driven_m
         same_kind = isinstance(position, float) == isinstance(self._anchor, float)
         if self._anchor is None or not same_kind or np.linalg.norm(np.subtract(position, self._anchor)) > _STILL_M:
             self._anchor, self._driven_m = position, 0.0
         elif self._driven_m > _DRIVEN_M:
             text = f"the positions stay within {_STILL_M:g} m while {self._driven_m:.0f} m are driven by the speed"
-            self.say(f"{text}: degrees, or spinning wheels?", "the positions stay")
+            self.say(f"{text}: degrees, or spinning wheels? reckoned from speed and heading", "the positions stay")
+        return self._driven_m > _DRIVEN_M
 
 
 def _number(name: str, value: Any) -> float:
