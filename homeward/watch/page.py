@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 
 import numpy as np
 import plotly.offline
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.subplots import make_subplots
 
 from homeward import quantities
-from homeward.diagnosis.tell.formats import labels, page
+from homeward.diagnosis.tell.formats import labels, page, templates
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.watched import Watched
@@ -31,20 +29,18 @@ def watch_html(runs: Sequence[Watched], robot: Robot, dropped: Sequence[str] = (
         robot: The robot.
         dropped: What was said of recordings that were set aside.
     """
-    environment = Environment(
-        loader=PackageLoader("homeward.watch"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
+    environment = templates(package="homeward.watch")
     environment.filters |= {
-        "percent": lambda share: f"{100.0 * share:.0f} %", "signed": lambda share: f"{100.0 * share:+.1f} %",
-        "distance": quantities.distance, "duration": quantities.duration,
-    }  # fmt: skip
+        "signed": lambda share: f"{100.0 * share:+.1f} %",
+        "distance": quantities.distance,
+        "duration": quantities.duration,
+    }
     names = labels([one.name for one in runs])
     rows = rows_of(runs)
     return page(
         environment, "watch.html", runs=runs, names=names, rows=rows, robot=robot.name, dropped=list(dropped),
         verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), _MOST_RUNS),
-        css=Markup(_css()), plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs),
+        plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs),
     )  # fmt: skip
 
 
@@ -57,10 +53,6 @@ def verdict(whole: Row) -> str:
         f"The 90 % interval held what the rest took at {100.0 * whole.covered:.0f} % of {whole.moments} moments, "
         f"{trust}; in all it predicted {abs(100.0 * whole.bias):.1f} % too {'much' if whole.bias > 0.0 else 'little'}."
     )
-
-
-def _css() -> str:
-    return (files("homeward.diagnosis.tell") / "templates" / "report.css").read_text("utf-8")
 
 
 def figure(runs: Sequence[Watched]) -> Markup:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from homeward.diagnosis import rules
 
@@ -22,12 +22,15 @@ ARMS: Mapping[str, str] = {
 """The arms of the comparison in the order in which they are shown, in words."""
 
 
-def templates(autoescape: bool = True) -> Environment:
-    """The templates beside this file, with filters for numbers and names; pages escape what others have named."""
+def templates(autoescape: bool = True, package: str = "homeward.diagnosis.tell") -> Environment:
+    """The templates beside this file, with filters for numbers and names; pages escape what others have named.
+
+    Those of another `package` are found first, and may extend `page.html`.
+    """
+    loader = ChoiceLoader([PackageLoader(one) for one in dict.fromkeys((package, "homeward.diagnosis.tell"))])
     environment = Environment(
-        loader=PackageLoader("homeward.diagnosis.tell"), autoescape=autoescape, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+        loader=loader, autoescape=autoescape, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     environment.filters |= {
         "number": number, "interval": interval, "decimal": decimal, "typeset": typeset, "as": format,
         "file_name": lambda path: PurePath(path).name, "percent": lambda share: f"{decimal(100.0 * share, 0)} %",
