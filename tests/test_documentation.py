@@ -1,4 +1,4 @@
-"""What the README and the files that ship say is so."""
+"""What the README, the pages and the files that ship say is so."""
 
 import re
 from pathlib import Path
@@ -13,16 +13,33 @@ def readme(root: Path) -> str:
     return " ".join((root / "README.md").read_text("utf-8").split())
 
 
-def test_every_environment_variable_is_documented(root: Path, readme: str) -> None:
+def test_every_environment_variable_is_documented(root: Path) -> None:
     folders = [root / "homeward", root / "envs", root / "agents"]
     sources = [*(file for folder in folders for file in folder.rglob("*.py")), root / "Makefile"]
     named = {name for file in sources for name in re.findall(r"HOMEWARD_[A-Z]+", file.read_text("utf-8"))}
     assert {"HOMEWARD_CACHE", "HOMEWARD_DATA"} <= named
-    assert {name for name in named if f"| `{name}` |" not in readme} == set()
+    page = (root / "docs" / "help.md").read_text("utf-8")
+    assert {name for name in named if f"| `{name}` |" not in page} == set()
 
 
 def test_the_default_of_the_stranding_cost_is_the_one_documented(readme: str) -> None:
     assert f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times a good score" in readme
+
+
+TEN = ("reward", "effect", "robot", "max", "verdict", "false-alarm", "planner", "HTML", "network", "observation")
+
+
+def test_the_map_leads_to_what_people_look_for_first(root: Path) -> None:
+    page = (root / "CONTRIBUTING.md").read_text("utf-8")
+    rows = re.search(r"^\| to change \|.*\n\|.*\n((?:\|.*\n)+)", page, re.MULTILINE)
+    assert rows is not None
+    for line, asked in zip(rows[1].splitlines(), TEN, strict=True):
+        what, where, name = (cell.strip() for cell in line.strip("|").split("|"))
+        assert asked in what
+        files = [root / path for path in re.findall(r"`(.+?)`", where)]
+        assert files and all(file.is_file() for file in files), where
+        defined = re.compile(rf"^(?:def |class )?{name.strip('`')}\b(?=[(:\s=])", re.MULTILINE)
+        assert any(defined.search(file.read_text("utf-8")) for file in files), name
 
 
 def test_every_route_that_ships_names_its_source(root: Path) -> None:
