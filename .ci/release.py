@@ -86,7 +86,8 @@ def release(root: Path, version: str) -> None:
         raise
     print(
         f"dist/ and site/ hold homeward {version}. Now:\n"
-        f"  git commit --all --message 'Release {version}' && git tag v{version} && git push --follow-tags\n"
+        f"  git commit --all --message 'Release {version}' && git tag --message 'homeward {version}' v{version}\n"
+        "  git push --follow-tags\n"
         "  python -m twine upload dist/*"
     )
 
