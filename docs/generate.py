@@ -319,13 +319,13 @@ def counts() -> str:
     )
 
 
-def readme(heading: str) -> str:
-    """A section of the README, so that results stand in one place; its links are made those of the site."""
-    sections = re.split(r"^## +(.+)\n", (ROOT / "README.md").read_text("utf-8"), flags=re.MULTILINE)
+def results(heading: str) -> str:
+    """A section of the page of results, so that they stand in one place."""
+    sections = re.split(r"^## +(.+)\n", (ROOT / "docs" / "results.md").read_text("utf-8"), flags=re.MULTILINE)
     found = dict(zip(sections[1::2], sections[2::2], strict=True))
     if heading not in found:
-        raise KeyError(f"README.md has no section {heading!r}, only {', '.join(found)}")
-    return re.sub(r"\]\((?!https?:|#)(docs/)?", lambda link: "](" if link[1] else "](../", found[heading]).strip()
+        raise KeyError(f"results.md has no section {heading!r}, only {', '.join(found)}")
+    return found[heading].strip()
 
 
 @functools.cache
@@ -348,10 +348,10 @@ GENERATED: dict[str, Callable[..., str]] = {
     one.__name__: one
     for one in (
         agents, causes, channels, counts, difficulties, drives, effects, features, instruments, missions, bench,
-        readme, reference_scores, robot_file, robots, spaces, worked_case,
+        reference_scores, results, robot_file, robots, spaces, worked_case,
     )
 }  # fmt: skip
-"""What pages may ask for; some take an argument, as in `<!-- generated: readme Speed -->`."""
+"""What pages may ask for; some take an argument, as in `<!-- generated: results Speed -->`."""
 
 
 def on_config(config: Any) -> Any:

@@ -3,14 +3,15 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from homeward.agents.learning.settings import PPOSettings
 
 
-@pytest.fixture(scope="module")
-def readme(root: Path) -> str:
-    return " ".join((root / "README.md").read_text("utf-8").split())
+def page_of(root: Path, name: str) -> str:
+    return " ".join((root / "docs" / name).read_text("utf-8").split())
+
+
+def test_the_readme_is_read_in_a_minute(root: Path) -> None:
+    assert len((root / "README.md").read_text("utf-8").splitlines()) <= 80
 
 
 def test_every_environment_variable_is_documented(root: Path) -> None:
@@ -18,12 +19,12 @@ def test_every_environment_variable_is_documented(root: Path) -> None:
     sources = [*(file for folder in folders for file in folder.rglob("*.py")), root / "Makefile"]
     named = {name for file in sources for name in re.findall(r"HOMEWARD_[A-Z]+", file.read_text("utf-8"))}
     assert {"HOMEWARD_CACHE", "HOMEWARD_DATA"} <= named
-    page = (root / "docs" / "help.md").read_text("utf-8")
-    assert {name for name in named if f"| `{name}` |" not in page} == set()
+    assert {name for name in named if f"| `{name}` |" not in page_of(root, "help.md")} == set()
 
 
-def test_the_default_of_the_stranding_cost_is_the_one_documented(readme: str) -> None:
-    assert f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times a good score" in readme
+def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> None:
+    said = f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times a good score"
+    assert said in page_of(root, "agents.md")
 
 
 TEN = ("reward", "effect", "robot", "max", "verdict", "false-alarm", "planner", "HTML", "network", "observation")

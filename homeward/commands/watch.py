@@ -23,6 +23,7 @@ from typing import Annotated
 import pandas as pd
 import tyro
 from rich import box
+from rich.padding import Padding
 from rich.table import Table
 
 from homeward import cli, installed, quantities
@@ -99,7 +100,7 @@ def main(args: Args) -> list[Watched]:
     console.show(table_of(rows))
     console.print(verdict(rows[-1]))
     for text in runs[0].rests_on:
-        console.print(f"  {text}", style="dim")
+        console.print(Padding(text, (0, 0, 0, 2)), style="dim")
     texts = {"watch.html": watch_html(runs, robot), "watch.csv": moments_of(runs).to_csv(index=False)}
     page = write_texts(args.out, texts)[0]
     console.print(f"Page: {page}", soft_wrap=True)

@@ -74,7 +74,8 @@ class Advice:
         risk: Probability of not getting home that is accepted, by which the next three go.
         turn_in_m: How far the robot may drive on before it must turn, 0 where it must now.
         turn_in_s: In how much time that is, at its present pace.
-        turn_now: Whether it must turn now; it stays so until the robot is home or what was known has changed.
+        turn_now: Whether it must turn now; it stays so until the robot is home, within `Companion(arrived_m=...)`, or
+            what was known has changed.
         chance_there_and_back: Probability of getting to the end of the route and home; None without a route.
         looks_back: Whether to drive towards home for a moment would tell wind and robot apart now.
         rests_on: What the reckoning rests on, a sentence each.

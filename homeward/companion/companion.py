@@ -9,9 +9,7 @@ import base64
 import dataclasses
 import json
 import math
-import numbers
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion.advice import Action, Advice, Spread
+from homeward.companion.checks import check_home, check_number, check_route, check_wind
 from homeward.companion.cutoff import Cutoff
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.priors import Known, known_of
-from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
+from homeward.companion.readings import POSITION_M, CompanionError, Position, Reading, Readings, checked_position
+from homeward.companion.turning import chance, latest
 from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
@@ -40,7 +40,7 @@ from homeward.estimation.drive import modelled_driving
 from homeward.estimation.excitation import looks_back
 from homeward.estimation.home import home_cost, modelled_power
 from homeward.estimation.prior import PER_CAPACITY, USED, WEIGHT
-from homeward.estimation.tails import normal_risk, true_risk
+from homeward.estimation.tails import normal_risk
 from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
 from homeward.physics.jit import announce_first_compilation
@@ -53,8 +53,6 @@ _LONGEST_PLACES, _PLACES = 160.0, 128
 """Places of a d_max, and how many are kept: the way home of a robot that is to come home is shorter than 0.8 d_max."""
 _CRUMBS = 8.0
 """Crumbs of the trail per place."""
-_TRIES = 5
-"""Guesses at the latest place to turn, after which it is known to some metres."""
 _OFTEN = 0.2
 """Of a place, for which a slope that is read stands at most, to be taken for that of the way since the reading before.
 One reading a window may be of the other direction of travel, where the robot has just turned: taken for that of the
@@ -66,9 +64,11 @@ _DETOUR = 1.3
 others, Transportation Research A 36, 2002)."""
 _RECKONING = 0.1
 """Standard deviation of a way that was reckoned from speed and heading, as a share."""
-_MOST_WIND_MPS = 60.0
 _MOST_CUTOFF = 1.2
 """Cut-off voltage over the nominal one beyond which no battery has it."""
+_UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
+"""State of charge by which a gauge must differ from what was drawn, and windows in a row for which, to be another
+battery, or stuck: monitors that go by voltage are off by some per cent."""
 _SCHEMA = 1
 
 
@@ -93,6 +93,7 @@ class Companion:
         window_s: Time over which readings are summed up.
         place_m: Length over which ground is taken to be alike.
         reaction_s: Time from advice to turn until the robot has turned; a window if left out.
+        arrived_m: Way home within which the robot is at home, where `turn_now` ends.
         prior: What is known beforehand, instead of what follows from the robot's file.
         policy: To be asked for actions, such as `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")` answers.
 
@@ -123,6 +124,7 @@ class Companion:
         window_s: float | None = None,
         place_m: float | None = None,
         reaction_s: float | None = None,
+        arrived_m: float = POSITION_M,
         prior: Prior | None = None,
         policy: OnboardPolicy | None = None,
     ) -> None:
@@ -135,16 +137,13 @@ class Companion:
             ("cutoff_v", cutoff_v, 0.1, _MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)),
             ("cruise_mps", cruise_mps, 1e-3, self.robot.max_speed_mps), ("window_s", window_s, 0.1, 3600.0),
             ("place_m", place_m, 1e-3 * range_m, range_m), ("reaction_s", reaction_s, 0.0, 3600.0),
+            ("arrived_m", arrived_m, 0.0, 1000.0),
         ):  # fmt: skip
             if value is not None:
-                _check(name, value, low, high)
-        if home is not None and home != "here" and not isinstance(checked_position("home", home), tuple):
-            raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
-        if forecast_mps is not None:
-            wind = checked_position("forecast_mps", forecast_mps)
-            if not isinstance(wind, tuple) or math.hypot(*wind) > _MOST_WIND_MPS:
-                raise CompanionError(f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s")
-        _check_route(route)
+                check_number(name, value, low, high)
+        check_home(home)
+        check_wind(forecast_mps)
+        check_route(route)
         if policy is not None and policy.robot != self.robot:
             raise CompanionError(
                 f"the policy decides for robot {policy.robot.name!r}, which is not, number for number, the companion's "
@@ -155,6 +154,7 @@ class Companion:
         cruise = float(optimal_speed(self.robot)) if cruise_mps is None else cruise_mps
         self._window_s = range_m / cruise / _WINDOWS if window_s is None else window_s
         self._reaction_s = self._window_s if reaction_s is None else reaction_s
+        self._arrived_m = arrived_m
         places = _PLACES
         place_m = range_m / _LONGEST_PLACES if place_m is None else place_m
         if route is not None:
@@ -207,7 +207,7 @@ class Companion:
         self._window, self._windows, self._extra = Window(), 0, np.zeros(self._places)
         self._moved_home: Position | None = None
         self._other_way: tuple[RouteLike, float] | None = None
-        self._turned, self._charged = False, False
+        self._turned, self._charged, self._untold = False, False, 0
         self._pace_mps, self._pace_w = self._vehicle.cruise_mps, self._vehicle.idle_w
         self._speed_mps, self._heading_rad = math.nan, math.nan
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
@@ -315,7 +315,7 @@ class Companion:
         Raises:
             CompanionError: It is none.
         """
-        _check("soc", soc, 0.0, 1.0)
+        check_number("soc", soc, 0.0, 1.0)
         self._flush()
         self._estimator.recharge(soc, self._known.prior.soc_sd)
         self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
@@ -348,7 +348,7 @@ class Companion:
         Raises:
             CompanionError: It is no route.
         """
-        _check_route(route)
+        check_route(route)
         self._other_way = None if route is None else (route, 0.0)
         self._moved_home, self._turned = None, False
 
@@ -400,7 +400,24 @@ class Companion:
         if self._window.time_s > 0.0:
             self._take_in(self._window)
             self._close(self._window)
+            self._check_charge(self._window.soc)
             self._window = Window()
+
+    def _check_charge(self, soc: float) -> None:
+        """Say where the gauge is far from what was drawn; one that reads less is believed, as is safe."""
+        spent, per_capacity = self._estimator.mean()[0, [USED, PER_CAPACITY]]
+        above = soc - (float(self._estimator.state["robot"]["soc_start"][0]) - spent * per_capacity)
+        self._untold = self._untold + 1 if abs(above) > _UNTOLD else 0
+        if self._untold < _UNTOLD_WINDOWS:
+            return
+        kind = "the state of charge reads"
+        text = f"{kind} {abs(above):.0%} {'more' if above > 0.0 else 'less'} than was drawn from it"
+        if above > 0.0:
+            self._readings.say(f"{text}: stuck, or another battery that swap_battery was not told of?", kind)
+            return
+        self._readings.say(f"{text}: another battery? what was learned of the old one is dropped", kind)
+        self._estimator.recharge(soc, self._known.prior.soc_sd)
+        self._untold = 0
 
     def _charge_first(self, soc: float) -> None:
         if self._charged:
@@ -548,23 +565,24 @@ class Companion:
         def low_after_j(onwards_m: float) -> float:
             return float(leaves(onwards_m).total[0]["margin_low_j"]) - withheld_j
 
-        turn_in_m = _latest(low_after_j, low_j, self._range_m)
+        turn_in_m = latest(low_after_j, low_j, self._range_m)
         standing_s = max(low_j, 0.0) / max(self._pace_w, v.idle_w, 1e-9)
         turn_in_s = min(turn_in_m / max(self._pace_mps, 1e-9), standing_s)
         needs_m = self._reaction_s * self._pace_mps
-        self._turned |= home_m > 0.0 and (turn_in_m <= needs_m or turn_in_s <= self._reaction_s)
-        self._turned &= home_m > 0.0
+        self._turned |= turn_in_m <= needs_m or turn_in_s <= self._reaction_s
+        # A way that was reckoned is known to a share of it: who may be elsewhere has not arrived.
+        self._turned &= home_m + _RECKONING * self._way.reckoned_m > self._arrived_m
         chance_there = None
         if self._route is not None and not elsewhere:
             rest_m = max(len(self._route.grade_rad) * self._route.place_m - home_m, 0.0)
-            chance_there = _chance(leaves(rest_m), withheld_j)
+            chance_there = chance(leaves(rest_m), withheld_j)
         return Advice(
             time_s=self._readings.clock_s,
             way_home_m=home_m,
             energy_left_j=Spread(float(total["left_j"]) - withheld_j, float(total["left_sd_j"])),
             energy_home_j=Spread(float(total["cost_j"]), float(total["cost_sd_j"])),
             margin_j=Spread(float(total["margin_j"]) - withheld_j, float(total["margin_sd_j"])),
-            chance_home=_chance(now, withheld_j),
+            chance_home=chance(now, withheld_j),
             risk=self.risk,
             turn_in_m=0.0 if self._turned else turn_in_m,
             turn_in_s=0.0 if self._turned else turn_in_s,
@@ -668,46 +686,6 @@ class Companion:
 
 
 _ONE = np.ones(1, np.bool_)
-
-
-def _check(name: str, value: Any, low: float, high: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not low <= float(value) <= high:
-        raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
-
-
-def _check_route(route: Any) -> None:
-    if route is not None and not all(hasattr(route, name) for name in ("place_m", "grade_rad", "heading_rad")):
-        raise CompanionError(f"route = {route!r} is no route; give what homeward.envs.route_files.load_route reads")
-
-
-def _latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> float:
-    """How far it may drive on before it must turn, m: a secant's root, never beyond what was seen to be safe."""
-    if now_j <= 0.0:
-        return 0.0
-    safe_m, safe_j, over_m, over_j = 0.0, now_j, math.nan, math.nan
-    guess_m = 0.25 * most_m
-    for _ in range(_TRIES):
-        value_j = low_j(guess_m)
-        if value_j >= 0.0:
-            safe_m, safe_j = guess_m, value_j
-            if guess_m >= most_m:
-                return most_m
-        else:
-            over_m, over_j = guess_m, value_j
-        if math.isnan(over_m):
-            guess_m = min(2.0 * guess_m, most_m)
-        else:
-            guess_m = safe_m + (over_m - safe_m) * safe_j / (safe_j - over_j)
-    return min(guess_m, most_m)
-
-
-def _chance(margin: Margin, withheld_j: float) -> float:
-    """Probability that a margin is above zero."""
-    below = 0.0
-    for weight, mean_j, sd_j in zip(margin.weight[0], margin.mean_j[0], margin.sd_j[0], strict=True):
-        if weight > 0.0:
-            below += weight * 0.5 * math.erfc((mean_j - withheld_j) / (max(sd_j, 1e-9) * math.sqrt(2.0)))
-    return 1.0 - true_risk(below)
 
 
 def _with_warnings(advice: Advice, readings: Readings) -> Advice:

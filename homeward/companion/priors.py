@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from homeward.estimation import Prior
+from homeward.estimation.tails import scale_of
 from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.uncertainty import Uncertainty
 
@@ -88,7 +89,7 @@ def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, 
     variances = {name: given.variance(name) for name in ("rolling", "mass", "idle_power", "capacity")}
     rolling, mass, idle, capacity = variances.values()
     # What differs from run to run may be the ground or anything else: one half each.
-    between = _OF_ONE_RUN if given.between_runs is None else given.between_runs
+    between = _OF_ONE_RUN if given.between_runs is None else scale_of(given.between_runs)
     rolling = prior.rolling_sd**2 if given.between_runs is None else rolling or 0.0
     prior = prior._replace(
         rolling=1.0, rolling_sd=math.sqrt(rolling + 0.5 * (between / share) ** 2),

@@ -42,6 +42,9 @@ _POWERS = 20.0
 """Powers at top speed up the steepest of usual slopes beyond which a power is."""
 _STEEP = 0.3  # rad, of that
 _STEEPEST = 0.8  # rad
+POSITION_M = 5.0
+"""Error of a position: the accuracy of a receiver of satellites under open sky, 4.9 m (van Diggelen and Enge,
+Proceedings of ION GNSS+ 2015)."""
 _SOC_SLACK = 0.02
 _HELD = 3.0
 """Usual times between readings of an instrument for which its last value holds."""
@@ -137,7 +140,8 @@ class Readings:
         had_power = math.isfinite(self._power.value)
         power = self._power.now(self.clock_s, dt_s)
         if had_power and math.isnan(power):
-            self.say(f"no power for {self.clock_s - self._power.at_s:.0f} s: the model fills in", "no power")
+            silent_s = max(self.clock_s - self._power.at_s, dt_s)
+            self.say(f"no power for {silent_s:.0f} s: the model fills in", "no power")
         sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, 1e5, "Hz")
         temperature = self._within("temperature_c", given["temperature_c"], -60.0, 60.0, "kelvin?")
         interest = self._within("interest", given["interest"], 0.0, 1e6, "a weight")
@@ -203,24 +207,26 @@ class Readings:
             return None
         if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
             apart_m = float(np.linalg.norm(np.subtract(position, self._place)))
-            most_m = self._most_mps * max(self.clock_s - self._place_at_s, 1.0) * 2.0
+            most_m = self._most_mps * (self.clock_s - self._place_at_s) + 2.0 * POSITION_M
             if apart_m > most_m and self._jumps < _JUMPS:
                 self._jumps += 1
                 self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
+        if self._stays(position, driven_m):
+            return None
         self._place, self._place_at_s, self._jumps = position, self.clock_s, 0
-        self._expect_motion(position, driven_m)
         return position
 
-    def _expect_motion(self, position: Position, driven_m: float) -> None:
-        """Warn where positions stay while the speed says that the robot drives."""
+    def _stays(self, position: Position, driven_m: float) -> bool:
+        """Whether positions stay while the speed says that the robot drives: to reckon its way is the safer of both."""
         self._driven_m += driven_m
         same_kind = isinstance(position, float) == isinstance(self._anchor, float)
         if self._anchor is None or not same_kind or np.linalg.norm(np.subtract(position, self._anchor)) > _STILL_M:
             self._anchor, self._driven_m = position, 0.0
         elif self._driven_m > _DRIVEN_M:
             text = f"the positions stay within {_STILL_M:g} m while {self._driven_m:.0f} m are driven by the speed"
-            self.say(f"{text}: degrees, or spinning wheels?", "the positions stay")
+            self.say(f"{text}: degrees, or spinning wheels? reckoned from speed and heading", "the positions stay")
+        return self._driven_m > _DRIVEN_M
 
 
 def _number(name: str, value: Any) -> float:

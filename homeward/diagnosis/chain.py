@@ -17,10 +17,10 @@ from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.naming import Naming, shifted_in_time
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
-from homeward.diagnosis.explain.uncertainty import joint, products, profiled, recorded_range, spread
+from homeward.diagnosis.explain.uncertainty import joint, products, profiled, recorded_range
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
-from homeward.diagnosis.fit.folds import correlation_windows, cut_folds
+from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
@@ -169,7 +169,6 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     if corrected is not None and left_open is not None:
         known = left_open.spanned(known, runs, block)
         together = (*products(corrected, runs, block), *left_open.products(runs, block))
-    left = runs.observed - last.predicted
     evidence = Evidence(
         runs,
         fitted,
@@ -189,7 +188,6 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         told.left,
         together,
         joint(last, runs, block),
-        spread(left, runs, correlation_windows(left, runs.run)),
     )
     arms = {name: score(one, runs, block, evidence.trip, seed) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)

@@ -10,7 +10,7 @@ from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
-from homeward.diagnosis.explain.uncertainty import Joint, Spread
+from homeward.diagnosis.explain.uncertainty import Joint
 from homeward.diagnosis.explain.witnesses import Capacity, Witnessed
 from homeward.diagnosis.fit.held_out import range_accuracy_pct
 from homeward.diagnosis.fit.refit import Estimate, Refit
@@ -47,7 +47,6 @@ class Evidence:
     remains: Left | None  # what the named effects leave, where it still depends on a channel
     products: tuple[Product, ...]  # of which the recordings determine no factor alone
     joint: Joint  # covariance of everything that was fitted together
-    spread: Spread  # of what the last model leaves, between runs and within them
 
     @property
     def range_accuracy_pct(self) -> dict[str, float | None]:

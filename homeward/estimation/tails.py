@@ -39,3 +39,14 @@ def deviations(share: float) -> float:
     1.89
     """
     return float(stdtrit(DEGREES, share))
+
+
+def scale_of(sd: float) -> float:
+    """Scale with which Student's t has the central 90 % interval of a normal distribution of a standard deviation.
+
+    For what was measured, such as the spread between runs: its interval is as wide as it was, its tails are heavier.
+
+    >>> round(scale_of(1.0) * deviations(0.95), 3)
+    1.645
+    """
+    return sd * float(ndtri(0.95)) / deviations(0.95)

@@ -12,6 +12,7 @@ import numpy as np
 from homeward.companion import CompanionError, Spread
 from homeward.diagnosis.fit.replay import current_a, wheels_mps
 from homeward.diagnosis.read.signals import Signals, steps_s
+from homeward.estimation.tails import scale_of
 from homeward.physics import Robot
 from homeward.watch.watched import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
@@ -46,7 +47,12 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
     due = np.arange(0.0, duration_s, max(duration_s / WINDOWS, LEAST_WINDOW_S))
     samples = np.unique(np.searchsorted(since_s, due))
     samples = samples[(left_m[samples] > 0.0) & (expected_as[samples] > 0.0)]
-    variance = _OF_ONE_RUN**2 if sure.between_runs is None else sure.between_runs**2
+    if not len(samples):
+        raise CompanionError(
+            f"{run.name}: by the robot's file its motors take no charge in this run; a file that knows what turning on "
+            "the spot takes, or what they take at rest, can be watched"
+        )
+    variance = _OF_ONE_RUN**2 if sure.between_runs is None else scale_of(sure.between_runs) ** 2
     spreads = []
     for sample in samples:
         # The run's own factor: of mean 1 beforehand, and as it has shown so far.

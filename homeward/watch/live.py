@@ -30,7 +30,7 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
         advice: What the companion says.
         since_s: Time since the start, s.
         full_j: Energy of a full battery by the robot's file, J.
-        said: The last warnings.
+        said: The last warnings, with the time of each.
     """
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim")
@@ -80,7 +80,7 @@ class LiveView:
     def __init__(self, console: Console, full_j: float, speed: float = 0.0) -> None:
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._full_j, self._speed, self._drawn_s, self._begun_s = full_j, speed, 0.0, time.monotonic()
-        self._said: dict[str, str] = {}
+        self._said: dict[str, tuple[float, str]] = {}  # by kind: when it was first said so, and what
         self._name = ""
 
     def __enter__(self) -> LiveView:
@@ -101,10 +101,12 @@ class LiveView:
             kind = kind_of(text)
             if kind not in self._said and len(self._said) == _WARNINGS:
                 del self._said[next(iter(self._said))]
-            self._said[kind] = text
+            if self._said.get(kind, (0.0, ""))[1] != text:
+                self._said[kind] = since_s, text
         if self._speed > 0.0:
             time.sleep(max(self._begun_s + since_s / self._speed - time.monotonic(), 0.0))
         now_s = time.monotonic()
         if now_s - self._drawn_s >= 1.0 / _PER_S or since_s >= duration_s:
             self._drawn_s = now_s
-            self._live.update(view(name, advice, since_s, self._full_j, tuple(self._said.values())), refresh=True)
+            said = tuple(f"{quantities.duration(at_s)}: {text}" for at_s, text in self._said.values())
+            self._live.update(view(name, advice, since_s, self._full_j, said), refresh=True)

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich import box
+from rich.padding import Padding
 from rich.table import Table
 
 from homeward import quantities
@@ -120,7 +121,7 @@ def show(console: Terminal, robot: Robot, route_name: str, length_m: float, foun
     console.print(f"Point of no return at a risk of {advice.risk:g}: {turn} from home{end}.")
     for text in advice.rests_on:
         if not text.startswith(("energy by", "neither", "no power", "no position", "no heading")):
-            console.print(f"  {text}", style="dim")
+            console.print(Padding(text, (0, 0, 0, 2)), style="dim")
 
 
 def _far(metres: float) -> str:
@@ -152,7 +153,7 @@ def picture(robot: Robot, length_m: float, found: Outlook, suffix: str) -> bytes
     axis.legend(frameon=False, fontsize=9)
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(alpha=0.25, linewidth=0.6)
-    figure.suptitle(f"{robot.name}: there and back {found.advice.chance_there_and_back:.1%}", fontsize=11)
+    figure.suptitle(f"{robot.name}: chance to get there and back {found.advice.chance_there_and_back:.1%}", fontsize=11)
     buffer = io.BytesIO()
     figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)
     return buffer.getvalue()

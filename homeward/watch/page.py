@@ -66,7 +66,10 @@ def _css() -> str:
 def figure(runs: Sequence[Watched]) -> Markup:
     """What the rest takes over what is left of the way, predicted with its interval and as it came; a panel a run."""
     shown = list(runs[:_MOST_RUNS])
-    made = make_subplots(len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12))
+    made = make_subplots(
+        len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12),
+        subplot_titles=[str(number) for number in range(1, len(shown) + 1)] if len(shown) > 1 else None,
+    )  # fmt: skip
     for row, one in enumerate(shown, start=1):
         x = np.concatenate((one.left_m, one.left_m[::-1])).round(1)
         band = np.concatenate((one.high_j, one.low_j[::-1])) / 1000.0

@@ -14,6 +14,7 @@ import pytest
 from homeward.agents.belief import prior_of
 from homeward.companion import Advice, Companion, CompanionError
 from homeward.companion.priors import known_of
+from homeward.companion.readings import POSITION_M
 from homeward.envs.options import Options
 from homeward.envs.options import known_of as known_env_of
 from homeward.envs.routes import Route
@@ -51,9 +52,38 @@ def test_who_turns_when_it_says_so_comes_home_with_little_left() -> None:
     reached_m = robot.xy[0]
     while robot.xy[0] > 0.5:
         advice = robot.drive(one, HOME, 30.0)
-        assert advice.turn_now == (advice.way_home_m > 0.0)  # latched
+        assert advice.turn_now == (advice.way_home_m > POSITION_M)  # latched
     assert 0.02 < robot.left_j / robot.full_j < 0.35
     assert reached_m > 3000.0
+
+
+def turned(one: Companion, robot: Driven, **other: Any) -> Advice:
+    """Drive out until it must turn."""
+    advice = robot.drive(one, 0.0, 60.0, **other)
+    while not advice.turn_now:
+        advice = robot.drive(one, 0.0, 30.0, **other)
+    return advice
+
+
+def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
+    rng, one, robot = np.random.default_rng(0), companion(), Driven(rolling=1.2, health=0.85)
+    turned(one, robot)
+    while robot.xy[0] > 0.5:
+        here = robot.xy - (1.0, 0.0) + rng.normal(scale=1.5, size=2)
+        back = robot.drive(one, HOME, 1.0, position=tuple(here))
+        assert back.turn_now or robot.xy[0] < 12.0, robot.xy
+    stood = [one.update(robot.time_s + k, speed_mps=0.0, power_w=20.0, position=tuple(rng.normal(scale=1.5, size=2)))
+             for k in range(1, 60)]  # fmt: skip
+    assert not any(advice.turn_now for advice in stood) and max(advice.way_home_m for advice in stood) > 1.0
+    assert stood[-1].warnings == ()  # noise is not absurd
+
+
+def test_who_reckons_its_way_does_not_know_that_it_has_arrived() -> None:
+    one, robot = companion(), Driven(rolling=1.2, health=0.85)
+    turned(one, robot, position=None)
+    back = robot.drive(one, HOME, robot.xy[0], position=None)
+    assert back.way_home_m < 2.0 and back.turn_now
+    assert not robot.drive(one, HOME, 1.0).turn_now  # a position says it
 
 
 def test_the_way_home_follows_the_trail_and_short_cuts_of_it() -> None:
@@ -317,6 +347,57 @@ def test_positions_in_degrees_are_said() -> None:
         advice = robot.drive(one, 0.0, 1.0, position=(8.5 + 1e-5 * robot.xy[0], 47.4))
     assert any(text.startswith("the positions stay within 0.2 m while") for text in advice.warnings)
     assert any("degrees, or spinning wheels?" in text for text in advice.warnings)
+
+
+def test_positions_that_freeze_are_said_and_the_way_is_reckoned() -> None:
+    one, robot = companion(), Driven(every_s=5.0)
+    robot.drive(one, 0.0, 500.0)
+    frozen = robot.drive(one, 0.0, 500.0, position=(500.0, 0.0))
+    assert any(text.startswith("the positions stay within 0.2 m while") for text in frozen.warnings)
+    assert frozen.way_home_m == pytest.approx(1000.0, rel=0.05)
+    assert robot.drive(one, 0.0, 60.0).way_home_m == pytest.approx(1060.0, rel=0.01)  # they are heard again
+
+
+def test_a_battery_that_is_swapped_untold_for_an_emptier_one_is_believed_and_said() -> None:
+    one, robot = companion(), Driven(every_s=5.0)
+    robot.drive(one, 0.0, 1000.0)
+    robot.used_j = 0.6 * robot.full_j
+    advised = [robot.drive(one, 0.0, 25.0) for _ in range(12)]
+    assert advised[-1].energy_left_j.low < robot.left_j < advised[-1].energy_left_j.high
+    said = [text for advice in advised for text in advice.warnings]
+    assert any("less than was drawn from it: another battery?" in text for text in said)
+
+
+def test_a_state_of_charge_that_sticks_is_said_and_not_believed() -> None:
+    one, robot = companion(), Driven(every_s=5.0)
+    robot.drive(one, 0.0, 500.0)
+    stuck = robot.left_j / robot.full_j
+    after = robot.drive(one, 0.0, 3500.0, soc=stuck)
+    assert after.energy_left_j.mean == pytest.approx(robot.left_j, rel=0.1)
+    assert after.energy_left_j.mean < 0.9 * stuck * robot.full_j
+    assert any("more than was drawn from it: stuck" in text for text in after.warnings)
+
+
+def test_a_wind_that_turns_against_the_way_home_is_allowed_for() -> None:
+    """Of 1.5 m/s, the standard deviation of what the companion expects of a wind that nobody forecast."""
+    one, robot = Companion("husky", home=(0.0, 0.0)), Driven(every_s=5.0)
+    drag = robot.robot.drag_ns2_per_m2 / ((1.0 - robot.robot.motor_loss) * (1.0 - robot.robot.friction_loss))
+    calm_w = robot.power_w()
+    out = robot.drive(one, 0.0, 1500.0, power_w=calm_w + drag * (0.5**2 - 1.0))  # it helps on the way out
+    home_j = (calm_w + drag * (2.5**2 - 1.0)) * out.way_home_m  # and hurts on the way home
+    assert out.energy_home_j.low < home_j < out.energy_home_j.quantile(0.999)
+
+
+def test_a_cut_off_that_comes_early_turns_the_robot() -> None:
+    """From half on the voltage falls off a knee, three times as steep as before, down to 21 V; 0.3 V are a margin."""
+    one, robot = companion(cutoff_v=21.3), Driven(every_s=10.0)
+    advice = robot.drive(one, 0.0, 10.0)
+    while robot.left_j > 0.0 and not advice.turn_now:
+        used = robot.used_j / robot.full_j
+        volts = 25.0 - 3.0 * used - 6.0 * max(used - 0.5, 0.0)
+        advice = robot.drive(one, 0.0, 10.0, power_w=None, voltage_v=volts, current_a=robot.power_w() / volts)
+    used = (robot.used_j + robot.power_w() * robot.xy[0]) / robot.full_j
+    assert 25.0 - 3.0 * used - 6.0 * (used - 0.5) > 21.0  # home before the cut-off
 
 
 def test_advice_can_be_written_as_json_and_read_by_people() -> None:

@@ -177,8 +177,18 @@ def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: l
         assert part in text
     energy = quantities.energy(runs[0].advice.energy_left_j.high)
     assert re.search(rf"\n│ +[^━\n]+ to {re.escape(energy)}\) +│\n", text)  # whole, on a line of its own
+
+
+def test_the_live_view_says_when_it_warned(runs: list[Watched]) -> None:
+    console = Console(width=100, record=True, force_terminal=True)
+    assert runs[0].advice is not None
+    warned = replace(runs[0].advice, warnings=("no reading for 41 s",))
     with LiveView(console, 1.728e6) as live:
+        live.show("run0", warned, 300.0, 2400.0)
+        live.show("run0", warned, 340.0, 2400.0)  # still that of before
         live.show("run0", runs[0].advice, 2400.0, 2400.0)
+    text = console.export_text()
+    assert "5 min: no reading for 41 s" in text and "6 min: no reading" not in text
 
 
 def test_what_cannot_be_watched_takes_one_line(tmp_path: Path) -> None:

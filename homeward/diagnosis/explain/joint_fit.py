@@ -220,7 +220,8 @@ def _descended(
         left = (runs.observed - predicted)[chosen]
         _, to_theta, to_values = _stepped(at, model, values, jacobian[chosen], left)
         for share in _HALVED:
-            tried = theta + share * (to_theta - theta), values + share * (to_values - values)
+            # A whole step to a bound may round to beyond it, which no robot file has.
+            tried = theta + share * (to_theta - theta), np.clip(values + share * (to_values - values), *model.bounds)
             replayed = model.predict(runs, *tried)
             after = float(np.sum((runs.observed - replayed)[chosen] ** 2))
             if after < error:

@@ -1,4 +1,4 @@
-"""What a fit leaves open: covariance of what was fitted together, products that are known alone, spread of runs.
+"""What a fit leaves open: covariance of what was fitted together, products that are known alone, range.
 
 An effect has numbers beside its size: the temperature below which a battery loses capacity, the share of a computer's
 power that any sensing takes. Each is tried over its whole range and the model fitted anew (profile likelihood). Where
@@ -112,28 +112,6 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
 
 def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together: Together = "product") -> Product:
     return Product(of, Value(value, (value - wide, value + wide), unit), together)
-
-
-@dataclass(frozen=True)
-class Spread:
-    """How the mean of what is left differs from run to run, and how long it lasts within a run."""
-
-    mean: Array  # (runs,), W or A
-    deviation: float | None  # between runs, less what the noise within runs makes; None of one run
-    rest: float  # standard deviation within runs
-    correlation_s: float
-
-
-def spread(left: Array, runs: Runs, memory_windows: float) -> Spread:
-    """Spread of what a model leaves, (windows,), between and within runs (one-way random effects, by moments)."""
-    count = np.bincount(runs.run)
-    mean = np.bincount(runs.run, left) / count
-    within = float(np.sqrt(np.mean((left - mean[runs.run]) ** 2)))
-    between = None
-    if len(count) > 1:
-        noise = np.mean(within**2 * memory_windows / count)
-        between = max(float(np.var(mean, ddof=1)) - float(noise), 0.0) ** 0.5
-    return Spread(mean, between, within, memory_windows * float(np.median(runs.duration_s)))
 
 
 def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, seed: int) -> Range | None:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.uncertainty import Joint, Spread, spread
+from homeward.diagnosis.explain.uncertainty import Joint
 from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.fit.parameter_groups import GROUPS
-from homeward.diagnosis.fit.replay import Runs, wheels_mps
-from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.fit.replay import wheels_mps
+from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.read.signals import usual_step_s
 from homeward.physics.uncertainty import Uncertainty
+
+FittedTo = Literal["nothing", "others", "all"]
 
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
 _NORMAL = 1.96
@@ -39,21 +43,24 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     if predicted is None or mean_w <= 0.0:
         return None
     left = runs.observed - predicted
-    memory = correlation_windows(left, runs.run)
-    rest = spread(left, runs, memory)
+    rest_w, rest_windows = within_runs(left, runs.run)
     # Integrated over both sides, an exponential correlation of length L makes 2 L.
     mean_mps = float(np.average(np.abs(runs.context["speed_mps"]), weights=runs.duration_s))
     if runs.unit == "A":  # of the wheels, which also take charge on the spot
         mean_mps = float(np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals])))
+    correlated_m = 0.5 * rest_windows * float(np.median(runs.duration_s)) * mean_mps
     fitted, covariance = _fitted(evidence, handed.holds)
+    fitted_to: FittedTo = "others" if evidence.held_out_by == "run" else "all"
+    if handed.holds == "nominal":
+        fitted_to = "nothing"
     count = len(runs.signals)
     return Uncertainty(
         source=f"diagnose.py, {count} run{'s' if count > 1 else ''}, what was held out by {evidence.held_out_by}",
         fitted=fitted,
         covariance=covariance,
-        between_runs=_between_runs(left, runs, rest, mean_w),
-        unexplained=_round(rest.rest / mean_w),
-        unexplained_m=_round(0.5 * rest.correlation_s * mean_mps),
+        between_runs=between_runs(left, predicted, runs.run, fitted_to),
+        unexplained=_round(rest_w / mean_w),
+        unexplained_m=_round(correlated_m),
         instruments=_instruments(evidence, mean_w) if runs.unit == "W" else (),
         of="energy" if runs.unit == "W" else "charge",
         rest_current_a=_rest_current_a(evidence),
@@ -67,20 +74,47 @@ def _rest_current_a(evidence: Evidence) -> float:
     return 0.0
 
 
-def _between_runs(left: Array, runs: Runs, rest: Spread, mean_w: float) -> float | None:
+def within_runs(left: Array, run: Index) -> tuple[float, float]:
+    """Standard deviation of what a file leaves about each run's mean, and how many windows it is correlated over.
+
+    By how much the means differ is not in it: that is `between_runs`.
+
+    Args:
+        left: What the file leaves of each window, W or A, shape (windows,).
+        run: Number of the run of each, shape (windows,).
+    """
+    about = left - (np.bincount(run, left) / np.bincount(run))[run]
+    return float(np.sqrt(np.mean(about**2))), correlation_windows(about, run)
+
+
+def between_runs(left: Array, predicted: Array, run: Index, fitted_to: FittedTo) -> float | None:
     """Standard deviation between runs, a share, with which the interval of one more run is as wide as it should be.
 
-    Of n runs that is their spread by Student's t with n - 1 degrees of freedom, for the mean of all is not known either
-    (Whitmore, The American Statistician 40, 1986); what nothing explains within a run is a part of it.
+    It is by how much the energy of runs was off, over what the file says of it, widened by Student's t for their
+    number. A run that was predicted from the others is off by the file's own error, too; where the file was fitted to
+    all, that is added (Whitmore, The American Statistician 40, 1986). What nothing explains within a run is a part of
+    it.
+
+    Args:
+        left: What the file leaves of each window, W or A, shape (windows,).
+        predicted: What it says of each.
+        run: Number of the run of each.
+        fitted_to: What the file that predicts a run was fitted to.
+
+    Returns:
+        None of one run, of which it is not known.
     """
-    count = np.bincount(runs.run)
-    if len(count) < 2:
+    count = np.bincount(run)
+    runs = len(count)
+    if runs < 2:
         return None
-    by_run = np.bincount(runs.run, left) / count
-    freedom = len(count) - 1
-    wider = float(student.ppf(_COVERED, freedom)) * np.sqrt(1.0 + 1.0 / len(count)) / norm.ppf(_COVERED)
-    within = float(np.mean(rest.rest**2 * correlation_windows(left, runs.run) / count))
-    return _round(float(np.sqrt(max((wider * np.std(by_run, ddof=1)) ** 2 - within, 0.0))) / mean_w)
+    off, said = (np.bincount(run, values) / count for values in (left, predicted))
+    freedom = runs if fitted_to == "nothing" else runs - 1
+    variance = float(off @ off) * ((1.0 + 1.0 / runs) / freedom if fitted_to == "all" else 1.0 / runs)
+    wider = float(student.ppf(_COVERED, freedom) / norm.ppf(_COVERED))
+    rest, windows = within_runs(left, run)
+    within = rest**2 * windows * float(np.mean(1.0 / count))
+    return _round(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(said**2))))
 
 
 def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:

@@ -29,11 +29,12 @@ from homeward.diagnosis.read.bags.topics import (
     best_topics,
 )
 from homeward.diagnosis.read.channels import CHANNELS, POWER
+from homeward.watch.ros2.charge import Charge
 from homeward.watch.ros2.odometry import Odometry
 from homeward.watch.ros2.stamps import Stamps
+from homeward.watch.ros2.values import POSE, Value, acceleration, east_m, field_value, heading, heading_of, slope
 
 ODOMETRY = "nav_msgs/msg/Odometry"
-_POSE = "pose.pose.position.x", "pose.pose.position.y"
 
 _MOTION = "speed_mps", "wheel_left_mps"
 """Channels of which the first that is heard gives the clock."""
@@ -46,10 +47,6 @@ _LEAST_SIGNS = 50
 """Readings while driving from which the sign of a current is told."""
 _ACCELERATION_S = 2.0
 """Time over which an accelerometer and the robot's own acceleration are averaged, as for bags."""
-_CHARGED = 0.1
-"""By how much a state of charge must rise: monitors that go by voltage rise by some per cent when the robot stops."""
-_STEP = 0.015
-"""By how much it must fall until a charge is taken to be over: more than a step of most monitors."""
 _SILENT, _LEAST_SILENT_S = 5.0, 2.0
 """Usual times between messages, and the least time, after which a topic is said to be silent."""
 _SAID_S = 60.0
@@ -59,9 +56,6 @@ _LAST = {"heading", "heading_rad", "soc"}
 """Of what the last value is taken, and not the mean: directions have none."""
 _VOID = _ELECTRIC | {"grade", "heading"}
 """What is nothing as long as it is zero: drivers leave unmeasured fields so."""
-
-
-_Value = Callable[[dict[str, float]], float]
 
 
 class Found(NamedTuple):
@@ -77,7 +71,7 @@ class _Option(NamedTuple):
 
     topic: Topic
     found: Found
-    value: _Value
+    value: Value
 
 
 class Heard(NamedTuple):
@@ -92,22 +86,6 @@ class Heard(NamedTuple):
     time_s: float
     reading: dict[str, Any]
     charged: float | None = None
-
-
-class Charge:
-    """Tells a battery that is charged or swapped from one that recovers while the robot rests."""
-
-    def __init__(self) -> None:
-        self._from, self._charging = math.inf, False
-
-    def see(self, soc: float) -> bool:
-        """Whether the battery was charged or swapped since the last state of charge."""
-        risen = soc - self._from
-        self._charging = risen > -_STEP if self._charging else risen > _CHARGED
-        charged = self._charging and risen > 0.0
-        if charged or (risen < 0.0 and not self._charging):
-            self._from = soc
-        return charged
 
 
 class Listener:
@@ -155,19 +133,19 @@ class Listener:
         mapping = best_topics(offered) if self._mapping is None else self._mapping
         self.mapping_name = mapping.name
 
-        def options(channel: str, value: Callable[[Topic], _Value]) -> list[_Option]:
+        def options(channel: str, value: Callable[[Topic], Value]) -> list[_Option]:
             return [_Option(topic, one, value(topic)) for topic, one in mapping.candidates(channel, offered)]
 
-        every = {channel: options(channel, partial(_channel, name=channel)) for channel in CHANNELS}
-        slopes, headings = options(ORIENTATION, _slope), options(ORIENTATION, _heading)
+        every = {channel: options(channel, partial(field_value, name=channel)) for channel in CHANNELS}
+        slopes, headings = options(ORIENTATION, slope), options(ORIENTATION, heading)
         every["grade"] = sorted(slopes, key=lambda option: option.found.msgtype != IMU)
         every["heading"] = sorted(headings, key=lambda option: option.found.msgtype == IMU)
-        every[ACCELERATION] = options(ACCELERATION, _acceleration)
-        every["pose"] = [one._replace(value=_x_m) for one in every["speed_mps"] if one.found.msgtype == ODOMETRY]
+        every[ACCELERATION] = options(ACCELERATION, acceleration)
+        every["pose"] = [one._replace(value=east_m) for one in every["speed_mps"] if one.found.msgtype == ODOMETRY]
         self._getters, self._options = {}, {}
         for channel, ways in every.items():
             for one in ways:
-                paths = [*one.topic.paths(), *(_POSE if one.found.msgtype == ODOMETRY else ())]
+                paths = [*one.topic.paths(), *(POSE if one.found.msgtype == ODOMETRY else ())]
                 self._getters.setdefault(one.found.topic, {}).update({path: getter(path) for path in paths})
                 self._options.setdefault(one.found.topic, {})[channel] = ways
         self.wanted = {one.topic: one.msgtype for one in offered if one.topic in self._getters}
@@ -197,9 +175,9 @@ class Listener:
                     self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
                     spoke.add(channel)
         if "pose" in spoke:
-            yaw_rad = _heading_of(values, self._chosen["pose"][0])
+            yaw_rad = heading_of(values, self._chosen["pose"][0])
             speed = self._values["speed_mps"][-1] if "speed_mps" in self._values else math.nan
-            pose = values[_POSE[0]], values[_POSE[1]], 0.0 if math.isnan(yaw_rad) else yaw_rad
+            pose = values[POSE[0]], values[POSE[1]], 0.0 if math.isnan(yaw_rad) else yaw_rad
             if all(map(math.isfinite, pose)):
                 self._place, moved = self.odometry.place(pose, speed, publisher, now_s)
                 if moved:
@@ -344,37 +322,3 @@ class Listener:
 
     def _say(self, text: str, now_s: float, kind: str | None = None) -> None:
         self._said[kind or text] = text, now_s
-
-
-def _channel(topic: Topic, name: str) -> _Value:
-    return topic.sources[name].of
-
-
-def _x_m(values: dict[str, float]) -> float:
-    return values[_POSE[0]]
-
-
-def _quaternion(values: dict[str, float], topic: Topic) -> np.ndarray[Any, np.dtype[np.float64]]:
-    path = topic.vectors[ORIENTATION]
-    if values.get(f"{path}_covariance[0]") == -1.0:
-        return np.full((4, 1), np.nan)
-    return np.array([[values[f"{path}.{axis}"]] for axis in "xyzw"])
-
-
-def _slope(topic: Topic) -> _Value:
-    return lambda values: float(np.arcsin(grade.uphill(_quaternion(values, topic)))[0])
-
-
-def _heading_of(values: dict[str, float], topic: Topic) -> float:
-    if ORIENTATION not in topic.vectors:
-        return math.nan
-    return float(grade.yaw(_quaternion(values, topic))[0])
-
-
-def _heading(topic: Topic) -> _Value:
-    return lambda values: _heading_of(values, topic)
-
-
-def _acceleration(topic: Topic) -> _Value:
-    path = topic.vectors[ACCELERATION]
-    return lambda values: math.nan if values.get(f"{path}_covariance[0]") == -1.0 else values[f"{path}.x"]

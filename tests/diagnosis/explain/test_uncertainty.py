@@ -8,7 +8,6 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse, diagnose
-from homeward.diagnosis.explain.uncertainty import spread
 from homeward.physics import replay
 
 Drive = Callable[..., list[Recording]]
@@ -106,14 +105,3 @@ def test_the_range_is_that_of_the_recorded_trips(scrubbing: Analysis, short_driv
     assert found.file_m == pytest.approx(analysis.corrected.usable_energy_j * driven_m / said_j, rel=0.01)
     with pytest.raises(KeyError):
         analysis.per_sample("unknown.csv")
-
-
-def test_spread_between_runs_is_told_from_noise_within_them() -> None:
-    rng = np.random.default_rng(0)
-    run = np.repeat(np.arange(40), 200)
-    runs = dataclasses.make_dataclass("Some", ["run", "duration_s"])(run, np.full(8000, 0.5))
-    noise = rng.standard_normal(8000)
-    differ = 2.0 * rng.standard_normal(40)[run]
-    assert spread(noise, runs, 1.0).deviation == pytest.approx(0.0, abs=0.05)
-    assert spread(noise + differ, runs, 1.0).deviation == pytest.approx(2.0, rel=0.3)
-    assert spread(noise + differ, runs, 1.0).rest == pytest.approx(1.0, rel=0.05)

@@ -9,7 +9,7 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
-from homeward.diagnosis.tell.own_uncertainty import uncertainty_of
+from homeward.diagnosis.tell.own_uncertainty import FittedTo, between_runs, uncertainty_of, within_runs
 from homeward.diagnosis.tell.report import write_outputs
 
 Drive = Callable[..., list[Recording]]
@@ -39,14 +39,46 @@ def test_it_holds_what_was_fitted_as_shares_of_it(off: Analysis, husky: Robot) -
 
 
 def test_of_few_runs_the_spread_is_as_wide_as_their_number_asks(off: Analysis) -> None:
-    """A third run lies within 90 % of Student's t of two degrees of freedom about the others' mean."""
+    """Each run was predicted from the two others; Student's t of two degrees of freedom has 2.92 for 1.645."""
     found, evidence = uncertainty_of(off), off.evidence
     assert found is not None and evidence is not None and found.between_runs is not None
-    runs, left = evidence.runs, evidence.runs.observed - evidence.predictions["file"]
-    by_run = np.array([left[runs.run == run].mean() for run in range(3)]) / np.abs(runs.observed).mean()
-    wide = 2.92 * np.sqrt(1.0 + 1.0 / 3.0) * by_run.std(ddof=1) / 1.645
+    runs, predicted = evidence.runs, evidence.predictions["file"]
+    off_w, said_w = (
+        np.array([one[runs.run == run].mean() for run in range(3)]) for one in (runs.observed - predicted, predicted)
+    )
+    wide = 2.92 / 1.645 * np.sqrt(np.mean(off_w**2) / np.mean(said_w**2))
     way_m = np.abs(runs.context["speed_mps"] * runs.duration_s).sum() / 3.0
     assert np.hypot(found.between_runs, found.unexplained_over(way_m)) == pytest.approx(wide, rel=0.15)
+
+
+@pytest.mark.parametrize("fitted_to", ["nothing", "others", "all"])
+@pytest.mark.parametrize("runs", [2, 4, 12])
+def test_the_interval_holds_one_more_run_as_often_as_it_should(fitted_to: FittedTo, runs: int) -> None:
+    """Runs take a mean of 10 W; each differs from it by 1 W, and each window by another 1 W."""
+    rng, windows, held = np.random.default_rng(0), 50, []
+    run = np.repeat(np.arange(runs), windows)
+    for _ in range(2000):
+        mean_w = 10.0 + rng.normal(size=runs)
+        observed = mean_w[run] + rng.normal(size=len(run))
+        by_run = np.bincount(run, observed) / windows
+        says_w = 10.0 if fitted_to == "nothing" else by_run.mean()
+        of_each = (by_run.sum() - by_run) / (runs - 1) if fitted_to == "others" else np.full(runs, says_w)
+        sd = between_runs(observed - of_each[run], of_each[run], run, fitted_to)
+        assert sd is not None
+        one_more_w = 10.0 + rng.normal() + rng.normal() / np.sqrt(windows)
+        held.append(abs(one_more_w - says_w) < 1.645 * np.hypot(sd * says_w, 1.0 / np.sqrt(windows)))
+    assert np.mean(held) == pytest.approx(0.9, abs=0.03)
+
+
+def test_of_one_run_the_spread_is_not_known() -> None:
+    assert between_runs(np.ones(50), np.ones(50), np.zeros(50, dtype=np.intp), "nothing") is None
+
+
+def test_levels_of_runs_are_no_correlation_within_them() -> None:
+    rng = np.random.default_rng(0)
+    run = np.repeat(np.arange(40), 200)
+    noise, levels = rng.normal(size=8000), 3.0 * rng.normal(size=40)[run]
+    assert within_runs(noise + levels, run) == pytest.approx((1.0, 1.0), rel=0.05)
 
 
 def test_a_noisy_charge_has_noise_and_one_in_steps_has_steps(drive: Drive, husky: Robot) -> None:

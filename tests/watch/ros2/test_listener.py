@@ -10,7 +10,7 @@ pytest.importorskip("rosbags", reason="needs the extra logs")
 
 from homeward.diagnosis import RecordingError
 from homeward.diagnosis.read.bags.topics import Topics, load_topics
-from homeward.watch.ros2.listener import Charge, Heard, Listener
+from homeward.watch.ros2.listener import Heard, Listener
 
 BATTERY, ODOMETRY, IMU = "sensor_msgs/msg/BatteryState", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 TWIST = "geometry_msgs/msg/TwistStamped"
@@ -131,12 +131,7 @@ def test_per_cent_is_told_from_a_share() -> None:
     assert heard is not None and heard.reading["soc"] == pytest.approx(0.87)
 
 
-def test_a_charge_is_told_from_a_battery_that_recovers() -> None:
-    charge = Charge()
-    assert [charge.see(soc) for soc in (0.30, 0.28, 0.33, 0.29, 0.37)] == [False] * 5
-    assert [charge.see(soc) for soc in (0.41, 0.42, 0.42, 0.60)] == [True, True, False, True]
-    assert [charge.see(soc) for soc in (0.60, 0.59, 0.60, 0.61)] == [False, False, False, True]
-    assert [charge.see(soc) for soc in (0.59, 0.60, 0.62, 0.68)] == [False] * 4
+def test_a_charge_is_heard() -> None:
     bench = Bench()
     bench.feed(25, battery_state=lambda t: battery(t, percentage=0.2), odom=drive)
     heard = bench.feed(1, battery_state=lambda t: battery(t, percentage=1.0), odom=drive)

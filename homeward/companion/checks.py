@@ -1,0 +1,37 @@
+"""Checks of what a companion is made of; what cannot be used is a `CompanionError` of one line."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from typing import Any
+
+from homeward.companion.readings import CompanionError, checked_position
+
+_MOST_WIND_MPS = 60.0
+
+
+def check_number(name: str, value: Any, low: float, high: float) -> None:
+    """Check that a value is a number within bounds."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not low <= float(value) <= high:
+        raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
+
+
+def check_route(route: Any) -> None:
+    """Check that a route, if there is one, is cut into places."""
+    if route is not None and not all(hasattr(route, name) for name in ("place_m", "grade_rad", "heading_rad")):
+        raise CompanionError(f"route = {route!r} is no route; give what homeward.envs.route_files.load_route reads")
+
+
+def check_home(home: Any) -> None:
+    """Check that home, if it was set, is `(east, north)` or `"here"`."""
+    if home is not None and home != "here" and not isinstance(checked_position("home", home), tuple):
+        raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
+
+
+def check_wind(forecast_mps: Any) -> None:
+    """Check that a forecast of the wind, if there is one, is `(east, north)` and blows on this planet."""
+    if forecast_mps is not None:
+        wind = checked_position("forecast_mps", forecast_mps)
+        if not isinstance(wind, tuple) or math.hypot(*wind) > _MOST_WIND_MPS:
+            raise CompanionError(f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s")

@@ -1,0 +1,42 @@
+"""From margins to advice: the latest place to turn, and the chance of getting home."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from homeward.estimation import Margin
+from homeward.estimation.tails import true_risk
+
+_TRIES = 5
+"""Guesses at the latest place to turn, after which it is known to some metres."""
+
+
+def latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> float:
+    """How far it may drive on before it must turn, m: a secant's root, never beyond what was seen to be safe."""
+    if now_j <= 0.0:
+        return 0.0
+    safe_m, safe_j, over_m, over_j = 0.0, now_j, math.nan, math.nan
+    guess_m = 0.25 * most_m
+    for _ in range(_TRIES):
+        value_j = low_j(guess_m)
+        if value_j >= 0.0:
+            safe_m, safe_j = guess_m, value_j
+            if guess_m >= most_m:
+                return most_m
+        else:
+            over_m, over_j = guess_m, value_j
+        if math.isnan(over_m):
+            guess_m = min(2.0 * guess_m, most_m)
+        else:
+            guess_m = safe_m + (over_m - safe_m) * safe_j / (safe_j - over_j)
+    return min(guess_m, most_m)
+
+
+def chance(margin: Margin, withheld_j: float) -> float:
+    """Probability that a margin is above zero."""
+    below = 0.0
+    for weight, mean_j, sd_j in zip(margin.weight[0], margin.mean_j[0], margin.sd_j[0], strict=True):
+        if weight > 0.0:
+            below += weight * 0.5 * math.erfc((mean_j - withheld_j) / (max(sd_j, 1e-9) * math.sqrt(2.0)))
+    return 1.0 - true_risk(below)

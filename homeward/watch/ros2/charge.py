@@ -1,0 +1,26 @@
+"""Whether a battery was charged or swapped, by its state of charge."""
+
+from __future__ import annotations
+
+import math
+
+_CHARGED = 0.1
+"""By how much a state of charge must rise: monitors that go by voltage rise by some per cent when the robot stops."""
+_STEP = 0.015
+"""By how much it must fall until a charge is taken to be over: more than a step of most monitors."""
+
+
+class Charge:
+    """Tells a battery that is charged or swapped from one that recovers while the robot rests."""
+
+    def __init__(self) -> None:
+        self._from, self._charging = math.inf, False
+
+    def see(self, soc: float) -> bool:
+        """Whether the battery was charged or swapped since the last state of charge."""
+        risen = soc - self._from
+        self._charging = risen > -_STEP if self._charging else risen > _CHARGED
+        charged = self._charging and risen > 0.0
+        if charged or (risen < 0.0 and not self._charging):
+            self._from = soc
+        return charged

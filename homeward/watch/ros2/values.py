@@ -1,0 +1,55 @@
+"""What a message says of a channel: a number from the values of its fields."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from homeward.diagnosis.read.bags import grade
+from homeward.diagnosis.read.bags.topics import ACCELERATION, ORIENTATION, Topic
+
+POSE = "pose.pose.position.x", "pose.pose.position.y"
+Value = Callable[[dict[str, float]], float]
+
+
+def field_value(topic: Topic, name: str) -> Value:
+    """Of a channel that the mapping names."""
+    return topic.sources[name].of
+
+
+def east_m(values: dict[str, float]) -> float:
+    """Of a pose."""
+    return values[POSE[0]]
+
+
+def _quaternion(values: dict[str, float], topic: Topic) -> np.ndarray[Any, np.dtype[np.float64]]:
+    path = topic.vectors[ORIENTATION]
+    if values.get(f"{path}_covariance[0]") == -1.0:
+        return np.full((4, 1), np.nan)
+    return np.array([[values[f"{path}.{axis}"]] for axis in "xyzw"])
+
+
+def slope(topic: Topic) -> Value:
+    """Slope by an orientation, rad."""
+    return lambda values: float(np.arcsin(grade.uphill(_quaternion(values, topic)))[0])
+
+
+def heading_of(values: dict[str, float], topic: Topic) -> float:
+    """Heading by an orientation, rad counter-clockwise from east; NaN without one."""
+    if ORIENTATION not in topic.vectors:
+        return math.nan
+    return float(grade.yaw(_quaternion(values, topic))[0])
+
+
+def heading(topic: Topic) -> Value:
+    """The same of any message of a topic."""
+    return lambda values: heading_of(values, topic)
+
+
+def acceleration(topic: Topic) -> Value:
+    """Acceleration forwards, m/s^2; NaN where a message says that it has none."""
+    path = topic.vectors[ACCELERATION]
+    return lambda values: math.nan if values.get(f"{path}_covariance[0]") == -1.0 else values[f"{path}.x"]
