@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import html
+import json
 import os
 import re
 import subprocess
@@ -17,14 +18,20 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from latex2mathml.converter import convert
 from mkdocs.structure.files import File
 
+from docs import reference_scores as reference
 from homeward.agents.registry import AGENTS
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.menu import MENU, SAMPLES, Manoeuvre
+from homeward.diagnosis.read.channels import CHANNELS, Array
 from homeward.envs import IDS
+from homeward.envs.actions import action_space
+from homeward.envs.batch import observation_space
 from homeward.envs.difficulty import DIFFICULTY, DRAWN
-from homeward.envs.features import FEATURES
+from homeward.envs.features import FEATURES, RANGES
 from homeward.envs.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import Options, known_of
 from homeward.physics import CAUSES, EFFECTS, Robot, d_max, load_robot, optimal_speed, preset_names
@@ -54,11 +61,11 @@ AGENT_WORDS = {
     "random": "draws from the action space: the least that any agent must beat",
     "soc50": "turns back at half charge",
     "dmax": "the paper's rule: turns back when Eq. 8, at the average grade, just reaches home",
-    "dmax_mapped": "costs the way home over the ground that it drove on the way out",
-    "dmax_adaptive": "scales that cost by what it measures, and keeps a reserve of k standard deviations",
-    "dmax_belief": "estimates robot and wind, costs the way home by that, and keeps k standard deviations in reserve",
-    "planner": "finds out what the robot is today and turns back by that; senses and stops by what it is worth",
-    "ppo": "a network trained by PPO from the d_max rule, with what the robot believes as inputs",
+    "dmax_mapped": "predicts the energy of the way home from the ground that it drove on the way out",
+    "dmax_adaptive": "scales that prediction by the measured consumption, and keeps a reserve of k standard deviations",
+    "dmax_belief": "estimates robot and wind, predicts the way home, and keeps a reserve of k standard deviations",
+    "planner": "estimates robot and wind, turns back by that, and plans speed, sensing and stops",
+    "ppo": "a network trained by PPO from the d_max rule, with the estimated robot and wind as inputs",
     "ppo_scratch": "a network trained by PPO from nothing, on the observation alone",
 }
 """What each agent does."""
@@ -72,8 +79,47 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def features() -> str:
     """What an agent observes."""
-    rows = ([str(i), f"`{name}`", unit, meaning] for i, (name, unit, meaning) in enumerate(FEATURES))
-    return table(("index", "feature", "in units of", "what it is"), rows)
+    rows = (
+        [str(i), f"`{name}`", *(f"{bound:g}" for bound in RANGES[name]), unit, meaning]
+        for i, (name, unit, meaning) in enumerate(FEATURES)
+    )
+    return table(("index", "feature", "least", "most", "in units of", "what it is"), rows)
+
+
+def spaces(mission: str) -> str:
+    """The head of an environment's page, as Gymnasium's have it."""
+    rows = (
+        ("make", f'`gymnasium.make("homeward:{IDS[mission]}")`'),
+        ("action space", f'`{action_space(True)}`; `{action_space(False)}` with `action_type="continuous"`'),
+        ("observation space", f"`{observation_space()}`"),
+    )
+    return table(("", f"`{IDS[mission]}`"), rows)
+
+
+def reference_scores(mission: str) -> str:
+    """Scores that were measured of a mission, with the command that measures them."""
+    found = json.loads(reference.measured(mission).read_text("utf-8"))
+    head, rows = ["agent", "score, mean (95 %)", "stranded (95 %, Wilson)"], []
+    for name, one in found["agents"].items():
+        score = "{} ({} to {})".format(*map(_figures, (one["score_mean"], *one["score_ci95"])))
+        shares = (100.0 * share for share in (one["stranded_rate"], *one["stranded_ci95"]))
+        rows.append([f"`{name}`", score, "{:.1f} % ({:.1f} to {:.1f})".format(*shares)])
+    if optimum := found.get("optimum"):
+        head.append("of the optimum")
+        for row, one in zip(rows, found["agents"].values(), strict=True):
+            row.append(f"{one['share_of_optimum_at_least']:.0%} to {one['share_of_optimum']:.0%}".replace("%", " %"))
+        rows.append(["optimum, between", f"{_figures(optimum['lower'])} and {_figures(optimum['upper'])}", "", ""])
+    versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
+    return (
+        f"{found['episodes']} episodes at `uncertain`, seed {found['seed']}; "
+        "[how they are measured](../environments.md#reference-scores).\n\n"
+        f"{table(head, rows)}\n\n```\n{found['command']}\n```\n\n{versions}"
+    )
+
+
+def _figures(score: float) -> str:
+    """A score with four digits, the whole part in full."""
+    return f"{score:.0f}" if score >= 1000.0 else f"{score:.4g}"
 
 
 def causes() -> str:
@@ -194,6 +240,77 @@ def _number(parameter: Parameter, physical: bool) -> list[str]:
     ]
 
 
+LEVELS = {
+    "speed": ("speed, of top speed", 1.0, ""),
+    "turning": ("turning, of what half the top speed allows on the spot", 1.0, ""),
+    "yaw_rate_radps": ("turning rate", 1.0, " rad/s"),
+    "grade_rad": ("slope", 180.0 / np.pi, "°"),
+    "heading_rad": ("heading, off where the wind comes from", 180.0 / np.pi, "°"),
+    "sensing": ("sensing rate, of the fastest", 1.0, ""),
+    "switched_on": ("switched on", 1.0, ""),
+    "known_mass": ("mass on top, of the robot's own", 1.0, ""),
+    "temperature_c": ("air", 1.0, " °C"),
+    "base_distance_s": ("distance from base, in seconds at top speed", 1.0, ""),
+}
+"""What a drive of the menu sets: in words, and the factor and unit that it is shown in."""
+_MOST_LEVELS = 8  # of a series that is written out
+
+
+def drives() -> str:
+    """The drives of the menu that the diagnosis advises from, each as an instruction and as a timetable."""
+    return "\n\n".join(map(_drive, MENU))
+
+
+def _drive(one: Manoeuvre) -> str:
+    step_s = np.broadcast_to(np.asarray(one.step_s, np.float64), SAMPLES)
+    rows = []
+    for field in dataclasses.fields(one):
+        given = getattr(one, field.name)
+        if field.name in LEVELS and given is not field.default:
+            words, factor, unit = LEVELS[field.name]
+            rows.append(f"* {words}: {_timetable(factor * np.broadcast_to(given, SAMPLES), step_s, unit)}")
+    sentence = f"{one.sentence[0].upper()}{one.sentence[1:]} ({_minutes(float(step_s.sum()))})."
+    return "\n".join([f"### {one.id.replace('_', ' ')} {{ #{one.id} }}", "", sentence, "", *rows])
+
+
+def _timetable(levels: Array, step_s: Array, unit: str) -> str:
+    """A series in words: its levels in turn, how long each is held, and how often the whole series comes."""
+    first = np.flatnonzero(np.diff(levels, prepend=np.nan) != 0.0)
+    held = levels[first]
+    if len(held) == 1:
+        return f"{held[0]:.3g}{unit} throughout"
+    period = next(n for n in range(1, len(held) + 1) if np.array_equal(np.tile(held[:n], len(held) // n), held))
+    if period > _MOST_LEVELS:  # no levels, but a ramp
+        turns = [0, *np.flatnonzero(np.diff(np.sign(np.diff(held))) < 0.0) + 1, len(held) - 1]
+        return "evenly from " + " to ".join(f"{held[turn]:.4g}{unit}" for turn in turns)
+    lasts = [_minutes(float(time_s)) for time_s in np.add.reduceat(step_s, first)[:period]]
+    each = f"{lasts[0]} each" if len(set(lasts)) == 1 else ", ".join(lasts)
+    times = len(held) // period
+    return f"{', '.join(f'{level:.3g}{unit}' for level in held[:period])}: {each}{f', {times} times' * (times > 1)}"
+
+
+def _minutes(time_s: float) -> str:
+    return f"{time_s / 60.0:.0f} min" if time_s % 60.0 == 0.0 else f"{time_s:.0f} s"
+
+
+def channels() -> str:
+    """Channels of a recording, and which effects ask for each."""
+    rows = []
+    for name, one in CHANNELS.items():
+        asking = [_effect_link(effect) for effect, which in CATALOGUE.items() if name in which.entry.needs]
+        rows.append((f"`{name}`", one.unit, one.meaning, ", ".join(asking)))
+    return table(("channel", "unit", "what it is", "effects that cannot be seen without it"), rows)
+
+
+def bench() -> str:
+    """The measurement that settles each effect by itself."""
+    return table(("effect", "measurement"), ((_effect_link(name), one.measurement) for name, one in CATALOGUE.items()))
+
+
+def _effect_link(name: str) -> str:
+    return f"[`{name}`](effects.md#{name})"
+
+
 def counts() -> str:
     """How many hypotheses there are."""
     return (
@@ -228,12 +345,13 @@ def worked_case() -> str:
 
 
 GENERATED: dict[str, Callable[..., str]] = {
-    "features": features, "causes": causes, "missions": missions, "difficulties": difficulties,
-    "instruments": instruments, "robots": robots,
-    "robot_file": robot_file, "agents": agents, "effects": effects, "counts": counts, "results": results,
-    "worked_case": worked_case,
+    one.__name__: one
+    for one in (
+        agents, causes, channels, counts, difficulties, drives, effects, features, instruments, missions, bench,
+        reference_scores, results, robot_file, robots, spaces, worked_case,
+    )
 }  # fmt: skip
-"""What pages may ask for; `results` takes a heading, as in `<!-- generated: results Speed -->`."""
+"""What pages may ask for; some take an argument, as in `<!-- generated: results Speed -->`."""
 
 
 def on_config(config: Any) -> Any:
@@ -252,15 +370,16 @@ def on_files(files: Any, config: Any) -> Any:
     return files
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Fill in what is generated. A link to a file beside the pages becomes its name: the site holds pages only."""
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Fill in what is generated. A link to a file outside the pages becomes its name: the site holds pages only."""
     filled = re.sub(
         r"^<!-- generated: (\w+) ?(.*?) -->$",
         lambda mark: GENERATED[mark[1]](*filter(None, [mark[2]])),
         markdown,
         flags=re.MULTILINE,
     )
-    return re.sub(r"\[([^\]]+)\]\(\.\./([^)#]+)[^)]*\)", _outside, filled)
+    up = r"\.\./" * (page.file.src_uri.count("/") + 1)
+    return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", _outside, filled)
 
 
 def _outside(link: re.Match[str]) -> str:

@@ -68,6 +68,20 @@ INDEX = {name: index for index, name in enumerate(NAMES)}
 LIMIT = 10.0
 """Bound of every feature; values are cut there."""
 
+_STEEPEST = 8.0  # in units of a sine of 0.1: the largest sine that an instrument reads is 0.8
+_SHARE, _SIGNED, _POSITIVE = (0.0, 1.0), (-1.0, 1.0), (0.0, LIMIT)
+
+RANGES: dict[str, tuple[float, float]] = {
+    **dict.fromkeys(NAMES, (-LIMIT, LIMIT)),
+    **dict.fromkeys(("energy", "metered", "returning", "sensing", "backlog", "link", "time"), _SHARE),
+    **dict.fromkeys((f"{name}_{gain:g}" for name in ("margin", "corrected") for gain in GAINS), _SIGNED),
+    **dict.fromkeys(("consumption", "outbound", "east", "north"), _SIGNED),
+    **dict.fromkeys(("distance", "modelled", "score", "pit_stop"), _POSITIVE),
+    **dict.fromkeys((name for name in NAMES if name.startswith("interest")), _POSITIVE),
+    **dict.fromkeys(("grade", "grade_mean"), (-_STEEPEST, _STEEPEST)),
+}
+"""Least and most of each feature, in its units: the whole interval that is allowed where nothing narrower is sure."""
+
 _AT = {name: INDEX[f"{name}_{AHEAD[0][0]}"] for name in ("grade", "interest")}
 
 

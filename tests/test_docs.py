@@ -1,5 +1,6 @@
 """The site builds without a warning, holds what it takes from the code, and fetches nothing; its recipes work."""
 
+import html
 import os
 import re
 import shutil
@@ -9,7 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from docs import reference_scores as reference
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.menu import MENU
+from homeward.diagnosis.tell.next_drive import GUIDE
+from homeward.envs import IDS
 from homeward.envs.features import NAMES
 
 pytest.importorskip("mkdocs", reason="the site needs the extra docs")
@@ -99,6 +104,32 @@ def test_every_effect_and_feature_is_described(site: Path) -> None:
         assert all(f"<code>{parameter.name}</code>" in effects for parameter in one.entry.parameters)
     environments = (site / "environments.html").read_text("utf-8")
     assert [name for name in NAMES if f"<td><code>{name}</code></td>" not in environments] == []
+
+
+def test_every_drive_that_is_advised_is_on_the_page_that_the_advice_names(root: Path, site: Path) -> None:
+    assert (root / GUIDE).is_file()
+    page = html.unescape((site / Path(GUIDE).with_suffix(".html").name).read_text("utf-8"))
+    for drive in MENU:
+        assert f'<h3 id="{drive.id}">' in page
+        assert f"{drive.sentence[0].upper()}{drive.sentence[1:]} (" in page
+
+
+def test_each_environment_has_a_page_in_the_form_of_gymnasium(site: Path) -> None:
+    headings = (
+        "description", "action-space", "observation-space", "rewards", "starting-state", "episode-end", "arguments",
+        "reference-scores", "version-history",
+    )  # fmt: skip
+    for mission, env_id in IDS.items():
+        name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", mission).lower()
+        page = (site / "environments" / f"{name}.html").read_text("utf-8")
+        assert f"<code>{env_id}</code>" in page
+        assert re.findall(r'<h2 id="([\w-]+)">', page) == list(headings)
+        assert [agent for agent in reference.AGENTS if f"<td><code>{agent}</code></td>" not in page] == []
+
+
+def test_links_between_folders_stay_links(site: Path) -> None:
+    page = (site / "environments" / "survey.html").read_text("utf-8")
+    assert 'href="../environments.html#action-space"' in page
 
 
 def test_every_page_is_in_the_navigation(root: Path, site: Path) -> None:

@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from homeward.agents.learning.settings import PPOSettings
 
 
@@ -21,12 +19,28 @@ def test_every_environment_variable_is_documented(root: Path) -> None:
     sources = [*(file for folder in folders for file in folder.rglob("*.py")), root / "Makefile"]
     named = {name for file in sources for name in re.findall(r"HOMEWARD_[A-Z]+", file.read_text("utf-8"))}
     assert {"HOMEWARD_CACHE", "HOMEWARD_DATA"} <= named
-    assert {name for name in named if f"| `{name}` |" not in page_of(root, "index.md")} == set()
+    assert {name for name in named if f"| `{name}` |" not in page_of(root, "help.md")} == set()
 
 
 def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> None:
     said = f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times a good score"
     assert said in page_of(root, "agents.md")
+
+
+TEN = ("reward", "effect", "robot", "max", "verdict", "false-alarm", "planner", "HTML", "network", "observation")
+
+
+def test_the_map_leads_to_what_people_look_for_first(root: Path) -> None:
+    page = (root / "CONTRIBUTING.md").read_text("utf-8")
+    rows = re.search(r"^\| to change \|.*\n\|.*\n((?:\|.*\n)+)", page, re.MULTILINE)
+    assert rows is not None
+    for line, asked in zip(rows[1].splitlines(), TEN, strict=True):
+        what, where, name = (cell.strip() for cell in line.strip("|").split("|"))
+        assert asked in what
+        files = [root / path for path in re.findall(r"`(.+?)`", where)]
+        assert files and all(file.is_file() for file in files), where
+        defined = re.compile(rf"^(?:def |class )?{name.strip('`')}\b(?=[(:\s=])", re.MULTILINE)
+        assert any(defined.search(file.read_text("utf-8")) for file in files), name
 
 
 def test_every_route_that_ships_names_its_source(root: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from homeward import load_robot
 from homeward.envs.difficulty import DIFFICULTIES
-from homeward.envs.features import FEATURES, GAINS, INDEX, LIMIT, NAMES
+from homeward.envs.features import FEATURES, GAINS, INDEX, LIMIT, NAMES, RANGES
 from homeward.envs.instruments import load_instruments
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.routes import Route
@@ -46,8 +46,10 @@ def test_observations_stay_in_their_space(mission_id: str, difficulty: str, acti
     )
     observations, _ = envs.reset(seed=0)
     rng = np.random.default_rng(0)
+    low, high = np.array([RANGES[name] for name in NAMES], np.float32).T
     for _ in range(40):
         assert observations in envs.observation_space and observations.dtype == np.float32
+        assert (observations >= low).all() and (observations <= high).all()
         observations, rewards, *_ = envs.step(random_actions(rng, action_type, 30))
         assert np.isfinite(rewards).all()
 

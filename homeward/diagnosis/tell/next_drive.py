@@ -23,6 +23,9 @@ from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Mask
 
+GUIDE = "docs/recording_guide.md"
+"""The page that says how to drive and record each drive of the menu."""
+
 _SEPARATES = np.log(2.0)  # of the determinant: the variance of what is least known is halved
 
 

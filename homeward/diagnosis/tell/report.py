@@ -23,6 +23,7 @@ from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
 from homeward.diagnosis.tell.formats import labels, page, templates
+from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.own_uncertainty import uncertainty_of
 from homeward.files import write_whole
 
@@ -93,6 +94,7 @@ def report_html(analysis: Analysis) -> str:
         "where": _where(analysis),
         "condition": condition,
         "versions": _versions(),
+        "guide": GUIDE,
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
     }
     if evidence is not None:

@@ -10,6 +10,7 @@ from rich.text import Text
 from homeward.diagnosis.evidence import Analysis
 from homeward.diagnosis.result import Fit, MissingPhysics
 from homeward.diagnosis.tell.formats import ARMS, PAPER_ACCURACY, decimal, interval, number
+from homeward.diagnosis.tell.next_drive import GUIDE
 
 _WIDE = 70  # columns that the table of all figures takes
 
@@ -47,7 +48,7 @@ def show(analysis: Analysis, console: Console) -> None:
                      f"d_max, at best speed on the level: {d_max}.")  # fmt: skip
     if diagnosis.next_experiment:
         console.print()
-        say(console, f"Next experiment: {diagnosis.next_experiment}")
+        say(console, f"Next experiment: {diagnosis.next_experiment} How to drive and record it: {GUIDE}.")
 
 
 def _arms(fit: Fit, accuracy: Mapping[str, float | None], wide: bool) -> Table:

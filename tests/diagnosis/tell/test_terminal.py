@@ -9,6 +9,8 @@ from rich.console import Console
 
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse
+from homeward.diagnosis.tell.next_drive import GUIDE
+from homeward.diagnosis.tell.report import report_html
 from homeward.diagnosis.tell.terminal import show
 
 Drive = Callable[..., list[Recording]]
@@ -34,6 +36,13 @@ def test_lines_keep_within_the_terminal(scrubbing: Analysis, width: int) -> None
     for name, arm in scrubbing.diagnosis.fit.arms.items():
         (row,) = [line.split() for line in text.splitlines() if line.strip().startswith(name.replace("_", " ") + " ")]
         assert f"{arm.rmse:#.3g}" in row and f"{arm.r2:.3f}" in row
+
+
+def test_the_next_experiment_names_the_page_that_says_how(scrubbing: Analysis) -> None:
+    open_question = replace(scrubbing, diagnosis=replace(scrubbing.diagnosis, next_experiment="To see, drive."))
+    words = " ".join(shown(open_question).split())
+    assert words.endswith(f"Next experiment: To see, drive. How to drive and record it: {GUIDE}.")
+    assert f"How to drive and record it: {GUIDE}" in report_html(open_question)
 
 
 def test_names_are_no_markup_and_no_control_sequences(short_drive: Drive, husky: Robot) -> None:

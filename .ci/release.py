@@ -1,0 +1,111 @@
+"""Make a release: `make release VERSION=1.2.3`.
+
+Sets the version, builds wheel and sdist into dist/, checks them, and builds the site. Nothing is committed or uploaded:
+it says how. Where a step fails, the files are as they were.
+"""
+
+from __future__ import annotations
+
+import datetime
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+UNRELEASED = "unreleased"
+VERSION = r"(\d+\.\d+\.\d+)"
+PLACES = {
+    "pyproject.toml": rf'^version = "{VERSION}"$',
+    "homeward/__init__.py": rf'^__version__ = "{VERSION}"$',
+    "CITATION.cff": rf"^version: {VERSION}$",
+    "CHANGELOG.md": rf"^## {VERSION} \(([\w-]+)\)$",
+}
+"""Where the version stands; in the changelog the first heading counts, with its date."""
+
+
+class ReleaseError(RuntimeError):
+    """A release that cannot be made; the message says what to change."""
+
+
+def stands(root: Path, name: str) -> re.Match[str]:
+    """Where a file says the version."""
+    found = re.search(PLACES[name], (root / name).read_text("utf-8"), re.MULTILINE)
+    if found is None:
+        raise ReleaseError(f"{name} says no version in the form {PLACES[name]}")
+    return found
+
+
+def check(root: Path, version: str) -> None:
+    """Refuse what is no version, a tree with changes, versions that disagree, and what is released already."""
+    if not re.fullmatch(VERSION, version):
+        raise ReleaseError(
+            f"VERSION = {version!r} is not allowed; give three numbers, as in make release VERSION=1.2.3"
+        )
+    if _run(root, "git", "status", "--porcelain"):
+        raise ReleaseError("the tree has changes; commit or stash them first")
+    said = {name: stands(root, name)[1] for name in PLACES}
+    if len(set(said.values())) > 1:
+        raise ReleaseError(f"versions disagree: {', '.join(f'{name} {one}' for name, one in said.items())}")
+    if (dated := stands(root, "CHANGELOG.md"))[2] != UNRELEASED:
+        raise ReleaseError(f"CHANGELOG.md says nothing since {dated[1]}; begin it with ## {version} ({UNRELEASED})")
+    if _numbers(version) < _numbers(dated[1]):
+        raise ReleaseError(f"VERSION = {version} is older than {dated[1]}")
+
+
+def set_version(root: Path, version: str, date: datetime.date) -> None:
+    """Write the version wherever it stands, and the date into changelog and citation."""
+    for name in PLACES:
+        path, found = root / name, stands(root, name)
+        text = found.string
+        line = found[0].replace(found[1], version, 1).replace(f"({UNRELEASED})", f"({date})")
+        if name == "CITATION.cff":
+            text = re.sub(r"^date-released: .*\n", "", text, flags=re.MULTILINE)
+            line += f"\ndate-released: {date}"
+        path.write_text(text.replace(found[0], line, 1), "utf-8")
+
+
+def build(root: Path) -> None:
+    """Build and check what is uploaded, and the site."""
+    shutil.rmtree(root / "dist", ignore_errors=True)
+    _run(root, sys.executable, "-m", "build")
+    packages = sorted(str(path) for path in (root / "dist").iterdir())
+    _run(root, sys.executable, "-m", "twine", "check", "--strict", *packages)
+    _run(root, sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet")
+
+
+def release(root: Path, version: str) -> None:
+    """Check, set the version, and build; undo the first if the last fails."""
+    check(root, version)
+    set_version(root, version, datetime.date.today())
+    try:
+        build(root)
+    except ReleaseError:
+        _run(root, "git", "checkout", "--quiet", "--", *PLACES)
+        raise
+    print(
+        f"dist/ and site/ hold homeward {version}. Now:\n"
+        f"  git commit --all --message 'Release {version}' && git tag --message 'homeward {version}' v{version}\n"
+        "  git push --follow-tags\n"
+        "  python -m twine upload dist/*"
+    )
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(map(int, version.split(".")))
+
+
+def _run(root: Path, *command: str) -> str:
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+    if done.returncode:
+        said = (done.stderr.strip() or done.stdout.strip() or f"code {done.returncode}").splitlines()
+        raise ReleaseError(f"{' '.join(command[:4])} failed: {said[-1]}")
+    return done.stdout.strip()
+
+
+if __name__ == "__main__":
+    try:
+        release(ROOT, sys.argv[1] if len(sys.argv) > 1 else "")
+    except ReleaseError as error:
+        sys.exit(f"release: {error}")

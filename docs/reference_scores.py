@@ -1,0 +1,46 @@
+"""Measure the reference scores of the environments' pages: `python docs/reference_scores.py [MISSION ...]`.
+
+Each is one run of `evaluate.py`, by the command that the page names; what the page shows of it is kept beside the page.
+"""
+
+import json
+import tempfile
+from pathlib import Path
+
+import tyro
+
+from homeward.envs import IDS
+
+AGENTS = ("random", "soc50", "dmax", "dmax_adaptive", "dmax_belief", "planner", "ppo", "ppo_scratch")
+EPISODES, SEED = 500, 7
+KEPT = ("score_mean", "score_ci95", "stranded_rate", "stranded_ci95", "share_of_optimum", "share_of_optimum_at_least")
+
+
+def measured(mission: str) -> Path:
+    """Where the scores of a mission are kept."""
+    return Path(__file__).parent / "environments" / f"{mission}.json"
+
+
+def main(missions: tyro.conf.Positional[tuple[str, ...]] = tuple(IDS), optimum: bool = True) -> None:
+    """Measure scores and keep what the pages show.
+
+    Args:
+        missions: Of which missions.
+        optimum: Also find the optimum of each episode, which for surveys takes longer than all agents together.
+    """
+    from homeward.commands import evaluate
+
+    for mission in missions:
+        words = f"--env {IDS[mission]} --agents {' '.join(AGENTS)} --episodes {EPISODES} --seed {SEED}"
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder)
+            evaluate.main(evaluate.Args(AGENTS, IDS[mission], EPISODES, SEED, out, optimum=optimum))
+            found = json.loads((out / "evaluation.json").read_text("utf-8"))
+        shown = {name: found[name] for name in ("episodes", "seed", "versions", "optimum") if name in found}
+        shown["agents"] = {agent: {name: one.get(name) for name in KEPT} for agent, one in found["agents"].items()}
+        shown["command"] = f"python evaluate.py {words}{' --optimum' * optimum}"
+        measured(mission).write_text(json.dumps(shown, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

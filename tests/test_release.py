@@ -1,0 +1,93 @@
+"""A release is made of a clean tree with one version, and sets it everywhere."""
+
+import datetime
+import importlib.util
+import shutil
+import subprocess
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+DATE = datetime.date(2031, 2, 3)
+
+
+@pytest.fixture(scope="module")
+def release(root: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("release", root / ".ci" / "release.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def git(folder: Path, *command: str) -> None:
+    name = ("-c", "user.name=t", "-c", "user.email=t@example.org")
+    subprocess.run(["git", *name, *command], cwd=folder, check=True, capture_output=True)
+
+
+@pytest.fixture
+def tree(release: ModuleType, root: Path, tmp_path: Path) -> Path:
+    """A repository of the files that say the version."""
+    for name in release.PLACES:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(root / name, tmp_path / name)
+    git(tmp_path, "init", "--quiet")
+    git(tmp_path, "add", ".")
+    git(tmp_path, "commit", "--quiet", "--message", "all")
+    return tmp_path
+
+
+def test_one_version_stands_everywhere(release: ModuleType, root: Path) -> None:
+    assert len({release.stands(root, name)[1] for name in release.PLACES}) == 1
+
+
+def test_the_version_is_set_everywhere_and_dated(release: ModuleType, tree: Path) -> None:
+    now = release.stands(tree, "pyproject.toml")[1]
+    later = f"{int(now.split('.')[0]) + 1}.0.0"
+    release.check(tree, later)
+    release.set_version(tree, later, DATE)
+    assert {release.stands(tree, name)[1] for name in release.PLACES} == {later}
+    assert release.stands(tree, "CHANGELOG.md")[2] == "2031-02-03"
+    assert (tree / "CITATION.cff").read_text("utf-8").count("date-released: 2031-02-03\n") == 1
+    git(tree, "commit", "--quiet", "--all", "--message", "release")
+    with pytest.raises(release.ReleaseError, match=f"says nothing since {later}"):
+        release.check(tree, later)
+
+
+@pytest.mark.parametrize("version", ["", "1.2", "v1.2.3", "1.2.3rc1"])
+def test_what_is_no_version_is_refused(version: str, release: ModuleType, tree: Path) -> None:
+    with pytest.raises(release.ReleaseError, match="give three numbers"):
+        release.check(tree, version)
+
+
+def test_an_older_version_is_refused(release: ModuleType, tree: Path) -> None:
+    with pytest.raises(release.ReleaseError, match="is older than"):
+        release.check(tree, "0.0.1")
+
+
+def test_a_tree_with_changes_is_refused(release: ModuleType, tree: Path) -> None:
+    (tree / "new").write_text("")
+    with pytest.raises(release.ReleaseError, match="has changes"):
+        release.check(tree, "99.0.0")
+
+
+def test_versions_that_disagree_are_refused(release: ModuleType, tree: Path) -> None:
+    path = tree / "CITATION.cff"
+    path.write_text(path.read_text("utf-8").replace("\nversion: ", "\nversion: 9"), "utf-8")
+    git(tree, "commit", "--quiet", "--all", "--message", "off")
+    with pytest.raises(release.ReleaseError, match=r"versions disagree: .*CITATION\.cff 9"):
+        release.check(tree, "99.0.0")
+
+
+def test_a_build_that_fails_leaves_the_files_as_they_were(
+    release: ModuleType, tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(root: Path) -> None:
+        raise release.ReleaseError("no")
+
+    monkeypatch.setattr(release, "build", fail)
+    before = {name: (tree / name).read_text("utf-8") for name in release.PLACES}
+    with pytest.raises(release.ReleaseError, match="no"):
+        release.release(tree, "99.0.0")
+    assert {name: (tree / name).read_text("utf-8") for name in release.PLACES} == before
