@@ -14,14 +14,14 @@ from homeward.envs.options import Options
 
 
 def test_rows_are_printed_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    args = Args(("onward",), ("Patrol",), ("uncertain",), ("generated",), episodes=8, out=tmp_path)
+    args = Args(("onward",), ("OutAndBack",), ("uncertain",), ("generated",), episodes=8, out=tmp_path)
     main(args)
     file, first = tmp_path / "shield.json", capsys.readouterr().out
     content = json.loads(file.read_text())
-    setting = "Patrol, uncertain, generated"
+    setting = "OutAndBack, uncertain, generated"
     assert list(content["rows"]) == [f"{setting}, reference", f"{setting}, onward"]
     row = content["rows"][f"{setting}, onward"]
-    assert row["bare"]["stranded"] == 8 and row["shielded"]["stranded"] == 0
+    assert row["bare"]["stranded"] > 0 and row["shielded"]["stranded"] == 0
     assert row["difference"] == row["shielded"]["score"] - row["bare"]["score"] > 0.0
     row["shielded"]["stranded"] = 77
     file.write_text(json.dumps(content))
