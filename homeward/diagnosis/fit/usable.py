@@ -117,7 +117,10 @@ def _lacks(recording: Recording) -> str | None:
         return f"has no {lacks}"
     missing = 1.0 - float(known(recording).mean())
     if missing > _MOST_MISSING:
-        return f"motion or power is missing in {missing:.0%} of the samples"
+        return (
+            f"motion or power is missing in {missing:.0%} of the samples; where they are logged in rows of their own, "
+            "put both into each row (pandas.merge_asof does)"
+        )
     if len(recording) < _FEWEST_SAMPLES or recording.duration_s < _SHORTEST_RUN_S:
         return f"is too short ({len(recording)} samples over {recording.duration_s:.3g} s)"
     return None
