@@ -44,7 +44,7 @@ LONGEST_S = 10.0
 """What reading an input may take."""
 MOST_BYTES = 10**9
 """What it may allocate."""
-_DEAD_S = 60.0  # without a word from a worker: a hang that no signal ends
+_DEAD_S = 180.0  # without a word from a worker: a hang that no signal ends
 _KEPT = 400  # inputs that ended in a new way
 _FRESH = 0.5  # share of inputs made of a real file, not of what was kept
 _TOKENS = (
