@@ -51,7 +51,7 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
         recording, error = without_faults(given, robot)
         findings += [Finding(recording.name, note) for note in recording.notes]
         run = signals(recording, robot, error=error)
-        if fault := _fault(run, robot):
+        if fault := fault_of(run, robot):
             findings.append(Finding(recording.name, fault, refused=True))
             continue
         findings += [Finding(recording.name, text) for text in _remarks(given, run, robot)]
@@ -126,8 +126,8 @@ def _lacks(recording: Recording) -> str | None:
     return None
 
 
-def _fault(run: Signals, robot: Robot) -> str | None:
-    """Why a run cannot be used, or None."""
+def fault_of(run: Signals, robot: Robot) -> str | None:
+    """Why a run of a robot cannot be used, in a phrase: it is too short, or in another unit; None where it can."""
     if len(run.time_s) == 0:
         return "holds nothing but charging"
     if len(run.time_s) < _FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < _SHORTEST_RUN_S:

@@ -229,7 +229,7 @@ def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) 
     """The columns as float64; dates in the columns of the time become seconds, and `dated` says so."""
     stamp = None if mapping is None else mapping.stamp
     times = ["time_s"] if mapping is None else mapping.time_columns()
-    columns = {}
+    columns: dict[str, Any] = {}
     for name in table.columns:
         column: pd.Series[Any] = table[name]
         if name == stamp:
