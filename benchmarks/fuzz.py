@@ -13,6 +13,7 @@ what once broke, and tests/test_broken.py reads it.
 from __future__ import annotations
 
 import contextlib
+import gc
 import gzip
 import hashlib
 import importlib.util
@@ -520,7 +521,7 @@ def main(args: Args) -> dict[str, Tally]:
     if args.worker:
         work(args)
         return {}
-    names = args.targets or tuple(targets())
+    names = args.targets or tuple(targets()) if args.minutes > 0.0 else ()
     tallies: dict[str, Tally] = {}
     turns = [(name, 60.0 * args.minutes * args.workers / len(names)) for name in names]
     running: dict[str, _Turn] = {}
@@ -658,6 +659,7 @@ _WRONG_WORDS = 0.25
 """Share of the command lines in which a word is another, too, as users mistype."""
 _MILD = 0.4
 """Share of the command lines in whose file no more than a digit is another, so that more than the loader runs."""
+_SHOWN = 250  # commands after which the row is printed that the table has in the end
 _COMMAND_S = 6 * LONGEST_S
 """What a command may take by the clock: one that computes has used up its processor time before."""
 
@@ -727,12 +729,16 @@ def _commands(args: Args) -> Tally:
         lines = Lines(folder, np.random.default_rng([args.seed, 1]))
         for line in lines.plain():
             _warm(command.run, line, folder)
+        gc.collect()
+        gc.freeze()  # or every fork copies what its collector looks at
         for number in range(args.commands):
             line = lines.draw()
             end = _forked(command.run, line, folder)
             tally.inputs += 1
             tally.longest_s = max(tally.longest_s, end.took_s)
             tally.read, tally.refused = tally.read + (end.code == 0), tally.refused + (end.code == 2)
+            if number % _SHOWN == 0:
+                print(_row("commands", tally), flush=True)
             if fault := end.fault():
                 fault = f"{line[0]}: {fault}"
                 tally.findings[fault] += 1
