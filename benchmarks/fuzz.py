@@ -441,7 +441,7 @@ def _quiet() -> contextlib.AbstractContextManager[Any]:
 
 def _shape(message: str) -> str:
     """A message less its numbers, quoted text and paths."""
-    return re.sub(r"[\d.e+-]+|'[^']*'|\"[^\"]*\"|/\S+", "#", message)[:80]
+    return re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?|'[^']*'|\"[^\"]*\"|/\S+", "#", message)[:80]
 
 
 def _where(error: BaseException) -> str:

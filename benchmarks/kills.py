@@ -166,7 +166,7 @@ def _start(words: list[str], out: Path, **options: Any) -> subprocess.Popen[byte
     line = [sys.executable, "-m", "homeward", *words, "--out", str(out)]
     env = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", **options.pop("env", {})}
     return subprocess.Popen(line, cwd=out.parent, env=env, start_new_session=True, stdout=subprocess.DEVNULL,
-                            stderr=subprocess.PIPE, **options)  # fmt: skip
+                            stderr=options.pop("stderr", subprocess.PIPE), **options)  # fmt: skip
 
 
 def _finish(words: list[str], out: Path, **options: Any) -> tuple[int, str]:
@@ -356,9 +356,10 @@ def _workers_killed(
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     node = {"num_cpus": 2, "object_store_memory": 80_000_000, "include_dashboard": False}
     cluster: Any = Cluster(initialize_head=True, head_node_args=node)
-    killed = 0
+    killed, out = 0, folder / "cluster"
     try:
-        process = _start([*command.words, "--cluster", cluster.address], folder / "cluster")
+        with _said(out).open("wb") as said:  # Ray says more than a pipe holds
+            process = _start([*command.words, "--cluster", cluster.address], out, stderr=said)
         end_s = time.monotonic() + _LONGEST_S
         while process.poll() is None and time.monotonic() < end_s:
             time.sleep(rng.uniform(2.0, 4.0))  # as long as a worker takes to load and begin
@@ -367,11 +368,12 @@ def _workers_killed(
                 os.kill(workers[int(rng.integers(len(workers)))], signal.SIGKILL)
                 killed += 1
         process.kill()  # where it has not ended
-        said = process.communicate()[1].decode(errors="replace").strip().splitlines()[-1:]
+        process.wait()
     finally:
         cluster.shutdown()
-    equal = process.returncode == 0 and command.result(folder / "cluster") == wanted
-    return f"{killed} killed, {'equal' if equal else f'code {process.returncode}: {said}'}"
+    equal = process.returncode == 0 and command.result(out) == wanted
+    last = _said(out).read_text(errors="replace").strip().splitlines()[-1:]
+    return f"{killed} killed, {'equal' if equal else f'code {process.returncode}: {last}'}"
 
 
 def _ray_workers() -> list[int]:
