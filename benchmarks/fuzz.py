@@ -2,15 +2,18 @@
 
 `python benchmarks/fuzz.py --minutes 60` gives every loader its share of the time, in `--workers` processes that are
 started anew when one dies. Each input is a real file with bytes or structure changed, or what was kept of earlier ones
-because it ended in a new way; where `atheris` is installed, coverage guides half the time of loaders written in Python.
-A loader may refuse with its own error, in at most 10 s and with at most 1 GB more than before; anything else is a
-finding and lies in OUT/TARGET with its traceback. `--commands N` forks that many runs of `homeward` on such files.
-OUT/fuzz.md is the table of the documentation; tests/broken holds what once broke, and tests/test_broken.py reads it.
+because it ended in a new way; where `atheris` is installed, coverage chooses what is kept in half the time of loaders
+written in Python. A loader may refuse with its own error, in at most 10 s and with at most 1 GB more than before;
+anything else is a finding and lies in OUT/TARGET with its traceback. `--commands N` runs `homeward` that often on such
+files and with wrong words, in forks of a process that has everything loaded; each has 10 s of processor time and 1 GB,
+and ends with 0, or with 2 and a line that says why. OUT/fuzz.md is the table of the documentation; tests/broken holds
+what once broke, and tests/test_broken.py reads it.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import gzip
 import hashlib
 import importlib.util
@@ -42,7 +45,7 @@ LONGEST_S = 10.0
 """What reading an input may take."""
 MOST_BYTES = 10**9
 """What it may allocate."""
-_DEAD_S = 60.0  # without a word from a worker: a hang that no signal ends
+_DEAD_S = 180.0  # without a word from a worker: a hang that no signal ends
 _KEPT = 400  # inputs that ended in a new way
 _FRESH = 0.5  # share of inputs made of a real file, not of what was kept
 _TOKENS = (
@@ -88,6 +91,14 @@ class Target:
 
 class Hang(BaseException):
     """Raised by the watchdog."""
+
+
+_GUIDED = (
+    "homeward.files", "homeward.physics.plausible", "homeward.physics.robot", "homeward.physics.uncertainty",
+    "homeward.envs.instruments", "homeward.envs.route_files", "homeward.envs.routes", "homeward.envs.tracks",
+    "homeward.diagnosis.read", "gpxpy", "tomllib",
+)  # fmt: skip
+"""Modules whose coverage is looked at: they read what the guided targets read, and hold nothing that is compiled."""
 
 
 def targets() -> dict[str, Target]:
@@ -256,12 +267,15 @@ class Mutator:
     def __init__(self, rng: np.random.Generator, corpus: list[bytes]) -> None:
         self.rng, self.corpus, self.fixed = rng, corpus, len(corpus)
         self.ways = (self._flip, self._overwrite, self._insert, self._delete, self._repeat, self._cut, self._splice,
-                     self._number, self._cell, self._lines, self._ends)  # fmt: skip
+                     self._number, self._cell, self._lines, self._ends, self.digit)  # fmt: skip
 
     def draw(self) -> bytes:
         """A changed input of the corpus."""
         often = self.rng.random() < _FRESH
-        data = self.corpus[int(self.rng.integers(self.fixed if often else len(self.corpus)))]
+        return self.change(self.corpus[int(self.rng.integers(self.fixed if often else len(self.corpus)))])
+
+    def change(self, data: bytes) -> bytes:
+        """The input with some changes."""
         for _ in range(int(self.rng.geometric(0.6))):
             data = self.ways[int(self.rng.integers(len(self.ways)))](data)
         return data[:300_000]
@@ -309,6 +323,14 @@ class Mutator:
             return self._insert(data)
         start, end = places[int(self.rng.integers(len(places)))]
         return data[:start] + self._token() + data[end:]
+
+    def digit(self, data: bytes) -> bytes:
+        """A digit becomes another: most files of text can still be read."""
+        places = [place for place, byte in enumerate(data[:20_000]) if 48 <= byte < 58]
+        if not places:
+            return self._flip(data)
+        at = places[int(self.rng.integers(len(places)))]
+        return data[:at] + b"%d" % self.rng.integers(10) + data[at + 1 :]
 
     def _cell(self, data: bytes) -> bytes:
         """A length or count in a binary header: a little-endian number becomes extreme."""
@@ -366,12 +388,12 @@ class Worker:
         self.tally, self.seen = Tally(), set[str]()
         self.folder = Path(tempfile.mkdtemp(prefix="fuzz_", dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
         self.path = self.folder / f"input{self.target.suffix}"
+        (self.out / "last").write_text(str(self.path))
         self._written_s = 0.0
 
     def try_one(self, data: bytes) -> bool:
         """Read one input; True if it ended in a way not seen before."""
         self.path.write_bytes(data)
-        (self.out / "last").write_text(str(self.path))
         began = time.monotonic()
         signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
         try:
@@ -419,7 +441,7 @@ def _quiet() -> contextlib.AbstractContextManager[Any]:
 
 def _shape(message: str) -> str:
     """A message less its numbers, quoted text and paths."""
-    return re.sub(r"[\d.e+-]+|'[^']*'|\"[^\"]*\"|/\S+", "#", message)[:80]
+    return re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?|'[^']*'|\"[^\"]*\"|/\S+", "#", message)[:80]
 
 
 def _where(error: BaseException) -> str:
@@ -430,13 +452,14 @@ def _where(error: BaseException) -> str:
 
 def work(args: Args) -> None:
     """Fuzz one target for the given time; the parent reads the tally."""
-    worker = Worker(args.worker, args.out)
-    worker.tally.guided = args.guided
     signal.signal(signal.SIGALRM, _hang)
     rng = np.random.default_rng([args.seed, *args.worker.encode()])
-    corpus = worker.target.seeds()
-    for seed in corpus:  # imports and caches come before the limit
-        worker.try_one(seed)
+    with _instrumented() if args.guided else contextlib.nullcontext():
+        worker = Worker(args.worker, args.out)
+        worker.tally.guided = args.guided
+        corpus = worker.target.seeds()
+        for seed in corpus:  # imports and caches come before the limit
+            worker.try_one(seed)
     size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
     try:
@@ -455,17 +478,34 @@ def work(args: Args) -> None:
         shutil.rmtree(worker.folder, ignore_errors=True)
 
 
+def _instrumented() -> contextlib.AbstractContextManager[Any]:
+    """Within it, what is imported counts which of its branches are taken."""
+    import atheris
+
+    manager: contextlib.AbstractContextManager[Any] = atheris.instrument_imports(include=list(_GUIDED))
+    return manager
+
+
 def _guided(worker: Worker, corpus: list[bytes], args: Args) -> None:
-    """Let libFuzzer choose the inputs by the coverage of the target's Python code."""
+    """Let libFuzzer keep the inputs that reach new branches; half of its mutations are those of `Mutator`."""
     import atheris
 
     folder = worker.folder / "corpus"
     folder.mkdir()
     for number, seed in enumerate(corpus):
         (folder / str(number)).write_bytes(seed)
-    limits = [f"-max_total_time={int(60 * args.minutes)}", f"-seed={args.seed + 1}", "-max_len=20000", 
-              "-rss_limit_mb=0", "-timeout=0", "-handle_alrm=0", "-verbosity=0", "-print_final_stats=0"]  # fmt: skip
-    atheris.Setup([sys.argv[0], *limits, str(folder)], lambda data: worker.try_one(data) and None)
+
+    def mutate(data: bytes, most: int, seed: int) -> bytes:
+        rng = np.random.default_rng(seed)
+        if rng.random() < 0.5:
+            mutated: bytes = atheris.Mutate(data, most)
+            return mutated
+        return Mutator(rng, [data, *corpus]).change(data)[:most]
+
+    limits = [f"-max_total_time={int(60 * args.minutes)}", f"-seed={args.seed + 1}", "-max_len=5000", "-len_control=0",
+              "-rss_limit_mb=0", "-timeout=0", "-handle_alrm=0", "-print_final_stats=1"]  # fmt: skip
+    atheris.Setup([sys.argv[0], *limits, str(folder)], lambda data: worker.try_one(data) and None,
+                  custom_mutator=mutate)  # fmt: skip
     atheris.Fuzz()
 
 
@@ -481,7 +521,7 @@ def main(args: Args) -> dict[str, Tally]:
     if args.worker:
         work(args)
         return {}
-    names = args.targets or tuple(targets())
+    names = args.targets or tuple(targets()) if args.minutes > 0.0 else ()
     tallies: dict[str, Tally] = {}
     turns = [(name, 60.0 * args.minutes * args.workers / len(names)) for name in names]
     running: dict[str, _Turn] = {}
@@ -582,83 +622,184 @@ def _has_atheris() -> bool:
 # Commands.
 
 
-def _command_lines(
-    folder: Path, rng: np.random.Generator, kinds: dict[str, Mutator]
-) -> Iterator[tuple[str, list[str]]]:
-    """Names and arguments of runs of `homeward`, each on a fresh mutated file."""
-    every = targets()
-    lines: list[tuple[str, list[str]]] = [
-        ("robot TOML", ["range", "FILE"]), ("robot TOML", ["range", "FILE", "--grade", "3", "--duty", "0.5"]),
-        ("robot TOML", ["robots", "FILE"]), ("robot TOML", ["routes", "incline", "--robot", "FILE"]),
-        ("route CSV", ["routes", "FILE"]), ("route GPX", ["routes", "FILE", "--robot", "husky"]),
-        ("recording CSV", ["columns", "FILE"]), ("recording by a mapping", ["columns", "FILE"]),
-        ("recording CSV", ["diagnose", "FILE", "--robot", "husky", "--out", str(folder / "out")]),
-        ("recording Parquet", ["diagnose", "FILE", "--robot", "husky", "--out", str(folder / "out")]),
-        ("bag MCAP", ["diagnose", "FILE", "--robot", "husky", "--out", str(folder / "out")]),
-        ("mapping of columns", ["diagnose", "RUN", "--columns", "FILE", "--out", str(folder / "out")]),
-        ("instruments TOML", ["evaluate", "--instruments", "FILE", "--agents", "soc50", "--episodes", "2", "--out",
-                              str(folder / "out")]),
-        ("robot TOML", ["evaluate", "--robot", "FILE", "--agents", "soc50", "--episodes", "2", "--out",
-                        str(folder / "out")]),
-    ]  # fmt: skip
-    run = folder / "run.csv"
-    run.write_bytes(_foreign_seeds()[0])
-    while True:
-        name, line = lines[int(rng.integers(len(lines)))]
-        path = folder / f"input{every[name].suffix}"
-        path.write_bytes(kinds[name].draw())
-        yield name, [{"FILE": str(path), "RUN": str(run)}.get(word, word) for word in line]
+_RUN = ("--out", "OUT")
+_EVALUATE = ("evaluate", "--agents", "soc50", "--episodes", "2", *_RUN)
+_TRAIN = ("train", "--start", "scratch", "--n-envs", "4", "--n-steps", "8", "--batch-size", "16", "--epochs", "1",
+          "--hidden", "8", "--curve", "1", "--steps", "64", "--decision-s", "300", "--replace", *_RUN)  # fmt: skip
+_LINES: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("robot TOML", ("range", "FILE")),
+    ("robot TOML", ("range", "FILE", "--grade", "3", "--duty", "0.5")),
+    ("route CSV", ("range", "husky", "--route", "FILE", "--risk", "0.01")),
+    ("robot TOML", ("robots", "FILE")),
+    ("robot TOML", ("routes", "incline", "--robot", "FILE")),
+    ("route CSV", ("routes", "FILE")),
+    ("route GPX", ("routes", "FILE", "--robot", "husky")),
+    ("recording CSV", ("columns", "FILE")),
+    ("recording by a mapping", ("columns", "FILE", "--out", "proposed.toml")),
+    ("recording Parquet", ("columns", "FILE")),
+    ("recording CSV", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
+    ("recording CSV.gz", ("diagnose", "FILE", "RUN", *_RUN)),
+    ("recording Parquet", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
+    ("bag MCAP", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
+    ("bag ROS 1", ("diagnose", "FILE", "--robot", "jackal", *_RUN)),
+    ("robot TOML", ("diagnose", "RUN", "--robot", "FILE", *_RUN)),
+    ("mapping of columns", ("diagnose", "RUN", "--columns", "FILE", *_RUN)),
+    ("mapping of topics", ("diagnose", "BAG", "--columns", "FILE", *_RUN)),
+    ("recording CSV", ("watch", "FILE", "--robot", "husky", *_RUN)),
+    ("bag sqlite3", ("watch", "FILE", "--robot", "husky", *_RUN)),
+    ("recording CSV", ("fleet", "GARAGE", *_RUN)),
+    ("instruments TOML", (*_EVALUATE, "--instruments", "FILE")),
+    ("robot TOML", (*_EVALUATE, "--robot", "FILE")),
+    ("route GPX", (*_EVALUATE, "--route", "FILE")),
+    ("policy", ("evaluate", "--episodes", "2", "--env", "homeward/OutAndBack-v0", *_RUN, "--agents", "ppo=FOLDER")),
+    ("robot TOML", (*_TRAIN, "--robot", "FILE")),
+)
+"""Targets whose inputs FILE is made of, and the words of a command that reads it."""
+_WRONG_WORDS = 0.25
+"""Share of the command lines in which a word is another, too, as users mistype."""
+_MILD = 0.4
+"""Share of the command lines in whose file no more than a digit is another, so that more than the loader runs."""
+_SHOWN = 250  # commands after which the row is printed that the table has in the end
+_COMMAND_S = 6 * LONGEST_S
+"""What a command may take by the clock: one that computes has used up its processor time before."""
+
+
+class Lines:
+    """Draws command lines, each on a fresh mutated file in a folder."""
+
+    def __init__(self, folder: Path, rng: np.random.Generator) -> None:
+        self.folder, self.rng, self.every = folder, rng, targets()
+        names = {name for name, _ in _LINES}
+        self.kinds = {name: Mutator(rng, self.every[name].seeds()) for name in names}
+        (folder / "run.csv").write_bytes(_recording_seeds()[0])
+        (folder / "run.bag").write_bytes(_bag_seeds("ros1")[0])
+
+    def plain(self) -> Iterator[list[str]]:
+        """Every line once, on a file that is as it should be."""
+        for name, words in _LINES:
+            yield self._on(name, words, self.kinds[name].corpus[0])
+
+    def draw(self) -> list[str]:
+        """A line on a changed file, perhaps with a wrong word."""
+        name, words = _LINES[int(self.rng.integers(len(_LINES)))]
+        kind = self.kinds[name]
+        mild = self.rng.random() < _MILD
+        data = kind.digit(kind.corpus[int(self.rng.integers(kind.fixed))]) if mild else kind.draw()
+        line = self._on(name, words, data)
+        return self._mistyped(line) if self.rng.random() < _WRONG_WORDS else line
+
+    def _on(self, name: str, words: tuple[str, ...], data: bytes) -> list[str]:
+        path = self.folder / f"input{self.every[name].suffix}"
+        path.write_bytes(data)
+        where = {"FILE": path, "OUT": self.folder / "out", "RUN": self.folder / "run.csv",
+                 "BAG": self.folder / "run.bag", "GARAGE": self.folder / "garage"}  # fmt: skip
+        for made in ("garage", "policy", "out"):
+            shutil.rmtree(self.folder / made, ignore_errors=True)
+        if "GARAGE" in words:
+            for robot in ("one", "two"):
+                (self.folder / "garage" / robot).mkdir(parents=True)
+                (self.folder / "garage" / robot / path.name).write_bytes(data)
+        if name == "policy":
+            _policy_folder(path).rename(self.folder / "policy")
+        return [str(where.get(word, word)).replace("=FOLDER", f"={self.folder / 'policy'}") for word in words]
+
+    def _mistyped(self, line: list[str]) -> list[str]:
+        at = int(self.rng.integers(1, len(line) + 1))
+        token = _TOKENS[int(self.rng.integers(len(_TOKENS)))].decode(errors="replace").replace("\0", " ")
+        way = int(self.rng.integers(4))
+        if way == 0:
+            return [*line[:at], *line[at + 1 :]]
+        if way == 1:
+            return [*line[:at], token, *line[at:]]
+        if way == 2 or at == len(line):
+            return [*line[:at], token, *line[at + 1 :]]
+        return [*line[:at], line[at][:-1], *line[at + 1 :]]
 
 
 def _commands(args: Args) -> Tally:
-    """Run commands in forks of a process that has everything loaded."""
+    """Run commands in forks of a process that has everything loaded and compiled."""
     from homeward import __main__ as command
 
-    for name in ("columns", "diagnose", "evaluate", "range", "robots", "routes"):
-        importlib.import_module(f"homeward.commands.{name}")
-
-    every, tally, rng = targets(), Tally(), np.random.default_rng([args.seed, 1])
+    tally = Tally()
     out = args.out / "commands"
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    kinds = {name: Mutator(rng, every[name].seeds()) for name in every}
-    with tempfile.TemporaryDirectory() as folder:
-        lines = _command_lines(Path(folder), rng, kinds)
-        for number, (_, line) in zip(range(args.commands), lines, strict=False):
-            began, log = time.monotonic(), Path(folder) / "log"
-            code = _forked(command.run, line, log, Path(folder))
-            took_s, said = time.monotonic() - began, log.read_text(errors="replace")
+    with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None) as name:
+        folder = Path(name)
+        lines = Lines(folder, np.random.default_rng([args.seed, 1]))
+        for line in lines.plain():
+            _warm(command.run, line, folder)
+        gc.collect()
+        gc.freeze()  # or every fork copies what its collector looks at
+        for number in range(args.commands):
+            line = lines.draw()
+            end = _forked(command.run, line, folder)
             tally.inputs += 1
-            tally.longest_s = max(tally.longest_s, took_s)
-            tally.read, tally.refused = tally.read + (code == 0), tally.refused + (code == 2)
-            if code not in (0, 2) or "Traceback" in said:
-                last = said.strip().splitlines()[-1:] or [""]
-                end = f"{line[0]}: code {code}, {_shape(last[0])}"
-                tally.findings[end] += 1
-                if tally.findings[end] == 1:
-                    (out / f"{number}.trace").write_text(f"{' '.join(line)}\n{end}\n{said}")
-                    for word in line:
-                        if word.startswith(folder) and Path(word).is_file():
-                            shutil.copy(word, out / f"{number}_{Path(word).name}")
+            tally.longest_s = max(tally.longest_s, end.took_s)
+            tally.read, tally.refused = tally.read + (end.code == 0), tally.refused + (end.code == 2)
+            if number % _SHOWN == 0:
+                print(_row("commands", tally), flush=True)
+            if fault := end.fault():
+                fault = f"{line[0]}: {fault}"
+                tally.findings[fault] += 1
+                if tally.findings[fault] == 1:
+                    (out / f"{number}.trace").write_text(f"{' '.join(line)}\n{fault}\n{end.said}")
+                    shutil.copytree(folder, out / str(number), ignore=shutil.ignore_patterns("out"))
     return tally
 
 
-def _forked(run: Callable[[], int], line: list[str], log: Path, folder: Path) -> int:
-    """Exit code of a command in a child process; 1 after a traceback, -9 or -24 if it took too long."""
+def _warm(run: Callable[[], int], line: list[str], folder: Path) -> None:
+    """Run a command in this process, so that forks of it need not compile or import."""
+    argv, here = sys.argv, Path.cwd()
+    sys.argv = ["homeward", *line]
+    os.chdir(folder)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), _quiet():
+            run()
+    finally:
+        sys.argv = argv
+        os.chdir(here)
+
+
+@dataclass(frozen=True)
+class End:
+    """How a command ended."""
+
+    code: int
+    took_s: float  # of the processor
+    said: str  # on stderr
+    printed: str
+
+    def fault(self) -> str:
+        """What is wrong with that, or "": a command does what it is asked, or says in its last line why not."""
+        last = (self.said.strip().splitlines() or [""])[-1]
+        if self.code not in (0, 2) or "Traceback" in self.said:
+            return f"code {self.code}, {_shape(last)}"
+        usage = "For full helptext" in self.said  # tyro's words on an option that there is not
+        if self.code == 2 and not usage and not last.startswith("homeward"):
+            return f"refused without a line, {_shape(last)}"
+        if "\x1b" in self.said + self.printed:
+            return "an escape reaches the terminal"
+        return ""
+
+
+def _forked(run: Callable[[], int], line: list[str], folder: Path) -> End:
+    """Run a command in a child; it ends with 1 after a traceback, with -24 or -9 if it took too long."""
+    said, printed = folder / "said", folder / "printed"
     child = os.fork()
     if child == 0:
         code = 1
         try:
             os.chdir(folder)
-            handle = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-            os.dup2(handle, 1)
-            os.dup2(handle, 2)
+            for number, path in ((1, printed), (2, said)):
+                os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
             sys.argv = ["homeward", *line]
             sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
+            sys.stdin = open(os.devnull)  # noqa: SIM115 - of a process that ends
             size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-            resource.setrlimit(resource.RLIMIT_AS, (size + 2 * MOST_BYTES, resource.RLIM_INFINITY))
-            most_s = int(sum(os.times()[:2]) + 4 * LONGEST_S)  # of a whole diagnosis, not only reading
-            resource.setrlimit(resource.RLIMIT_CPU, (most_s, most_s))
+            resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
+            resource.setrlimit(resource.RLIMIT_CPU, (int(LONGEST_S), int(LONGEST_S) + 1))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             code = run()
         except SystemExit as error:
             code = error.code if isinstance(error.code, int) else 1
@@ -669,15 +810,16 @@ def _forked(run: Callable[[], int], line: list[str], log: Path, folder: Path) ->
                 sys.stdout.flush()
                 sys.stderr.flush()
             os._exit(code)
-    end_s = time.monotonic() + 60 * LONGEST_S  # on a machine with other work; a command that computes ends before
-    while time.monotonic() < end_s:
-        ended, status = os.waitpid(child, os.WNOHANG)
+    end_s = time.monotonic() + _COMMAND_S
+    while True:
+        ended, status, used = os.wait4(child, os.WNOHANG)
         if ended:
-            return os.waitstatus_to_exitcode(status)
-        time.sleep(0.005)
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return -9
+            break
+        if time.monotonic() > end_s:
+            os.kill(child, signal.SIGKILL)
+        time.sleep(0.002)
+    return End(os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime,
+               said.read_text(errors="replace"), printed.read_text(errors="replace"))  # fmt: skip
 
 
 def _row(name: str, one: Tally) -> str:
@@ -698,5 +840,6 @@ def _table(tallies: dict[str, Tally]) -> str:
 
 
 if __name__ == "__main__":
+    os.environ.setdefault("NUMBA_NUM_THREADS", "1")  # a fork has no threads but one
     found = main(tyro.cli(Args, description=__doc__))
     sys.exit(1 if any(one.findings for one in found.values()) else 0)

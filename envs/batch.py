@@ -218,6 +218,8 @@ class Batch:
     def _as_actions(self, actions: Any, dtype: Any) -> Any:
         array = np.asarray(actions)
         if array.shape != self._action_shape:
+            if array.shape[:1] == (self.count,):
+                raise OptionError(f"an action has shape {array.shape[1:]}; give (3,): speed, sensing and mode")
             raise OptionError(f"actions have shape {array.shape}; give {self._action_shape}")
         if array.dtype != dtype:
             if array.dtype.kind not in ("iu" if dtype is np.int64 else "iuf"):

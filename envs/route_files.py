@@ -107,7 +107,9 @@ def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
     except (ValueError, OSError, csv.Error) as error:
         raise RouteError(f"{path}: not a readable CSV table: {error}") from None
     if len(rows) < 3:
-        raise RouteError(f"{path}: not a readable CSV table: give a header and at least two rows")
+        raise RouteError(
+            f"{path}: not a readable CSV table: give a header and at least two rows; a track is .gpx or .fit"
+        )
     names = _as_track(rows[0][1])
     _check_names(path, names)
     table = np.empty((len(names), len(rows) - 1))
@@ -140,7 +142,9 @@ def _check_names(path: Any, names: list[str]) -> None:
         return
     for name in names:
         if name not in COLUMNS:
-            raise RouteError(f"{path}: unknown column {name!r}; columns are {', '.join(COLUMNS)}")
+            raise RouteError(
+                f"{path}: unknown column {name!r}; columns are {', '.join(COLUMNS)}, or of a track lat, lon, ele"
+            )
         if names.count(name) > 1:
             raise RouteError(f"{path}: column {name} is there twice; keep one of them")
     if "distance_m" not in names:

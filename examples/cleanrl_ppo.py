@@ -5,7 +5,10 @@
 
 from __future__ import annotations
 
-from homeward.installed import needed
+try:
+    from homeward.installed import needed
+except ModuleNotFoundError:
+    raise SystemExit("needs homeward: pip install -e '.[train]' in its checkout, or run .venv/bin/python") from None
 
 needed("train", "torch")
 

@@ -9,7 +9,10 @@ end. Everything comes from the environments as they are: the reward, and the cos
 
 from __future__ import annotations
 
-from homeward.installed import needed
+try:
+    from homeward.installed import needed
+except ModuleNotFoundError:
+    raise SystemExit("needs homeward: pip install -e '.[train]' in its checkout, or run .venv/bin/python") from None
 
 needed("train", "torch", "stable_baselines3")
 

@@ -6,7 +6,12 @@ Minari's folder (`MINARI_DATASETS_PATH`) and opens with `minari.load_dataset("ho
 
 from __future__ import annotations
 
-from homeward.installed import needed
+try:
+    from homeward.installed import needed
+except ModuleNotFoundError:
+    raise SystemExit(
+        "needs homeward: pip install -e '.[examples,train]' in its checkout, or run .venv/bin/python"
+    ) from None
 
 needed("examples,train", "minari", "torch")
 

@@ -6,6 +6,11 @@ beliefs run beside it, and the companion is updated with what the robot reads. A
 
 from __future__ import annotations
 
+try:
+    from homeward import installed  # noqa: F401 - it says in a line what is not installed
+except ModuleNotFoundError:
+    raise SystemExit("needs homeward: pip install -e '.[onnx]' in its checkout, or run .venv/bin/python") from None
+
 import math
 from dataclasses import dataclass
 from pathlib import Path

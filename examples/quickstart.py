@@ -6,6 +6,11 @@ what came of it and where the energy went, and writes the mission as runs/quicks
 
 from __future__ import annotations
 
+try:
+    import homeward
+except ModuleNotFoundError:
+    raise SystemExit("needs homeward: pip install -e '.[view]' in its checkout, or run .venv/bin/python") from None
+
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +18,6 @@ import gymnasium as gym
 import numpy as np
 import tyro
 
-import homeward
 from homeward import quantities
 from homeward.agents import make_policy
 from homeward.envs.viewer.clip import write_gif

@@ -6,7 +6,12 @@ an older Gymnasium, though RLlib works with ours.
 
 from __future__ import annotations
 
-from homeward.installed import needed
+try:
+    from homeward.installed import needed
+except ModuleNotFoundError:
+    raise SystemExit(
+        "needs homeward: pip install -e '.[examples,train]' in its checkout, or run .venv/bin/python"
+    ) from None
 
 needed("examples,train", "ray", "torch")
 

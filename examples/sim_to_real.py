@@ -16,6 +16,11 @@ A killed run goes on.
 
 from __future__ import annotations
 
+try:
+    from homeward import installed  # noqa: F401 - it says in a line what is not installed
+except ModuleNotFoundError:
+    raise SystemExit("needs homeward: pip install -e '.[train]' in its checkout, or run .venv/bin/python") from None
+
 import dataclasses
 import json
 import shlex

@@ -5,7 +5,12 @@
 
 from __future__ import annotations
 
-from homeward.installed import needed
+try:
+    from homeward.installed import needed
+except ModuleNotFoundError:
+    raise SystemExit(
+        "needs homeward: pip install -e '.[examples,train]' in its checkout, or run .venv/bin/python"
+    ) from None
 
 needed("examples,train", "torch", "torchrl")
 

@@ -1,5 +1,8 @@
 """Ground robots that must get home on one battery charge: model, environments, agents and diagnosis."""
 
+import importlib as _importlib
+from types import ModuleType as _ModuleType
+
 from homeward import installed as _installed  # noqa: F401 - first: it says in a line what is missing
 
 # isort: split
@@ -11,4 +14,13 @@ __version__ = "0.1.0"
 
 __all__ = ["Robot", "RobotError", "__version__", "load_robot", "physics"]
 
+_LATER = ("agents", "companion", "datasets", "diagnosis", "estimation")
+"""Parts that are imported when they are first asked for, so that `import homeward` stays light."""
+
 _register()
+
+
+def __getattr__(name: str) -> _ModuleType:
+    if name in _LATER:
+        return _importlib.import_module(f"homeward.{name}")
+    raise AttributeError(f"module 'homeward' has no attribute {name!r}")

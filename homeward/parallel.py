@@ -34,6 +34,8 @@ Result = TypeVar("Result")
 
 _RETRIES = 5
 """How often a task starts anew whose node or process died; one that kills its process again and again gives up."""
+_MOST_PER_CORE = 8
+"""Jobs for each core of this machine that are allowed: more only wait for each other, and each takes memory."""
 _ANSWER_S = 5.0
 """How long a cluster may take to answer, s."""
 
@@ -109,8 +111,10 @@ def check_workers(jobs: int, cluster: str | None) -> None:
     Raises:
         ClusterError: The number of jobs is not allowed, Ray is not installed, or no cluster answers.
     """
-    if jobs < 1:
-        raise ClusterError(f"jobs = {jobs} is not allowed; give at least 1")
+    cores = os.cpu_count() or 1
+    if not 1 <= jobs <= _MOST_PER_CORE * cores:
+        most = f"{_MOST_PER_CORE * cores}, as this machine has {cores} {'core' if cores == 1 else 'cores'}"
+        raise ClusterError(f"jobs = {jobs} is not allowed; give 1 to {most}")
     if cluster is None:
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
@@ -137,7 +141,7 @@ def _on_this_machine(
         return
     left = set(tasks)
     calls = (joblib.delayed(_work)(name, order) for name, order in _orders(function, tasks))
-    outcomes = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
+    outcomes = joblib.Parallel(n_jobs=max(min(jobs, len(tasks)), 1), return_as="generator_unordered")(calls)
     try:
         for name, outcome in outcomes:
             left.remove(name)

@@ -330,7 +330,7 @@ sys.exit(evaluate.run())
         (["--instruments", "no/such.toml"], "no/such.toml"),
         (["--weather", "windy"], "weather = 'windy' is not allowed; choose from still, changing"),
         (["--randomise", "wide"], "randomise = 'wide' is not allowed; choose from generic, file"),
-        (["--jobs", "0"], "jobs = 0 is not allowed; give at least 1"),
+        (["--jobs", "0"], "jobs = 0 is not allowed; give 1 to "),
     ],
 )
 def test_bad_arguments_take_one_line(

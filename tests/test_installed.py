@@ -43,6 +43,15 @@ def test_a_python_without_the_packages_gets_one_line(script: str) -> None:
     assert ("does not have" in line and "tyro" in line and "pip install" in line) or ".venv/bin/python" in line
 
 
+@pytest.mark.parametrize("example", sorted(path.name for path in (ROOT / "examples").glob("*.py")))
+def test_an_example_that_finds_no_homeward_says_so_in_one_line(example: str) -> None:
+    found = subprocess.run(
+        [sys.executable, "-I", "-S", str(ROOT / "examples" / example)], capture_output=True, text=True
+    )
+    (line,) = found.stderr.splitlines()
+    assert found.returncode != 0 and "needs homeward: pip install -e '.[" in line
+
+
 RUN = f"""
 import runpy, sys
 sys.path.insert(0, {str(ROOT)!r})

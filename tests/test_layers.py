@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import homeward
+
 ROOT = Path(__file__).parents[1]
 FORBIDDEN = {
     "homeward/physics": {
@@ -195,3 +197,11 @@ def test_the_checks_see_every_form_of_import() -> None:
     source = "from .. import agents\nfrom ..envs import base\nimport homeward.agents.base\ndef f():\n    import torch\n"
     names = set(imports(ast.parse(source), "homeward.physics.model"))
     assert names == {"homeward.agents", "homeward.envs.base", "homeward.agents.base", "torch"}
+
+
+def test_what_the_readme_calls_is_there_after_one_import() -> None:
+    code = "import homeward; print(callable(homeward.diagnosis.diagnose), callable(homeward.companion.Companion))"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert (run.returncode, run.stdout.strip()) == (0, "True True"), run.stderr
+    with pytest.raises(AttributeError, match="no attribute 'diagnoses'"):
+        homeward.diagnoses  # noqa: B018

@@ -27,7 +27,7 @@ class Args:
     """Whose columns, and where to write the mapping."""
 
     run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """Recording: a .csv, .csv.gz, .txt or .parquet file."""
+    """Recording: a .csv, .csv.gz, .tsv, .txt or .parquet file."""
     out: Path | None = None
     """Mapping file to write (.toml); none: it is only shown."""
 

@@ -43,8 +43,8 @@ class Args:
     """What to watch."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each; none
-    with --ros2."""
+    """Recordings (.csv, .csv.gz, .tsv, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each;
+    none with --ros2."""
     robot: str
     """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
     columns: str | None = None

@@ -74,9 +74,13 @@ def analyse(
 ) -> Analysis:
     """As `diagnose`, with the evidence that the report shows; `progress` is called with the name of each stage."""
     robot = load_robot(robot)
-    recordings = [recordings] if isinstance(recordings, Recording | str | Path) else recordings
+    recordings = (
+        list(recordings) if isinstance(recordings, Sequence) and not isinstance(recordings, str) else [recordings]
+    )
     if not recordings:
         raise RecordingError("no recordings given")
+    if strange := [type(one).__name__ for one in recordings if not isinstance(one, Recording | str | Path)]:
+        raise RecordingError(f"a recording is a path or what read_recording returns, not a {strange[0]}")
     progress("reading")
     runs_read = [one if isinstance(one, Recording) else read_recording(one, columns) for one in recordings]
     progress("checking")

@@ -209,9 +209,10 @@ def load_robot(robot: str | Path | Robot) -> Robot:
         raise RobotError(f"robot = {robot!r} is not a preset name, a path or a Robot")
     source = _preset_folder() / f"{robot}.toml" if robot in preset_names() else Path(robot)
     if str(source) != STANDARD_INPUT and not os.path.isfile(source):
+        near = f"{os.path.splitext(source)[0]}.toml"
+        hint = f" (did you mean {near!r}?)" if os.path.isfile(near) else _did_you_mean(str(robot), preset_names())
         raise RobotError(
-            f"robot {str(robot)!r} is neither a preset nor a file; presets: {', '.join(preset_names())}"
-            f"{_did_you_mean(str(robot), preset_names())}"
+            f"robot {str(robot)!r} is neither a preset nor a file; presets: {', '.join(preset_names())}{hint}"
         )
     try:
         data = read_toml(source)

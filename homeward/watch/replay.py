@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion import Advice, Companion, CompanionError
+from homeward.diagnosis.fit.usable import fault_of
 from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.signals import Signals, signals, speed_of, steps_s
 from homeward.estimation import WAY_DTYPE, Prior
@@ -114,11 +115,14 @@ def watch(
         show: Called with each advice, the time in the recording and how long it is, s.
 
     Raises:
-        CompanionError: The recording has motor current only, and the file knows nothing of charge; or the robot stood.
+        CompanionError: The recording has motor current only, and the file knows nothing of charge; the robot stood; or
+            it is too short, or in another unit.
     """
     run = signals(recording, robot)
     if run.unit == "A":
         return watch_charge(run, robot)
+    if fault := fault_of(run, robot):
+        raise CompanionError(f"{recording.name}: {fault}")
     duration_s = float(run.time_s[-1] - run.time_s[0])
     window_s = window_of(robot, duration_s)
     companion = Companion(

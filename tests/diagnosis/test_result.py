@@ -3,12 +3,14 @@
 import dataclasses
 import json
 import math
+from typing import Any
 
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homeward.diagnosis import Diagnosis
+from homeward.diagnosis import Diagnosis, RecordingError, diagnose
 from homeward.diagnosis.explain.places import Place
 from homeward.diagnosis.fit.held_out import Arm
 from homeward.diagnosis.result import (
@@ -91,3 +93,9 @@ def test_what_is_no_number_becomes_null(value: float) -> None:
 def test_foreign_json_is_refused(spoiled: str) -> None:
     with pytest.raises(ValueError):
         Diagnosis.from_json(spoiled)
+
+
+def test_a_table_is_no_recording() -> None:
+    table: Any = pd.DataFrame({"time_s": [0.0]})
+    with pytest.raises(RecordingError, match="a recording is a path or what read_recording returns, not a DataFrame"):
+        diagnose(table, "husky")

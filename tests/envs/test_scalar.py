@@ -23,7 +23,7 @@ from homeward.envs import IDS
 from homeward.envs.difficulty import DIFFICULTIES
 from homeward.envs.features import FEATURES
 from homeward.envs.instruments import INSTRUMENTS
-from homeward.envs.options import ACTION_TYPES, SHAPINGS
+from homeward.envs.options import ACTION_TYPES, SHAPINGS, OptionError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
@@ -301,3 +301,11 @@ def test_stable_baselines3_makes_its_own_vector_env(monkeypatch: pytest.MonkeyPa
     env = sb3.make_vec_env("homeward/Survey-v0", n_envs=2, seed=0)
     assert env.reset().shape == (2, *env.observation_space.shape)
     env.close()
+
+
+@pytest.mark.parametrize("action", [3, "go", [1, 2], None])
+def test_an_action_of_another_shape_is_refused_with_the_one_that_is_needed(action: Any) -> None:
+    env = gym.make(IDS["Survey"], disable_env_checker=True)
+    env.reset(seed=0)
+    with pytest.raises(OptionError, match=r"an action has shape \(.*\); give \(3,\): speed, sensing and mode"):
+        env.step(action)

@@ -245,6 +245,8 @@ def test_a_truncated_file(tmp_path: Path) -> None:
 
 def test_a_folder_is_no_robot(tmp_path: Path) -> None:
     assert "is neither a preset nor a file" in refusal(tmp_path)
+    (tmp_path / "mine.toml").write_text("")
+    assert refusal(tmp_path / "mine").endswith(f"(did you mean '{tmp_path / 'mine.toml'}'?)")
 
 
 def test_a_file_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

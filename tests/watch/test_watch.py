@@ -196,7 +196,13 @@ def test_what_cannot_be_watched_takes_one_line(tmp_path: Path) -> None:
     table.assign(speed_mps=0.0).to_csv(tmp_path / "stood.csv", index=False)
     currents = table.drop(columns="power_w").assign(motor_left_a=2.0, motor_right_a=2.0)
     currents.to_csv(tmp_path / "amps.csv", index=False)
-    for name, said in (("stood.csv", "stood all the time"), ("amps.csv", "motor currents only")):
+    table.assign(speed_mps=3.6 * table["speed_mps"]).to_csv(tmp_path / "kmh.csv", index=False)
+    table[:5].to_csv(tmp_path / "short.csv", index=False)
+    said_of = {
+        "stood.csv": "stood all the time", "amps.csv": "motor currents only", "kmh.csv": "another unit; km/h",
+        "short.csv": "is too short",
+    }  # fmt: skip
+    for name, said in said_of.items():
         with pytest.raises(CompanionError, match=said):
             main(Args((tmp_path / name,), "husky", out=tmp_path / "out"))
     with pytest.raises(RecordingError, match="no recording"):

@@ -51,7 +51,7 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
         recording, error = without_faults(given, robot)
         findings += [Finding(recording.name, note) for note in recording.notes]
         run = signals(recording, robot, error=error)
-        if fault := _fault(run, robot):
+        if fault := fault_of(run, robot):
             findings.append(Finding(recording.name, fault, refused=True))
             continue
         findings += [Finding(recording.name, text) for text in _remarks(given, run, robot)]
@@ -117,14 +117,17 @@ def _lacks(recording: Recording) -> str | None:
         return f"has no {lacks}"
     missing = 1.0 - float(known(recording).mean())
     if missing > _MOST_MISSING:
-        return f"motion or power is missing in {missing:.0%} of the samples"
+        return (
+            f"motion or power is missing in {missing:.0%} of the samples; where they are logged in rows of their own, "
+            "put both into each row (pandas.merge_asof does)"
+        )
     if len(recording) < _FEWEST_SAMPLES or recording.duration_s < _SHORTEST_RUN_S:
         return f"is too short ({len(recording)} samples over {recording.duration_s:.3g} s)"
     return None
 
 
-def _fault(run: Signals, robot: Robot) -> str | None:
-    """Why a run cannot be used, or None."""
+def fault_of(run: Signals, robot: Robot) -> str | None:
+    """Why a run of a robot cannot be used, in a phrase: it is too short, or in another unit; None where it can."""
     if len(run.time_s) == 0:
         return "holds nothing but charging"
     if len(run.time_s) < _FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < _SHORTEST_RUN_S:

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from homeward.diagnosis.read import tables
 from homeward.diagnosis.read.channels import CHANNELS, Array
 from homeward.diagnosis.read.columns import RecordingError, numeric
-from homeward.diagnosis.read.times import from_iso
+from homeward.diagnosis.read.times import from_iso, from_time_of_day
 from homeward.files import open_regular
 
 SURE = ("certain", "likely", "a guess")
@@ -26,22 +26,25 @@ _DEGREE = np.pi / 180.0
 
 _NAMES: dict[str, tuple[str, str]] = {
     # channel: words of which one names it, all of a group joined by "+"; words that speak against it
-    "time_s": ("time timestamp stamp date datetime elapsed clock epoch t sec secs", "rate step"),
+    "time_s": ("time timestamp stamp date datetime elapsed clock epoch t sec secs zeit", "rate step"),
     "wheel_left_mps": ("left+wheel left+speed left+vel left+velocity vell", "current motor amps right"),
     "wheel_right_mps": ("right+wheel right+speed right+vel right+velocity velr", "current motor amps left"),
     "motor_left_a": ("left+current left+motor left+amps curl", "speed velocity vel temp right"),
     "motor_right_a": ("right+current right+motor right+amps curr", "speed velocity vel temp left"),
     "yaw_rate_radps": ("yaw+rate turn+rate gyro+z angular+z wz omega yawrate angular+velocity rotation+rate", "x y"),
-    "speed_mps": ("speed velocity vel v vx groundspeed linear+x odom+x", "wind angular left right fan rpm yaw set cmd"),
+    "speed_mps": (
+        "speed velocity vel v vx groundspeed linear+x odom+x geschwindigkeit",
+        "wind angular left right fan rpm yaw set cmd",
+    ),
     "grade_rad": ("grade slope incline inclination pitch gradient", "rate"),
     "elevation_m": ("elevation altitude alt height ele", "rate"),
     "base_distance_m": ("base+distance distance+base distance+home home+distance", ""),
     "distance_m": ("distance dist odometer odo travelled traveled mileage", "base home"),
     "heading_rad": ("heading yaw course bearing azimuth", "rate"),
     "soc": ("soc charge+state state+charge battery+level battery+percent battery+percentage", "health"),
-    "power_w": ("power watt watts pwr leistung", "factor"),
+    "power_w": ("power watt watts pwr batt+w battery+w leistung", "factor"),
     "voltage_v": ("voltage volt volts vbat vbatt vbus batt+v battery+v spannung", "motor"),
-    "current_a": ("current amp amps ampere amperes ibat ibatt strom curr", "left right motor time"),
+    "current_a": ("current amp amps ampere amperes ibat ibatt batt+a battery+a strom curr", "left right motor time"),
     "sensing_hz": ("sensing+rate sample+rate sampling+rate camera+rate sensing fps sensing+hz", ""),
     "temperature_c": ("temperature temp ambient", "motor cpu battery cell gpu"),
     "payload_kg": ("payload load cargo", "cpu power"),
@@ -116,20 +119,20 @@ def propose(path: str | Path) -> Proposal:
     """Propose which columns of a table are which channels.
 
     Args:
-        path: A .csv, .csv.gz, .txt or .parquet file.
+        path: A .csv, .csv.gz, .tsv, .txt or .parquet file.
 
     Raises:
         RecordingError: It cannot be read, or no column looks like a time.
     """
     path = Path(path)
     try:
-        header, table, notes = _beginning(path)
+        header, table, notes, units = _beginning(path)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     try:
-        offered = [guess for name in header for guess in _guesses(name, table[name])]
+        offered = [guess for name in header for guess in _guesses(name, table[name], units.get(name, ""))]
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     chosen: dict[str, Guess] = {}
@@ -137,11 +140,12 @@ def propose(path: str | Path) -> Proposal:
         if guess.channel not in chosen and guess.column not in {one.column for one in chosen.values()}:
             chosen[guess.channel] = guess
     taken = {one.column for one in chosen.values()}
-    left = {name: _why_left(name, offered, chosen) for name in header if name not in taken}
+    left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in taken}
     return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
 
 
-def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...]]:
+def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], dict[str, str]]:
+    """Names of the columns, their first rows, notes, and units by name where there is a line of them."""
     if path.suffix.lower() == ".parquet":
         try:
             with open_regular(path) as stream, pq.ParquetFile(stream) as file:
@@ -153,31 +157,34 @@ def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...]]:
             raise RecordingError(
                 f"is not a whole Parquet file ({(str(error).splitlines() or [''])[0][:200]})"
             ) from error
-        return [str(name) for name in table.columns], table.set_axis(map(str, table.columns), axis="columns"), ()
-    if not path.name.lower().endswith((".csv", ".csv.gz", ".txt")):
-        raise RecordingError("is no table; give a .csv, .csv.gz, .txt or .parquet file (a bag has topics, not columns)")
+        return [str(name) for name in table.columns], table.set_axis(map(str, table.columns), axis="columns"), (), {}
+    if not path.name.lower().endswith(tables.SUFFIXES):
+        kinds = ", ".join(tables.SUFFIXES)
+        raise RecordingError(f"is no table; give a {kinds} or .parquet file (a bag has topics, not columns)")
     text = tables.sniff(path)
     names = list(dict.fromkeys(name for name in text.header if name))
     if not names:
         raise RecordingError("has no names of columns in its first line")
     pieces = text.pieces(names)
-    return names, next(pieces, pd.DataFrame(columns=names)).iloc[:_ROWS], text.notes
+    units = dict(zip(text.header, text.units, strict=False))
+    return names, next(pieces, pd.DataFrame(columns=names)).iloc[:_ROWS], text.notes, units
 
 
-def _guesses(name: str, column: pd.Series[Any]) -> list[Guess]:
+def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
     """What a column may be, the channels whose names it bears."""
-    words, unit_words = _words(name)
+    words, unit_words = _words(f"{name} [{unit}]" if unit else name)
     dated = from_iso(column)
+    dated, how = (dated, "dates (ISO 8601)") if dated is not None else (from_time_of_day(column), "times of day")
     values = (numeric(column) if dated is None else dated).to_numpy(np.float64, na_value=np.nan)
     if not np.isfinite(values).any():
         return []
     found = []
     for channel, (groups, against) in _NAMES.items():
         if name == channel:
-            found.append(Guess(name, channel, 1.0, 0.0, 0, "it has the channel's name"))
+            found.append(_signed(Guess(name, channel, 1.0, 0.0, 0, "it has the channel's name"), values))
         elif any(set(group.split("+")) <= words for group in groups.split()) and not words & set(against.split()):
             if dated is not None and channel == "time_s":
-                found.append(Guess(name, channel, 1.0, 0.0, 0, "dates (ISO 8601)"))
+                found.append(Guess(name, channel, 1.0, 0.0, 0, how))
             elif dated is None and (guess := _in_unit(name, channel, values, unit_words)) is not None:
                 found.append(guess)
     return found
@@ -243,8 +250,10 @@ def _words(name: str) -> tuple[set[str], list[str]]:
     return {part for word in (*lower, *whole) for part in (word, *word.split("/"))}, [*units, *ends]
 
 
-def _why_left(name: str, offered: list[Guess], chosen: dict[str, Guess]) -> str:
+def _why_left(name: str, offered: list[Guess], chosen: dict[str, Guess], column: pd.Series[Any]) -> str:
     mine = [guess for guess in offered if guess.column == name]
+    if not mine and _words(name)[0] & set(_NAMES["time_s"][0].split()) and not pd.api.types.is_numeric_dtype(column):
+        return " (neither numbers nor times such as 2024-05-01T12:00:00.1)"
     if not mine:
         return ""
     return f" (could be {mine[0].channel}, which {chosen[mine[0].channel].column} is taken for)"

@@ -19,13 +19,13 @@ from homeward.diagnosis.read import tables
 from homeward.diagnosis.read.bags import is_bag, sha256, storage_files
 from homeward.diagnosis.read.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
 from homeward.diagnosis.read.columns import Columns, RecordingError, load_columns, numeric
-from homeward.diagnosis.read.times import LONGEST_STEP_S, from_epoch, from_iso
+from homeward.diagnosis.read.times import LONGEST_STEP_S, from_epoch, from_iso, from_time_of_day
 from homeward.files import STANDARD_INPUT, open_regular
 from homeward.installed import advice
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
-_SUFFIXES = (".csv", ".csv.gz", ".txt", ".parquet")
+_SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _STRAY_SHARE = 0.01  # up to this share of impossible values is taken for glitches and left out, more for a wrong unit
 _BATCH_ROWS = 2**16  # of a Parquet file at a time
 _MOST_BROKEN = 0.1  # of the lines of a file without names of columns; more for a mapping of other files
@@ -67,8 +67,8 @@ def read_recording(
     """Read a recording in the project's schema, or a foreign one through a mapping.
 
     Args:
-        path: A .csv, .csv.gz, .txt or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag. One
-            file or folder is one run. "-" is standard input.
+        path: A .csv, .csv.gz, .tsv, .txt or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag.
+            One file or folder is one run. "-" is standard input.
         columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag it names topics, see
             `homeward.diagnosis.read.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
         standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
@@ -229,13 +229,21 @@ def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) 
     """The columns as float64; dates in the columns of the time become seconds, and `dated` says so."""
     stamp = None if mapping is None else mapping.stamp
     times = ["time_s"] if mapping is None else mapping.time_columns()
-    columns = {}
+    columns: dict[str, Any] = {}
     for name in table.columns:
         column: pd.Series[Any] = table[name]
-        seconds = from_iso(column) if name in times and name != stamp else None
-        if seconds is not None:
+        if name == stamp:
+            columns[name] = column
+        elif name not in times:
+            columns[name] = _numbers(column)
+        elif (seconds := from_iso(column)) is not None:
             dated.append("dates (ISO 8601) as s since 1970")
-        columns[name] = column if name == stamp else _numbers(column if seconds is None else seconds)
+            columns[name] = _numbers(seconds)
+        elif (seconds := from_time_of_day(column)) is not None:
+            dated.append("times of day as s since midnight")
+            columns[name] = _numbers(seconds)
+        else:
+            columns[name] = _numbers(column, "neither a number nor a time such as 2024-05-01T12:00:00.1")
     return pd.DataFrame(columns, index=table.index)
 
 
@@ -249,19 +257,19 @@ def _wanted(header: list[str], mapping: Columns | None, standing: bool = False) 
         wanted = mapping.file_columns()
     else:
         wanted = [name for name in CHANNELS if name in header]
-        _refuse_missing([*wanted, "speed_mps"] if standing else wanted, header)
+        offer = f"{_has(header)}; `homeward columns RUN` proposes a mapping file (--columns) that says which is which"
+        _refuse_missing([*wanted, "speed_mps"] if standing else wanted, offer)
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:
         raise RecordingError(f"has two columns {twice[0]}; keep one")
     return wanted
 
 
-def _refuse_missing(present: list[str], header: list[str]) -> None:
-    advice = f"{_has(header)}; name the columns in a mapping file (--columns), as homeward columns proposes one"
+def _refuse_missing(present: list[str], advice: str) -> None:
     if "time_s" not in present:
         raise RecordingError(f"has no column time_s; {advice}")
     if lacks := lacking(present):
-        stood = ", or say --standing if the robot stood" if lacks.startswith("motion") else ""
+        stood = "; say --standing if the robot stood" if lacks.startswith("motion") else ""
         raise RecordingError(f"has no {lacks}; {advice}{stood}")
 
 
@@ -287,19 +295,19 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
         else:
             notes += _leave_out_impossible(channel, values)
         channels[channel.name] = values
-    _refuse_missing(list(channels), list(table.columns))
+    _refuse_missing(list(channels), f"it gives {', '.join(channels)}")
     _refuse_contradiction(channels)
     return channels
 
 
-def _numbers(column: pd.Series[Any]) -> Array:
+def _numbers(column: pd.Series[Any], wrong: str = "not a number") -> Array:
     """A column as float64, NaN where a cell is empty."""
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
         numbers = numeric(column)
         bad = np.flatnonzero((numbers.isna() & column.notna()).to_numpy())
         if len(bad):
             cell, row = _shown(str(column.iloc[bad[0]])), int(column.index[bad[0]]) + 1
-            raise RecordingError(f"{_shown(str(column.name))} in row {row} is {cell!r}, not a number")
+            raise RecordingError(f"{_shown(str(column.name))} in row {row} is {cell!r}, {wrong}")
         column = numbers
     values: Array = column.to_numpy(dtype=np.float64, na_value=np.nan, copy=True)
     return values

@@ -23,14 +23,19 @@ MOST_ROWS = 10_000_000
 MOST_BYTES = 2**30
 """Bytes of a recording, unpacked: as many rows of 100 characters."""
 
+SUFFIXES = (".csv", ".csv.gz", ".tsv", ".txt")
+"""Endings of their names."""
+
 _LONGEST_LINE = 2**20
 _PIECE = 200_000  # rows at a time
 _SNIFFED = 2**16  # bytes that encoding, separator and decimal sign are told by
 _SEPARATORS = (",", ";", "\t", "|")
-_NAMES = {";": "semicolons", "\t": "tabs", "|": "vertical bars", ",": "commas"}
+_NAMES = {" ": "spaces", ";": "semicolons", "\t": "tabs", "|": "vertical bars", ",": "commas"}
 _MARKS = (b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 _DECIMAL_POINT = re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*")
+_NUMBER = re.compile(r"\s*[-+]?[\d.]")  # or a date: how a cell with a value begins
+_ENDS = re.compile("\r\n|\n|\r")  # of lines, as pandas has them
 _BINARY = bytes(set(range(32)) - set(b"\t\n\r\f\x1b"))
 
 
@@ -82,6 +87,8 @@ class TextTable:
         separator, decimal: Between cells, and in numbers.
         encoding: As Python names it.
         notes: What about it is not a plain CSV file, in a phrase each.
+        skipped: Lines that are neither names nor samples, from 0: comments before the names, units after them.
+        units: Of each column, where there is a line of them.
     """
 
     path: Path
@@ -90,6 +97,8 @@ class TextTable:
     decimal: str
     encoding: str
     notes: tuple[str, ...]
+    skipped: tuple[int, ...] = ()
+    units: tuple[str, ...] = ()
 
     def pieces(self, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
         """Some columns, piece by piece, by their names; the index counts the rows.
@@ -106,7 +115,7 @@ class TextTable:
                 io.TextIOWrapper(file, self.encoding, newline="") if wide else file,
                 encoding=None if wide else "utf-8-sig", sep=self.separator, decimal=self.decimal,
                 skipinitialspace=True, header=0, names=range(width), usecols=[*places, width - 1], index_col=False,
-                low_memory=False, chunksize=_PIECE,
+                low_memory=False, chunksize=_PIECE, skiprows=list(self.skipped),
             )  # fmt: skip
             for last in reader:
                 if len(last) and last.index[-1] >= MOST_ROWS:
@@ -149,17 +158,43 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
         text = codecs.getincrementaldecoder(encoding)().decode(start, ended)
     except UnicodeDecodeError as error:
         raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from error
-    lines = [line for line in text.splitlines()[: None if ended else -1] if line.strip()]
+    numbered = list(enumerate(_ENDS.split(text)[: None if ended else -1]))
+    comments, lines = _comments([(number, line) for number, line in numbered if line.strip()])
     if not lines:
         raise RecordingError("holds no samples")
     if separator is None:
-        separator = max(_SEPARATORS, key=lambda one: len(_cells(lines[0], one)))
-    header = [name.strip() for name in _cells(lines[0], separator)]
-    rows = [_cells(line, separator) for line in lines[1:200]]
+        separator = _separator([line for _, line in lines[:20]])
+    header, *rows = ([cell.strip() for cell in _cells(line, separator)] for _, line in lines[:200])
+    units = rows.pop(0) if len(rows) > 1 and _are_units(rows[0], rows[1]) else []
     if decimal is None:
         decimal = "," if _has_decimal_commas(rows) else "."
     _refuse_wide(rows, header, separator)
-    return TextTable(path, header, separator, decimal, encoding, _notes(encoding, separator, decimal))
+    notes = _notes(encoding, separator, decimal, len(comments), bool(units))
+    skipped = (*comments, *([lines[1][0]] if units else []))
+    return TextTable(path, header, separator, decimal, encoding, notes, skipped, tuple(units))
+
+
+def _comments(lines: Sequence[tuple[int, str]]) -> tuple[list[int], list[tuple[int, str]]]:
+    """Numbers of the lines that begin with # before the names, and the other lines from the names on.
+
+    Names may stand behind a # themselves, as NumPy writes them: then samples follow at once.
+    """
+    count = next((place for place, (_, line) in enumerate(lines) if not line.startswith("#")), len(lines))
+    if 0 < count < len(lines) and _NUMBER.match(lines[count][1]):
+        count -= 1
+        lines = [*lines[:count], (lines[count][0], lines[count][1].lstrip("# ")), *lines[count + 1 :]]
+    return [number for number, _ in lines[:count]], list(lines[count:])
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """What cuts the line of names into the most cells; spaces where nothing else does, and they cut all lines alike."""
+    best = max(_SEPARATORS, key=lambda one: len(_cells(lines[0], one)))
+    widths = {len([cell for cell in _cells(line, " ") if cell]) for line in lines}
+    return " " if len(_cells(lines[0], best)) == 1 and widths != {1} and len(widths) == 1 else best
+
+
+def _are_units(row: Sequence[str], following: Sequence[str]) -> bool:
+    return any(row) and not any(map(_NUMBER.match, row)) and any(map(_NUMBER.match, following))
 
 
 def _encoding(start: bytes) -> str:
@@ -187,7 +222,7 @@ def _tail_encoding(encoding: str, path: Path) -> str:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    return next(csv.reader([line], delimiter=separator), [])
+    return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
 
 
 def _has_decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
@@ -203,7 +238,7 @@ def _refuse_wide(rows: Sequence[Sequence[str]], header: Sequence[str], separator
             raise RecordingError(f"row {number} has {len(row)} cells, the line of names {len(header)}{guess}")
 
 
-def _notes(encoding: str, separator: str, decimal: str) -> tuple[str, ...]:
+def _notes(encoding: str, separator: str, decimal: str, comments: int, units: bool) -> tuple[str, ...]:
     notes = []
     if encoding not in ("utf-8-sig",):
         notes.append(f"encoding {encoding}")
@@ -211,6 +246,10 @@ def _notes(encoding: str, separator: str, decimal: str) -> tuple[str, ...]:
         notes.append(f"cells separated by {_NAMES.get(separator, repr(separator))}")
     if decimal != ".":
         notes.append("decimal commas")
+    if comments:
+        notes.append(f"{comments} {'line' if comments == 1 else 'lines'} of comment before the names left out")
+    if units:
+        notes.append("the line of units after the names left out")
     return tuple(notes)
 
 

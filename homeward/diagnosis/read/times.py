@@ -1,4 +1,4 @@
-"""Times as recordings have them: seconds, counts since 1970 in s, ms, us or ns, and ISO 8601."""
+"""Times as recordings have them: seconds, counts since 1970 in s, ms, us or ns, ISO 8601, and the time of day."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ _EPOCH_S = 6.3e8, 4.1e9
 LONGEST_STEP_S = 30.0
 """Median time between the samples of a recording, s; what is longer is in another unit."""
 
+_TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
 _UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)
 
 
@@ -25,13 +26,22 @@ def from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of texts that are no dates, whatever pandas thinks of them
-            moments = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
+            moments = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce").dt.as_unit("ns")
     except (ValueError, TypeError, OverflowError):
         return None
     if not len(moments) or (moments.isna() & column.notna()).any() or moments.isna().all():
         return None
-    nanoseconds = moments.dt.as_unit("ns").astype("int64")
-    return (nanoseconds * 1e-9).where(moments.notna())
+    return (moments.astype("int64") * 1e-9).where(moments.notna())
+
+
+def from_time_of_day(column: pd.Series[Any]) -> pd.Series[Any] | None:
+    """Seconds since midnight of texts such as 12:00:00.1; None where one is something else."""
+    if pd.api.types.is_numeric_dtype(column) or not len(column):
+        return None
+    texts = column.astype(str)
+    if not texts.str.fullmatch(_TIME_OF_DAY).all():
+        return None
+    return pd.to_timedelta(texts, errors="coerce").dt.total_seconds()
 
 
 def from_epoch(time_s: Array) -> tuple[Array, str | None]:

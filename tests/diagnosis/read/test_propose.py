@@ -38,6 +38,14 @@ TABLES = {
         "t": ("time_s", 1.0, 0.0), "vx": ("speed_mps", 1.0, 0.0), "voltage": ("voltage_v", 1.0, 0.0),
         "current": ("current_a", 1.0, 0.0), "battery_level": ("soc", 1.0, 0.0),
     },
+    "German": {
+        "Zeit [s]": ("time_s", 1.0, 0.0), "Geschwindigkeit [km/h]": ("speed_mps", 3.6, 0.0),
+        "Spannung [V]": ("voltage_v", 1.0, 0.0), "Strom [A]": ("current_a", 1.0, 0.0),
+    },
+    "a battery's": {
+        "stamp": ("time_s", 1.0, 0.0), "speed_kmh": ("speed_mps", 3.6, 0.0), "batt_mV": ("voltage_v", 1e3, 0.0),
+        "batt_mA": ("current_a", -1e3, 0.0),
+    },
     "units by values": {
         "time": ("time_s", 1.0, 0.0), "velocity": ("speed_mps", 1.0, 0.0), "voltage": ("voltage_v", 1e3, 0.0),
         "current": ("current_a", -1.0, 0.0), "battery_level": ("soc", 100.0, 0.0),
@@ -106,3 +114,22 @@ def test_names_that_are_no_toml_are_quoted(tmp_path: Path) -> None:
     TRUTH.rename(columns={"speed_mps": 'speed "x" \\ # [m/s]'}).to_csv(path, index=False)
     (tmp_path / "map.toml").write_text(propose(path).toml())
     assert len(read_recording(path, tmp_path / "map.toml")) == 600
+
+
+def test_a_line_of_units_tells_the_units(tmp_path: Path) -> None:
+    rows = TRUTH[["time_s", "speed_mps", "current_a"]].mul([1e3, 3.6, 1.0]).to_csv(index=False, header=False)
+    (tmp_path / "run.csv").write_text("time,speed,current\nms,km/h,A\n" + rows)
+    factors = {one.channel: one.factor for one in propose(tmp_path / "run.csv").guesses}
+    assert factors == {"time_s": 1e-3, "speed_mps": pytest.approx(1 / 3.6), "current_a": 1.0}
+
+
+def test_a_channel_that_is_negative_is_turned(tmp_path: Path) -> None:
+    TRUTH.assign(current_a=-TRUTH["current_a"]).to_csv(tmp_path / "run.csv", index=False)
+    (current,) = (one for one in propose(tmp_path / "run.csv").guesses if one.channel == "current_a")
+    assert (current.factor, current.sure) == (-1.0, 2)
+
+
+@pytest.mark.parametrize("stamp", ["6024-05-01T12:00:00", "05/01/2024 12:00:00 PM"])
+def test_dates_that_are_none_are_left_over_with_the_reason(tmp_path: Path, stamp: str) -> None:
+    TRUTH.assign(time=stamp).drop(columns="time_s").to_csv(tmp_path / "run.csv", index=False)
+    assert "neither numbers nor times such as 2024-05-01T" in propose(tmp_path / "run.csv").left_over["time"]

@@ -161,6 +161,50 @@ def test_tables_as_other_programs_write_them(
     assert len(recording.notes) == (0 if plain else 1)
 
 
+@pytest.mark.parametrize(
+    ("head", "notes"),
+    [
+        ("# logger 3.1\n#\ntime_s,speed_mps,power_w\n", "2 lines of comment before the names left out"),
+        ("# time_s,speed_mps,power_w\n", ""),  # as numpy.savetxt writes it
+        ("# logger\n# time_s,speed_mps,power_w\n", "1 line of comment before the names left out"),
+        ("time_s,speed_mps,power_w\ns,m/s,W\n", "the line of units after the names left out"),
+        ("# a\ntime_s,speed_mps,power_w\n[s],[m/s],[W]\n", "left out, the line of units after the names left out"),
+    ],
+)
+def test_comments_and_units_around_the_names(table: pd.DataFrame, tmp_path: Path, head: str, notes: str) -> None:
+    path = tmp_path / "run.csv"
+    rows = table[["time_s", "speed_mps", "power_w"]].to_csv(index=False, header=False)
+    path.write_text(head + rows)
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.channels["power_w"], table["power_w"], rtol=1e-12)
+    assert len(recording) == 600 and notes in "".join(recording.notes) and bool(notes) == bool(recording.notes)
+
+
+def test_cells_between_spaces(table: pd.DataFrame, tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    columns = ["time_s", "speed_mps", "power_w"]
+    np.savetxt(path, table[columns], "%12.6f", header=" ".join(columns))
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.channels["speed_mps"], table["speed_mps"], atol=1e-6)
+    assert recording.notes == ("read with cells separated by spaces",)
+
+
+def test_a_name_with_spaces_is_one_name(table: pd.DataFrame, tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("the time of day\n1\n2\n")
+    assert "it has the time of day" in refusal(tmp_path / "run.csv")
+    table.to_csv(tmp_path / "run.tsv", sep="\t", index=False)
+    assert len(read_recording(tmp_path / "run.tsv")) == 600
+
+
+def test_times_of_day(table: pd.DataFrame, csv: Write) -> None:
+    stamps = pd.to_datetime(12 * 3600 + table["time_s"], unit="s").dt.strftime("%H:%M:%S.%f")
+    recording = read_recording(csv(table.assign(time_s=stamps)))
+    np.testing.assert_allclose(recording.channels["time_s"], 12 * 3600 + table["time_s"], atol=1e-6)
+    assert recording.notes == ("read with times of day as s since midnight",)
+    american = csv(table.assign(time_s="05/01/2024 12:00:00 PM"))
+    assert "row 1 is '05/01/2024 12:00:00 PM', neither a number nor a time such as 2024-05-01T" in refusal(american)
+
+
 def test_commas_for_both_cells_and_decimals_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time_s,speed_mps,power_w\n" + "".join(f"0,{row},1,0,5,5\n" for row in range(9)))

@@ -44,13 +44,14 @@ class Bag(contextlib.ExitStack):
             here = [connection for connection in connections if connection in reader.connections]
             if not here:
                 continue
-            last_ns = None
+            first_ns, last_ns = 2**63, 0
             try:
                 for connection, received_ns, data in reader.messages(here):
-                    last_ns = received_ns
+                    if isinstance(received_ns, int):  # a damaged database gives any kind
+                        first_ns, last_ns = min(first_ns, received_ns), max(last_ns, received_ns)
                     yield connection, received_ns, data
             except Exception as error:  # a damaged record raises anything, from struct.error to zlib's
-                read_s = 0.0 if last_ns is None else (last_ns - reader.start_time) * 1e-9
+                read_s = max(last_ns - first_ns, 0) * 1e-9
                 self.notes.append(
                     f"{reader.path.name} is damaged ({_first_line(error)}): its first {read_s:.1f} s could be read"
                 )

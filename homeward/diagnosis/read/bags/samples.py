@@ -54,12 +54,14 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
     times: dict[str, list[tuple[int, int]]] = {name: [] for name in rows}
     spoilt = dict.fromkeys(rows, 0)
     for connection, received_ns, content in bag.messages(readable):
-        name = connection.topic
-        if received_ns > _LATEST_NS:
+        name, decode = connection.topic, decoders.get((id(connection.owner), connection.id))
+        if decode is None:
+            continue  # where a damaged index leads to messages of another topic
+        if not isinstance(received_ns, int) or received_ns > _LATEST_NS:  # a damaged database gives any kind
             spoilt[name] += 1
             continue
         try:
-            message = decoders[id(connection.owner), connection.id](content)
+            message = decode(content)
             rows[name].append([get(message) for get in getters[name]])
         except SerdeError:
             spoilt[name] += 1
