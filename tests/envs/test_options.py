@@ -171,10 +171,10 @@ DISCRETE: list[tuple[Any, str]] = [
     ([math.nan, 0, 1], "dtype float64; give int64"),
     ([True, False, True], "dtype bool; give int64"),
     (["a", "b", "c"], "dtype <U1; give int64"),
-    ([0, 0], "shape (1, 2); give (1, 3)"),
-    ([[0, 0, 1]], "shape (1, 1, 3); give (1, 3)"),
-    (1, "shape (1,); give (1, 3)"),
-    (None, "give (1, 3)"),
+    ([0, 0], "shape (2,); give (3,)"),
+    ([[0, 0, 1]], "shape (1, 3); give (3,)"),
+    (1, "shape (); give (3,)"),
+    (None, "give (3,)"),
     (np.array([2**63, 0, 1], np.uint64), "is not allowed"),
 ]
 CONTINUOUS: list[tuple[Any, str]] = [
@@ -186,8 +186,8 @@ CONTINUOUS: list[tuple[Any, str]] = [
     ([1e300, 0.0, 0.0], "within [-1, 1]"),
     ([1j, 0.0, 0.0], "dtype complex128; give float32"),
     (["a", "b", "c"], "dtype <U1; give float32"),
-    ([0.0, 0.0], "shape (1, 2); give (1, 3)"),
-    (0.0, "shape (1,); give (1, 3)"),
+    ([0.0, 0.0], "shape (2,); give (3,)"),
+    (0.0, "shape (); give (3,)"),
 ]
 
 

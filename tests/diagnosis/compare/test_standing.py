@@ -56,7 +56,7 @@ def test_a_missing_speed_is_refused_unless_said_to_stand(
     table: pd.DataFrame, csv: Callable[[pd.DataFrame], Path]
 ) -> None:
     path = csv(table.drop(columns="speed_mps"))
-    with pytest.raises(RecordingError, match=r"no motion channel .* or say --standing if the robot stood"):
+    with pytest.raises(RecordingError, match=r"no motion channel .*; say --standing if the robot stood"):
         read_recording(path)
     assert stands(read_recording(path, standing=True))
     assert not stands(read_recording(csv(table), standing=True))  # a recorded speed is believed
