@@ -50,11 +50,8 @@ def save_checkpoint(model: PPO, best: Best | None, folder: Path) -> None:
     for index, layer in enumerate(best.layers if best else ()):
         for name, value in zip(("weight", "bias"), layer, strict=True):
             tensors[f"best.{index}.{name}"] = torch.from_numpy(value)
-    header = {
-        "schema": SCHEMA,
-        "steps": model.num_timesteps,
-        "best": None if best is None else {"steps": best.steps, "score": best.score},
-    }
+    kept = best and {"steps": best.steps, "score": best.score}
+    header = {"schema": SCHEMA, "steps": model.num_timesteps, "best": kept}
     content = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
     write_checkpoint(folder, save(content, {_HEADER: json.dumps(header)}))
 
