@@ -8,7 +8,7 @@ from typing import Any
 
 from homeward.companion.readings import CompanionError, checked_position
 
-_MOST_WIND_MPS = 60.0
+_MOST_WIND_MPS = 60.0  # nearly twice a hurricane's least, 33 m/s on the Beaufort scale
 
 
 def check_number(name: str, value: Any, low: float, high: float) -> None:
