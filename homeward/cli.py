@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import sys
+import unicodedata
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -95,6 +96,10 @@ def run(
         All but 0 come with one line on stderr.
     """
     program, arguments = _called()
+    for argument in arguments:  # the parser of arguments shows those that it does not know as they are
+        if any(unicodedata.category(character) == "Cc" for character in argument):
+            _say(program, f"argument '{argument}' holds a control character: type it again, or rename the file")
+            return 2
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _say_warning

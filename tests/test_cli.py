@@ -133,3 +133,11 @@ def test_a_long_message_is_cut(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
 @dataclass(frozen=True)
 class Nothing:
     """No arguments."""
+
+
+def test_no_argument_reaches_the_terminal_as_an_escape(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, said = end(evaluate, ["--agents", "soc50", "\x1b[31m"], monkeypatch, capsys)
+    assert code == 2
+    assert said == "evaluate.py: argument '?[31m' holds a control character: type it again, or rename the file\n"

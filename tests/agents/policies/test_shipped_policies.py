@@ -40,6 +40,7 @@ def test_what_ships_loads_without_a_warning(agent: str, mission: str) -> None:
     assert isinstance(policy, NetworkPolicy)
     assert not differences(policy.description, IDS[mission], env.batch.options, env.batch.known)
     assert {"command", "versions", "training"} <= set(policy.description)
+    assert " /" not in policy.description["command"]  # a path of somebody's machine
     assert len(read_curve(FOLDERS[agent, mission])) > 5
 
 
