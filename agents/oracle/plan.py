@@ -90,9 +90,9 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
     if result.status != 0:
         return None
     joule, second = np.maximum(-result.ineqlin.marginals[:2], 0.0)
-    sample = np.zeros(len(rates.radio_hz))
-    sample[:pieces] = np.maximum(result.eqlin.marginals[2 * pieces :], 0.0)
-    sample[pieces:] = sample[pieces - 1]
+    by_piece = np.maximum(result.eqlin.marginals[2 * pieces :], 0.0)
+    by_piece = np.pad(by_piece, (1, len(rates.radio_hz) - pieces + 1), mode="edge")
+    sample = 0.5 * (by_piece[:-1] + by_piece[1:])
     metres, _, stands_s, backlog, _, _ = np.split(result.x, np.cumsum(widths[:-1]))
     spent_j = (metres * out_j.ravel()).reshape(pieces, ways).sum(axis=1) + stands_s * standing_w
     prices = allowed(rates, Prices(float(joule), float(second), sample))
@@ -111,7 +111,7 @@ def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Prices]:
     room = np.array([rates.energy_j + stops_s * stand_w, rates.time_s + stops_s])
     result = _most(np.append(np.zeros(power_w.size), 1.0), np.stack([joules, seconds]), room, driven, (0.0, None))
     joule, second = np.maximum(-result.ineqlin.marginals, 0.0)
-    prices = Prices(float(joule), float(second), np.zeros(len(rates.radio_hz)))
+    prices = Prices(float(joule), float(second), np.zeros(len(rates.radio_hz) + 1))
     return patrol_bound(rates, pit_stop_s, prices), prices
 
 

@@ -56,13 +56,13 @@ def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Ar
         far, near = value.way[piece + 1], value.way[piece]
         ends[: piece + 1] = np.maximum(ends[: piece + 1], max(far, near) + value.memory[piece])
         ends[piece + 1] = max(ends[piece + 1], far + value.memory[piece])
-    ahead = ends - value.way + value.home - np.append(value.fallen, value.fallen[-1])
+    ahead = ends - value.way + value.home - value.fallen
     borders = np.arange(count + 1) * rates.piece_m
     planned = borders[: len(plan.energy_j) + 1]
     most_j, most_samples = rates.out_w.max() * decision_s, rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
     return Guide(
         prices=np.array([prices.joule, prices.second, 0.0]),
-        sample=prices.sample[np.minimum((points_m / rates.piece_m).astype(np.int64), count - 1)],
+        sample=np.interp(points_m, borders, prices.sample),
         ahead=np.tile(np.interp(points_m, borders, ahead), (2, 1)),
         plan=np.stack([
             np.interp(points_m, planned, np.append(rates.energy_j, plan.energy_j)),

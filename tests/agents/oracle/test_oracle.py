@@ -168,8 +168,31 @@ def _changed(actions: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np
 @given(joule=st.floats(0.0, 1.0), second=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
 def test_the_bound_holds_at_any_prices(mission: str, joule: float, second: float, scale: float, seed: int) -> None:
     rates, lower = _measured(mission), _lower(mission)
-    sample = scale * np.random.default_rng(seed).random(rates.places * PIECES) ** 4
+    sample = scale * np.random.default_rng(seed).random(rates.places * PIECES + 1) ** 4
     assert bounds_by_turn(rates, allowed(rates, Prices(joule, second, sample))).max() >= lower
+
+
+@settings(deadline=None, max_examples=60)
+@given(joule=st.floats(0.0, 1.0), second=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
+def test_at_allowed_prices_it_pays_nowhere_to_drive_back_with_a_full_memory_and_out_with_none(
+    joule: float, second: float, scale: float, seed: int
+) -> None:
+    rates, rng = _measured("Survey"), np.random.default_rng(seed)
+    given = Prices(joule, second, scale * rng.random(rates.places * PIECES + 1) ** 4)
+    prices = allowed(rates, given)
+    assert (prices.sample <= given.sample + 1e-12).all()
+    assert prices.second >= given.second
+    for _ in range(50):
+        piece, at = int(rng.integers(rates.places * PIECES)), rng.random()
+        near, far = prices.sample[piece : piece + 2]
+        taken = 0.0
+        for power_w in (rates.home_w, rates.out_w):
+            level, rate = rng.integers(len(rates.speeds_mps), size=2)
+            saved = (near + at * (far - near)) * rates.radio_hz[piece, 1]
+            per_s = prices.joule * power_w[piece // PIECES, level, rate] + prices.second - saved
+            taken += per_s / rates.speeds_mps[level]
+        assert taken > -1e-9
+        assert rates.memory * (far - near) / rates.piece_m <= taken + 1e-9
 
 
 @settings(deadline=None, max_examples=60)
