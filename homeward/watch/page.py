@@ -10,7 +10,7 @@ from markupsafe import Markup
 from plotly.subplots import make_subplots
 
 from homeward import quantities
-from homeward.diagnosis.tell.formats import labels, page, templates
+from homeward.diagnosis.tell.formats import CLEAR, labels, page, templates
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.watched import Watched
@@ -79,6 +79,7 @@ def figure(runs: Sequence[Watched]) -> Markup:
         made.update_xaxes(title_text="way left, m", autorange="reversed", row=row, col=1)
     made.update_layout(
         height=90 + 260 * len(shown), margin={"l": 60, "r": 15, "t": 30, "b": 45}, template="plotly_white",
-        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom"},
+        legend={"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"}, **CLEAR,
     )  # fmt: skip
-    return Markup(made.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False}))
+    made.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
+    return Markup(made.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}))

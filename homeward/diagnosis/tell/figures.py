@@ -19,6 +19,7 @@ from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
+from homeward.diagnosis.tell.formats import CLEAR
 
 _MOST_RUNS = 12  # in the time plot
 _MOST_POINTS = 2000  # of a line
@@ -236,7 +237,7 @@ def _means(values: Array, residual: Array, number: Index, block: Index) -> pd.Da
 def embedded(figure: go.Figure, name: str, top: int = 8) -> Markup:
     """A figure as a part of a page that has plotly.js in it already."""
     figure.update_layout(
-        template="plotly_white", margin={"l": 58, "r": 10, "t": top, "b": 46}, dragmode="zoom",
+        template="plotly_white", margin={"l": 58, "r": 10, "t": top, "b": 46}, dragmode="zoom", **CLEAR,
         font={"family": "system-ui, sans-serif", "size": 13, "color": _INK}, hovermode="x unified",
         legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"},
     )  # fmt: skip

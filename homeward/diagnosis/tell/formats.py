@@ -21,6 +21,9 @@ ARMS: Mapping[str, str] = {
 }
 """The arms of the comparison in the order in which they are shown, in words."""
 
+CLEAR = {"paper_bgcolor": "rgba(0, 0, 0, 0)", "plot_bgcolor": "rgba(0, 0, 0, 0)"}
+"""Layout of a figure that shows the page behind it, light or dark."""
+
 
 def templates(autoescape: bool = True, package: str = "homeward.diagnosis.tell") -> Environment:
     """The templates beside this file, with filters for numbers and names; pages escape what others have named.

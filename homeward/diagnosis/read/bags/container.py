@@ -31,7 +31,12 @@ class Bag(contextlib.ExitStack):
         self.notes: list[str] = []
         try:
             self._readers = self._opened()
-            self.connections = [connection for reader in self._readers for connection in reader.connections]
+            self.connections = [
+                connection
+                for reader in self._readers
+                for connection in reader.connections
+                if isinstance(connection.topic, str)  # a damaged database gives any kind
+            ]
             if not any(connection.msgcount for connection in self.connections):
                 raise RecordingError("; ".join(["holds no message that can be read", *self.notes]))
         except BaseException:
@@ -47,7 +52,7 @@ class Bag(contextlib.ExitStack):
             first_ns, last_ns = 2**63, 0
             try:
                 for connection, received_ns, data in reader.messages(here):
-                    if isinstance(received_ns, int):  # a damaged database gives any kind
+                    if isinstance(received_ns, int):  # as above
                         first_ns, last_ns = min(first_ns, received_ns), max(last_ns, received_ns)
                     yield connection, received_ns, data
             except Exception as error:  # a damaged record raises anything, from struct.error to zlib's
