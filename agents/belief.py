@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from homeward import estimation
 from homeward.agents.base import Observations, feature
 from homeward.envs.actions import encode_actions
+from homeward.envs.conditions.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
 from homeward.envs.options import Known
-from homeward.envs.routes import KNOTS, NEW_PATCH, WIND_SCALE_MPS
+from homeward.envs.routes.route import KNOTS, NEW_PATCH, WIND_SCALE_MPS
 from homeward.envs.state import RETURN
-from homeward.envs.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
 from homeward.estimation import READING_DTYPE, Estimate, Estimator, Margin, Prior, Vehicle
 from homeward.estimation.excitation import looks_back
 

@@ -27,8 +27,7 @@ from homeward.envs.actions import MODES, decode_actions, encode_actions
 from homeward.envs.features import FEATURES, INDEX
 from homeward.envs.observer import Observer, Read
 from homeward.envs.options import Known, known_of
-from homeward.envs.route_files import load_route
-from homeward.envs.routes import Route
+from homeward.envs.routes import Route, load_route
 from homeward.envs.state import GO
 from homeward.physics import Robot
 

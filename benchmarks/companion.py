@@ -34,7 +34,7 @@ from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward
 from homeward.companion import Companion
 from homeward.envs.actions import encode_actions
-from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.state import GO, RETURN
 from homeward.files import write_whole

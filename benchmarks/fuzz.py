@@ -95,8 +95,7 @@ class Hang(BaseException):
 
 _GUIDED = (
     "homeward.files", "homeward.physics.plausible", "homeward.physics.robot", "homeward.physics.uncertainty",
-    "homeward.envs.instruments", "homeward.envs.route_files", "homeward.envs.routes", "homeward.envs.tracks",
-    "homeward.diagnosis.read", "gpxpy", "tomllib",
+    "homeward.envs.conditions.instruments", "homeward.envs.routes", "homeward.diagnosis.read", "gpxpy", "tomllib",
 )  # fmt: skip
 """Modules whose coverage is looked at: they read what the guided targets read, and hold nothing that is compiled."""
 
@@ -108,10 +107,9 @@ def targets() -> dict[str, Target]:
     from homeward.diagnosis import RecordingError, load_columns, read_recording
     from homeward.diagnosis.read.bags.topics import load_topics
     from homeward.diagnosis.read.propose import propose
-    from homeward.envs.instruments import InstrumentError, load_instruments
+    from homeward.envs.conditions.instruments import InstrumentError, load_instruments
     from homeward.envs.options import OptionError
-    from homeward.envs.route_files import load_route
-    from homeward.envs.routes import RouteError
+    from homeward.envs.routes import RouteError, load_route
     from homeward.physics import RobotError, load_robot
 
     def policy(path: Path) -> Any:
@@ -250,7 +248,7 @@ def _policy_folder(path: Path) -> Path:
 def _instrument_seeds() -> list[bytes]:
     import dataclasses
 
-    from homeward.envs.instruments import INSTRUMENTS
+    from homeward.envs.conditions.instruments import INSTRUMENTS
 
     return [
         "".join(f"{name} = {value!r}\n" for name, value in dataclasses.asdict(one).items()).encode()

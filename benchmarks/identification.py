@@ -34,7 +34,7 @@ from homeward.agents.rules.dmax_belief import MISSED
 from homeward.agents.rules.pace import NO_SENSING
 from homeward.envs.actions import decode_actions, encode_actions
 from homeward.envs.batch import Batch
-from homeward.envs.instruments import InstrumentError
+from homeward.envs.conditions.instruments import InstrumentError
 from homeward.envs.options import OptionError, Options
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv

@@ -33,9 +33,9 @@ from homeward.agents.registry import AGENTS, Request
 from homeward.agents.rules.tuned import RESERVES
 from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward, Wanderer
-from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
-from homeward.envs.routes import GENERATED, HIDDEN_WIND
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
 from homeward.files import write_whole
 from homeward.parallel import ClusterError, code_hash, run_tasks
 

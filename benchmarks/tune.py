@@ -46,7 +46,7 @@ from homeward.agents.rules.tuned import PACES
 from homeward.agents.shield import shield as guard
 from homeward.agents.shield.reckless import Onward
 from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
-from homeward.envs.routes import GENERATED, HIDDEN_WIND
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
 from homeward.files import write_whole
 from homeward.parallel import ClusterError, code_hash, run_tasks
 

@@ -30,9 +30,9 @@ from homeward.diagnosis.read.channels import CHANNELS, Array
 from homeward.envs import IDS
 from homeward.envs.actions import action_space
 from homeward.envs.batch import observation_space
-from homeward.envs.difficulty import DIFFICULTY, DRAWN
+from homeward.envs.conditions.difficulty import DIFFICULTY, DRAWN
+from homeward.envs.conditions.instruments import INSTRUMENTS, Instruments
 from homeward.envs.features import FEATURES, RANGES
-from homeward.envs.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import Options, known_of
 from homeward.physics import CAUSES, EFFECTS, Robot, d_max, load_robot, optimal_speed, preset_names
 from homeward.physics.effects import Parameter
@@ -55,7 +55,7 @@ DRAWN_WORDS = (
     "payload, over the robot's mass,",
     "how much harder the roughest ground rolls, as a share,",
 )
-"""What is drawn, in the order of `homeward.envs.difficulty.DRAWN`."""
+"""What is drawn, in the order of `homeward.envs.conditions.difficulty.DRAWN`."""
 
 AGENT_WORDS = {
     "random": "draws from the action space: the least that any agent must beat",

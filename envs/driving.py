@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs import sensing, weather
+from homeward.envs import sensing
+from homeward.envs.conditions import weather
 from homeward.envs.state import PATROL, RETURN, STOP, SURVEY
 from homeward.physics import model
 from homeward.physics.jit import inline

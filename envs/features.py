@@ -1,6 +1,7 @@
 """The observation: one table of named features, and nothing in it that the robot cannot know.
 
-Energies are read by the robot's instruments (`homeward.envs.instruments`); ways and loads are costed by its own model.
+Energies are read by the robot's instruments (`homeward.envs.conditions.instruments`); ways and loads are costed by its
+own model.
 """
 
 from __future__ import annotations

@@ -7,13 +7,13 @@ from typing import Any
 import numba
 import numpy as np
 
-from homeward.envs import difficulty, instruments, weather
 from homeward.envs.actions import command, first_bad_action
-from homeward.envs.draws import FORECAST_GRADE, FORECAST_INTEREST, normal
+from homeward.envs.conditions import difficulty, instruments, weather
+from homeward.envs.conditions.draws import FORECAST_GRADE, FORECAST_INTEREST, normal
 from homeward.envs.driving import decide, map_place
 from homeward.envs.features import home_cost, observe
 from homeward.envs.reward import potential, reward
-from homeward.envs.routes import generate
+from homeward.envs.routes.route import generate
 from homeward.envs.state import AHEAD, IN_SIGHT, MAX_PLACES
 from homeward.physics.jit import compiled, inline, prefetch
 

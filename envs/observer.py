@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.actions import decode_actions
+from homeward.envs.conditions.instruments import meter
 from homeward.envs.driving import cross, decide, map_place
 from homeward.envs.features import FEATURES, OBSERVATION_DTYPE, home_cost, observe
-from homeward.envs.instruments import meter
 from homeward.envs.kernel import note_ahead
 from homeward.envs.options import Known
 from homeward.envs.reward import score
-from homeward.envs.routes import MEAN_INTEREST, Route
+from homeward.envs.routes.route import MEAN_INTEREST, Route
 from homeward.envs.state import CONSTANTS_DTYPE, GO, MISSION_DTYPE, RETURN, ROUTE_DTYPE, STOP
 from homeward.physics.jit import compiled, inline
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty, Uniform
-from homeward.envs.instruments import InstrumentError, Instruments, load_instruments
-from homeward.envs.route_files import load_route
-from homeward.envs.routes import GENERATED, GENERATED_PLACES, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
+from homeward.envs.conditions.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty, Uniform
+from homeward.envs.conditions.instruments import InstrumentError, Instruments, load_instruments
+from homeward.envs.routes import load_route
+from homeward.envs.routes.route import GENERATED, GENERATED_PLACES, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
 from homeward.envs.state import (
     DRAWN_DTYPE,
     HIDDEN_DTYPE,
@@ -95,11 +95,11 @@ class Options:
             or a `Route`. Wind is felt by robots with the effect `wind`: from `uncertain` on, by all.
         difficulty: `known` (as in the files, route and wind known), `uncertain` (battery health, rolling resistance,
             payload and wind hidden, the weather changes, the route is seen a little ahead and forecast beyond) or
-            `harsh` (also rough patches); see `homeward.envs.difficulty`.
+            `harsh` (also rough patches); see `homeward.envs.conditions.difficulty`.
         instruments: What the robot reads itself with: `exact`, `meter`, `gauge`, the path of a TOML file with sizes, or
             `Instruments`; by default what its difficulty has: these three in turn.
-        weather: `still` (as it is at the start) or `changing` (`homeward.envs.weather`); by default what its difficulty
-            has. Nothing changes at `known`.
+        weather: `still` (as it is at the start) or `changing` (`homeward.envs.conditions.weather`); by default what its
+            difficulty has. Nothing changes at `known`.
         action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).
         shaping: `dmax` (potential-based, from d_max) or `none` (the score on coming home, and nothing else).
         discount: Discount factor that the shaping is consistent with, in (0, 1].

@@ -56,7 +56,7 @@ MISSION_DTYPE = np.dtype(
         ("delivered", np.float64),  # information sent home by radio
         ("lost", np.float64),  # information that did not fit on board
         ("modelled_j", np.float64),  # what the robot's own model says it has used
-        # Weather (`homeward.envs.weather`).
+        # Weather (`homeward.envs.conditions.weather`).
         ("temperature_c", np.float64),  # air, now
         ("warming_k", np.float64),  # in a decision
         ("wind_mps", np.float64),  # mean of the mission, and where it comes from
@@ -69,7 +69,7 @@ MISSION_DTYPE = np.dtype(
         ("gust_kick", np.float64),
         ("forecast_east_mps", np.float64),  # of the wind at the start
         ("forecast_north_mps", np.float64),
-        # Instruments (`homeward.envs.instruments`): what is wrong with them, and what they read.
+        # Instruments (`homeward.envs.conditions.instruments`): what is wrong with them, and what they read.
         ("meter_gain", np.float64),
         ("meter_offset_w", np.float64),
         ("soc_followed", np.float64),  # state of charge that the gauge has come to
@@ -81,7 +81,7 @@ MISSION_DTYPE = np.dtype(
         ("metered_j", np.float64),  # energy by the meter since the start
         ("read_w", np.float64),
         ("read_mps", np.float64),
-        ("key", np.uint64),  # that weather and noise follow from (`homeward.envs.draws`)
+        ("key", np.uint64),  # that weather and noise follow from (`homeward.envs.conditions.draws`)
         ("mean_grade", np.float64),  # sine of the route's mean slope, known beforehand
         ("sensing_hz", np.float64),  # in the decision before
         ("potential", np.float64),  # of the state, for the shaping
@@ -159,7 +159,7 @@ SHARED_DTYPE = np.dtype(
         ("score_scale", np.float64),  # score of a good mission
         ("discount", np.float64),
         ("drag_j_per_m", np.float64),  # drive energy per metre against drag at 1 m/s, by the robot's own model
-        # Sizes of the instruments' errors, see `homeward.envs.instruments`.
+        # Sizes of the instruments' errors, see `homeward.envs.conditions.instruments`.
         ("soc_step", np.float64),
         ("soc_noise", np.float64),
         ("soc_lag_decisions", np.float64),  # lag of the gauge, and the share of its distance from a level that is

@@ -20,7 +20,7 @@ from homeward.commands.range import Mission
 from homeward.commands.routes import figures, generated_routes
 from homeward.datasets import DATASETS, LOCAL_FOLDER
 from homeward.diagnosis import read_recording
-from homeward.envs.route_files import load_route
+from homeward.envs.routes import load_route
 from homeward.physics import d_max, mission_energy
 from homeward.physics.robot import preset_names
 

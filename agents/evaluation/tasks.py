@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 from homeward.agents.base import Policy
 from homeward.agents.evaluation.episodes import SIDE_BY_SIDE, Run, run_episodes
-from homeward.envs.instruments import load_instruments
+from homeward.envs.conditions.instruments import load_instruments
 from homeward.envs.options import Options, known_of
-from homeward.envs.route_files import load_route
-from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route
+from homeward.envs.routes import load_route
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, Route
 from homeward.parallel import run_tasks
 from homeward.physics import load_robot
 

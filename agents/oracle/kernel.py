@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs import weather
 from homeward.envs.actions import LEVELS
+from homeward.envs.conditions import weather
 from homeward.envs.driving import decide, map_place
 from homeward.envs.reward import score
 from homeward.envs.state import GO, RETURN, STOP

@@ -18,7 +18,7 @@ from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.rule import BelievingRule, sees_posts
 from homeward.envs.actions import LEVELS, encode_actions
 from homeward.envs.options import Known
-from homeward.envs.routes import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
+from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
 from homeward.envs.sensing import information
 from homeward.envs.state import AHEAD, GO, PATROL, RETURN, STOP, SURVEY
 from homeward.estimation.prior import (

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import homeward
-from homeward.envs.difficulty import DIFFICULTY
+from homeward.envs.conditions.difficulty import DIFFICULTY
 from homeward.envs.options import Known, Options, constants_of
 
 _LEARNER = (

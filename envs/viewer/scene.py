@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs import weather
 from homeward.envs.batch import Batch
+from homeward.envs.conditions import weather
 from homeward.envs.features import home_cost
 from homeward.envs.sensing import information
 from homeward.envs.viewer.outlook import Outlook

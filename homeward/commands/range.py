@@ -154,7 +154,7 @@ def main(args: Args) -> None:
 
 
 def _on_route(args: Args, name: str, mission: Mission) -> None:
-    from homeward.envs.route_files import load_route
+    from homeward.envs.routes import load_route
     from homeward.watch import outlook
 
     if args.grade != 0.0 or args.duty != 1.0 or args.sensing_hz != 0.0:

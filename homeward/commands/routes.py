@@ -21,8 +21,8 @@ from rich.table import Table
 
 from homeward import Robot, RobotError, cli, load_robot, quantities
 from homeward.envs.options import OptionError
-from homeward.envs.route_files import load_route, route_names
-from homeward.envs.routes import GENERATED, HIDDEN_WIND, Route, RouteError
+from homeward.envs.routes import load_route, route_names
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, Route, RouteError
 from homeward.envs.state import MAX_PLACES
 from homeward.files import write_whole
 from homeward.physics import d_max, optimal_speed

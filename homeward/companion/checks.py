@@ -20,7 +20,7 @@ def check_number(name: str, value: Any, low: float, high: float) -> None:
 def check_route(route: Any) -> None:
     """Check that a route, if there is one, is cut into places."""
     if route is not None and not all(hasattr(route, name) for name in ("place_m", "grade_rad", "heading_rad")):
-        raise CompanionError(f"route = {route!r} is no route; give what homeward.envs.route_files.load_route reads")
+        raise CompanionError(f"route = {route!r} is no route; give what homeward.envs.routes.load_route reads")
 
 
 def check_home(home: Any) -> None:

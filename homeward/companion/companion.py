@@ -83,7 +83,7 @@ class Companion:
             generic ranges.
         home: Where home is: `(east, north)` in metres in the frame of the positions, `"here"` for where the first
             reading is, or None where positions are metres from home along the way.
-        route: The route, such as `homeward.envs.route_files.load_route` reads: home is its start, and what lies ahead
+        route: The route, such as `homeward.envs.routes.load_route` reads: home is its start, and what lies ahead
             is known. Its coordinates begin at home.
         risk: Of not getting home that is accepted, within (0, 0.5].
         soc: State of charge at the start, a share; what the first reading says, or full, if left out.
@@ -343,7 +343,7 @@ class Companion:
         """From here home by another way than the one out; None: back over the way out again.
 
         Args:
-            route: From here home, such as `homeward.envs.route_files.load_route` reads.
+            route: From here home, such as `homeward.envs.routes.load_route` reads.
 
         Raises:
             CompanionError: It is no route.

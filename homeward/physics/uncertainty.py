@@ -16,8 +16,8 @@ _INSTRUMENTS: dict[str, float] = {
     "power_gain": 0.5, "power_noise": 10.0, "reading_s": 3600.0, "soc_step": 0.5, "soc_noise": 0.5, "soc_lag_s": 3600.0,
     "speed_noise": 0.5, "grade_noise": 0.5,
 }  # fmt: skip
-"""Sizes of the instruments' errors, standard deviations unless `homeward.envs.instruments` says otherwise, and the most
-that each may be; `reading_s` is the time between the readings of power that have its noise."""
+"""Sizes of the instruments' errors, standard deviations unless `homeward.envs.conditions.instruments` says otherwise,
+and the most that each may be; `reading_s` is the time between the readings of power that have its noise."""
 
 
 class UncertaintyError(ValueError):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.draws import FORECAST_GRADE, FORECAST_INTEREST, normal
+from homeward.envs.conditions.draws import FORECAST_GRADE, FORECAST_INTEREST, normal
 from homeward.envs.kernel import _FORECAST_INTEREST, _FORECAST_PLACES, _FORECAST_SINE
 from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from homeward.envs import difficulty as difficulties
-from homeward.envs import instruments, weather
-from homeward.envs.difficulty import DIFFICULTIES
-from homeward.envs.instruments import INSTRUMENTS
-from homeward.envs.routes import GENERATED, HIDDEN_WIND, generate
+from homeward.envs.conditions import difficulty as difficulties
+from homeward.envs.conditions import instruments, weather
+from homeward.envs.conditions.difficulty import DIFFICULTIES
+from homeward.envs.conditions.instruments import INSTRUMENTS
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, generate
 from homeward.envs.state import GO, HIDDEN_DTYPE, MISSION_DTYPE, PLACE_DTYPE, ROUTE_DTYPE, SHARED_DTYPE
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics.robot import ROBOT_DTYPE

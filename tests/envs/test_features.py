@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from homeward import load_robot
-from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.conditions.difficulty import DIFFICULTIES
+from homeward.envs.conditions.instruments import load_instruments
 from homeward.envs.features import FEATURES, GAINS, INDEX, LIMIT, NAMES, RANGES
-from homeward.envs.instruments import load_instruments
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv

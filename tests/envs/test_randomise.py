@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from homeward.agents.belief import prior_of
-from homeward.envs.difficulty import DIFFICULTY
+from homeward.envs.conditions.difficulty import DIFFICULTY
 from homeward.envs.options import OptionError, Options, constants_of, known_of
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import Robot, load_robot

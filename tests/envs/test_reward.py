@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from homeward.envs.difficulty import DIFFICULTIES
-from homeward.envs.instruments import INSTRUMENTS, Instruments
+from homeward.envs.conditions.difficulty import DIFFICULTIES
+from homeward.envs.conditions.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.reward import TERMS
 from homeward.envs.scalar import HomewardEnv

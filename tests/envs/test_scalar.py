@@ -20,9 +20,9 @@ from gymnasium.wrappers.vector import DictInfoToList
 from gymnasium.wrappers.vector import RecordEpisodeStatistics as RecordVectorEpisodeStatistics
 
 from homeward.envs import IDS
-from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.conditions.difficulty import DIFFICULTIES
+from homeward.envs.conditions.instruments import INSTRUMENTS
 from homeward.envs.features import FEATURES
-from homeward.envs.instruments import INSTRUMENTS
 from homeward.envs.options import ACTION_TYPES, SHAPINGS, OptionError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from homeward import RobotError, load_robot
-from homeward.envs.difficulty import DIFFICULTIES
+from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.options import OptionError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.vector import HomewardVectorEnv

@@ -12,8 +12,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
 from homeward.envs import batch, kernel
-from homeward.envs.difficulty import DIFFICULTIES
-from homeward.envs.instruments import INSTRUMENTS, Instruments
+from homeward.envs.conditions.difficulty import DIFFICULTIES
+from homeward.envs.conditions.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import ACTION_TYPES
 from homeward.envs.reward import TERMS
 from homeward.envs.scalar import HomewardEnv

@@ -13,7 +13,7 @@ from homeward.agents import make_policy
 from homeward.agents.evaluation import TRACED, Episodes, Run, episode_seeds, run_episodes, tasks
 from homeward.agents.evaluation.tasks import run_agents, self_contained
 from homeward.agents.shield import Shield
-from homeward.envs.instruments import Instruments
+from homeward.envs.conditions.instruments import Instruments
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 

@@ -11,8 +11,8 @@ import pytest
 
 from homeward import load_robot
 from homeward.envs.options import OptionError
-from homeward.envs.route_files import load_route, route_names
-from homeward.envs.routes import INTEREST_DEVIATION, INTEREST_LENGTH, MEAN_INTEREST, Route, RouteError
+from homeward.envs.routes import load_route, route_names
+from homeward.envs.routes.route import INTEREST_DEVIATION, INTEREST_LENGTH, MEAN_INTEREST, Route, RouteError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, MAX_PLACES, RETURN
 from homeward.envs.vector import HomewardVectorEnv

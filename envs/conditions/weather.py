@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs.draws import GUST_EAST, GUST_NORTH, normal
-from homeward.envs.routes import LIMITS, WIND_SCALE_MPS
+from homeward.envs.conditions.draws import GUST_EAST, GUST_NORTH, normal
+from homeward.envs.routes.route import LIMITS, WIND_SCALE_MPS
 from homeward.physics import model
 from homeward.physics.jit import inline
 

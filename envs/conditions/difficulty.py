@@ -47,7 +47,7 @@ class Difficulty:
         payload: Payload over the robot's mass.
         surface: How much harder the roughest ground rolls, as a share; a robot keeps what its file says beyond that.
         route_is_known: Whether all of the route and the wind are seen, or two places ahead and a forecast.
-        weather_changes: Whether wind and temperature change on the way (`homeward.envs.weather`).
+        weather_changes: Whether wind and temperature change on the way (`homeward.envs.conditions.weather`).
     """
 
     instruments: str

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.routes import GENERATED, HIDDEN_WIND, LIMITS, OF_THE_DAY, Route, RouteError
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, LIMITS, OF_THE_DAY, Route, RouteError
 from homeward.envs.state import MAX_PLACES
 from homeward.files import STANDARD_INPUT, read_text
 
@@ -52,8 +52,8 @@ def load_route(route: str | Path, place_m: float) -> Route:
     """Read a route from a file or by the name of one that ships, and cut it into equal places.
 
     A track, that is a .gpx or .fit file or a CSV file with `latitude_deg`, `longitude_deg` and `elevation_m` (or `lat`,
-    `lon` and `ele`, as loggers write), is smoothed first, as `homeward.envs.tracks` says. Any other CSV file is a
-    profile and taken as it is.
+    `lon` and `ele`, as loggers write), is smoothed first, as `homeward.envs.routes.tracks` says. Any other CSV file is
+    a profile and taken as it is.
 
     Columns of a profile: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`,
     `roughness`, `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row,
@@ -75,12 +75,12 @@ def load_route(route: str | Path, place_m: float) -> Route:
     if path is None or not (path.is_file() or str(path) == STANDARD_INPUT):
         raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
     if path.suffix.lower() in (".gpx", ".fit"):
-        from homeward.envs import tracks  # only now: it needs further packages
+        from homeward.envs.routes import tracks  # only now: it needs further packages
 
         return _cut(path, tracks.profile(tracks.read_track(path), str(path)).columns(), place_m)
     columns, lines = _read_table(path)
     if POSITIONS[0] in columns:
-        from homeward.envs import tracks
+        from homeward.envs.routes import tracks
 
         track = tracks.Track(columns["elevation_m"], columns["latitude_deg"], columns["longitude_deg"])
         return _cut(path, tracks.profile(track, str(path)).columns(), place_m)

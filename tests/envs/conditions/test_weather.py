@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from homeward.envs.conditions.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S, WARMING_K_PER_H, headwind
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
-from homeward.envs.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S, WARMING_K_PER_H, headwind
 from tests.envs.rollouts import make, mission, random_actions, route_file
 
 MANY = 3000

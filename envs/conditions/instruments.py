@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs.draws import GRADE, POWER, SOC, SPEED, normal
+from homeward.envs.conditions.draws import GRADE, POWER, SOC, SPEED, normal
 from homeward.files import read_toml
 from homeward.physics.bounds import Bounds
 from homeward.physics.jit import inline

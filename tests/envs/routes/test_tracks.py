@@ -12,9 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 import evaluate
-from homeward.envs.route_files import load_route
-from homeward.envs.routes import RouteError
-from homeward.envs.tracks import SPACING_M, STEEPEST, Profile, Track, profile, read_track
+from homeward.envs.routes import RouteError, load_route
+from homeward.envs.routes.tracks import SPACING_M, STEEPEST, Profile, Track, profile, read_track
 
 gpxpy = pytest.importorskip("gpxpy")
 pytest.importorskip("fitdecode")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from homeward.envs import draws
-from homeward.envs.draws import FORECAST_INTEREST, SOC, normal
+from homeward.envs.conditions import draws
+from homeward.envs.conditions.draws import FORECAST_INTEREST, SOC, normal
 from homeward.physics.jit import compiled
 
 MANY = 200_000

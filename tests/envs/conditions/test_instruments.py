@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from homeward.envs.conditions.instruments import INSTRUMENTS, InstrumentError, Instruments, load_instruments
 from homeward.envs.features import FEATURES, INDEX
-from homeward.envs.instruments import INSTRUMENTS, InstrumentError, Instruments, load_instruments
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv

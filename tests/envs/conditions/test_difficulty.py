@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from homeward import load_robot
-from homeward.envs.difficulty import DIFFICULTIES, DIFFICULTY, DRAWN, Uniform
-from homeward.envs.instruments import INSTRUMENTS
+from homeward.envs.conditions.difficulty import DIFFICULTIES, DIFFICULTY, DRAWN, Uniform
+from homeward.envs.conditions.instruments import INSTRUMENTS
 from homeward.envs.options import Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
