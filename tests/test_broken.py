@@ -1,4 +1,4 @@
-"""Files that once ended in a traceback, a hang or gigabytes are refused; `benchmarks/fuzz.py` finds more of them."""
+"""Files that once ended in a traceback, a hang or gigabytes are refused: `benchmarks/robustness/fuzz.py` finds them."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from homeward.envs.state import GO, RETURN, STOP
 @final
 @dataclass(frozen=True)
 class Pace:
-    """Numbers of the rule; `benchmarks/tune.py` finds them.
+    """Numbers of the rule; `benchmarks/agents/tune.py` finds them.
 
     Attributes:
         rate: Sensing rate as a share of the fastest, within [0, 1].

@@ -1,4 +1,4 @@
-"""Numbers of the baselines for each mission, as `python benchmarks/tune.py` finds them.
+"""Numbers of the baselines for each mission, as `python benchmarks/agents/tune.py` finds them.
 
 With 2,048 missions a trial, and 4,096 where the planner's strandings decide. Each has eight trials a mission, on
 missions with seeds of their own, `uncertain`, with the default robot. A rule has the reserve with the highest mean

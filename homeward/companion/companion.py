@@ -56,7 +56,7 @@ _CRUMBS = 8.0
 _OFTEN = 0.2
 """Of a place, for which a slope that is read stands at most, to be taken for that of the way since the reading before.
 One reading a window may be of the other direction of travel, where the robot has just turned: taken for that of the
-way, it turns 60 missions of benchmarks/companion.py home at 82 % of the shield's distance instead of 96 %."""
+way, it turns 60 missions of benchmarks/on_the_robot/companion.py home at 82 % of the shield's distance, not 96 %."""
 _NO_SLOPE_SD = 0.04
 """Standard deviation of a slope's sine where none is read: that of generated routes."""
 _DETOUR = 1.3

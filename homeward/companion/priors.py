@@ -52,7 +52,8 @@ _LEAST_MODEL_ERROR = 0.001
 """Of a file that says what it leaves unexplained: as the environments' agents where nothing is hidden."""
 _OF_ONE_RUN = 0.1
 """Standard deviation between runs, a share, of a file that does not know it. Chosen: files made from several runs of
-rovers, batteries, a car and a Husky say 0.001 to 0.9, and 0.07 in the median (benchmarks/range_coverage.py, seed 0)."""
+rovers, batteries, a car and a Husky say 0.001 to 0.9, and 0.07 in the median
+(benchmarks/on_the_robot/range_coverage.py, seed 0)."""
 _MOST_AIR = 0.04
 """Most of a robot's air drag c, N s^2/m^2 over kg^(2/3): twice that of 0.03 m^2 kg^(-2/3) of frontal area, the largest
 of Husky, Jackal, TurtleBot3 and the F1TENTH car by their sizes, at a drag coefficient of 1.2."""

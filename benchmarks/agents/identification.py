@@ -1,0 +1,313 @@
+"""How well a robot that estimates itself and the wind knows its way home: the tables of docs/estimation.md.
+
+`python benchmarks/agents/identification.py` drives missions out for some decisions, asks two for the distribution of
+the way home, and drives home to see what it takes, as a share of a full battery: `belief`, from
+`homeward.agents.belief`, and `ratio`, from `dmax_adaptive`, which scales the map by measured over modelled consumption.
+Once they have answered, the battery is given more than the way home can take, so that the missions that would strand
+count as well.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from scipy.special import ndtr
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+
+from homeward import cli
+from homeward.agents.base import Observations, feature
+from homeward.agents.belief import Belief
+from homeward.agents.evaluation import episode_seeds
+from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
+from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.rules.dmax_belief import MISSED
+from homeward.agents.rules.pace import NO_SENSING
+from homeward.envs.actions import decode_actions, encode_actions
+from homeward.envs.batch import Batch
+from homeward.envs.conditions.instruments import InstrumentError
+from homeward.envs.options import OptionError, Options
+from homeward.envs.state import GO, RETURN
+from homeward.envs.vector import HomewardVectorEnv
+from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, ROLLING
+
+Array = NDArray[np.float64]
+RISK = 1e-3
+"""Probability with which the margin should be below the quantile that is counted."""
+COVERED = 0.9
+"""Probability of the central interval whose coverage is counted."""
+_BATTERIES = 9.0
+"""Full batteries that the way home is driven with beside what is left."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to drive."""
+
+    difficulties: tuple[str, ...] = ("uncertain", "harsh")
+    """Difficulties."""
+    instruments: str | None = None
+    """exact, meter, gauge or a TOML file; by default what the difficulty has."""
+    weather: str | None = None
+    """still or changing; by default what the difficulty has."""
+    route: str = "generated"
+    """generated, hidden_wind, or a profile."""
+    decisions: tuple[int, ...] = (15, 30, 45)
+    """Decisions of the way out."""
+    missions: int = 2000
+    """Missions of each."""
+    seed: int = 0
+    """Seed that the missions follow from, as in evaluate.py."""
+
+
+class Mixture(NamedTuple):
+    """A mixture of normal distributions for each mission, arrays of shape (missions, components)."""
+
+    weight: Array
+    mean: Array
+    sd: Array
+
+    @property
+    def expected(self) -> Array:
+        """Its mean, shape (missions,)."""
+        return np.asarray(np.einsum("nk,nk->n", self.weight, self.mean))
+
+    def cdf(self, values: Array) -> Array:
+        """Probability of less than a value, shape (missions,)."""
+        z = (values[:, None] - self.mean) / self.sd
+        return np.asarray(np.einsum("nk,nk->n", self.weight, ndtr(z)))
+
+    def crps(self, values: Array) -> Array:
+        """Continuous ranked probability score of a value, shape (missions,).
+
+        Source: Grimit, Gneiting, Berrocal, Johnson, Q. J. R. Meteorol. Soc. 132, 2006, Eq. 4: the closed form of
+        E|X - y| - E|X - X'| / 2.
+        """
+        apart = _expected_absolute(values[:, None] - self.mean, self.sd)
+        between = _expected_absolute(
+            self.mean[:, :, None] - self.mean[:, None, :], np.hypot(self.sd[:, :, None], self.sd[:, None, :])
+        )
+        spread = np.einsum("nk,nl,nkl->n", self.weight, self.weight, between)
+        return np.asarray(np.einsum("nk,nk->n", self.weight, apart) - 0.5 * spread)
+
+
+def _expected_absolute(mean: Array, sd: Array) -> Array:
+    """Mean of the absolute value of a normal variable."""
+    z = mean / sd
+    density = np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi)
+    return np.asarray(2.0 * sd * density + mean * (2.0 * ndtr(z) - 1.0))
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What was forecast and what came of it, of the missions that came home; shares are of a full battery.
+
+    Attributes:
+        forecasts: Of the way home, as a share, by who made them.
+        home_share: What it took, shape (missions,).
+        wind_mps: Distance of the wind that is believed from the wind that blows, shape (missions,).
+        rolling: Error of the rolling resistance where the robot is, as a share of it, shape (missions,).
+        below: Whether the margin was below its quantile, shape (missions,).
+        came_home: Share of all missions.
+        update_us: Mean time of an update of one mission, microseconds.
+    """
+
+    forecasts: dict[str, Mixture]
+    home_share: Array
+    wind_mps: Array
+    rolling: Array
+    below: NDArray[np.bool_]
+    came_home: float
+    update_us: float
+
+
+def drive(options: Options, seeds: list[int], count: int) -> Drive:
+    """Drive out for some decisions, looking back as the planner does, ask for the way home, and drive home.
+
+    Args:
+        options: Keyword arguments of the environment.
+        seeds: Seed of each mission.
+        count: Decisions of the way out.
+    """
+    env = HomewardVectorEnv(len(seeds), autoreset_mode="Disabled", **vars(options))
+    batch, m = env.batch, env.batch.records
+    observations, _ = env.reset(seed=seeds)
+    belief, ratio = Belief(batch.known, MISSED), AdaptiveDmaxRule(batch.known, NO_SENSING, 0.0)
+    begun, update_s = np.ones(len(seeds), np.bool_), 0.0
+    out_action, home_action = (
+        encode_actions(batch.known, batch.known.shared["cruise_mps"][0], 0.0, mode) for mode in (GO, RETURN)
+    )
+    for decision in range(count + 1):
+        start = time.perf_counter()
+        belief.learn(observations, begun)
+        update_s += (time.perf_counter() - start) if decision else 0.0
+        outlook = ratio.look(observations, begun)
+        begun = np.zeros(len(seeds), np.bool_)
+        if decision < count:
+            actions = np.repeat(out_action, len(seeds), axis=0)
+            actions[belief.looks_back(observations)] = belief.back_action
+            _step(batch, actions, observations)
+    plans = belief.plans(observations, float(decode_actions(batch.known, home_action).speed_mps[0]))
+    low_j = belief.margin(plans, RISK).total["margin_low_j"]
+    home_cost = feature(observations, "home_cost")
+    deviation = outlook.deviation * home_cost / (home_cost + ratio.cost_of_going_on(observations))
+    forecasts = {
+        "belief": way_home(belief, plans),
+        "ratio": Mixture(np.ones((len(seeds), 1)), outlook.home[:, None], np.maximum(deviation, 1e-9)[:, None]),
+    }
+    wind_mps, rolling = _errors(batch, belief)
+    left_j, full_j, alive = m["energy_j"].copy(), m["capacity_j"].copy(), ~m["over"]
+    top_up(batch)
+    used_j = m["ledger_j"].sum(axis=1)
+    while not m["over"].all():
+        _step(batch, np.repeat(home_action, len(seeds), axis=0), observations)
+    used_j = m["ledger_j"].sum(axis=1) - used_j
+    home = m["home"] & alive
+    return Drive(
+        {name: Mixture(*(part[home] for part in one)) for name, one in forecasts.items()},
+        (used_j / full_j)[home],
+        wind_mps[home],
+        rolling[home],
+        (m["meter_gain"] * (left_j - used_j) < low_j)[home],
+        float(home.mean()),
+        1e6 * update_s / (count * len(seeds)),
+    )
+
+
+def _step(batch: Batch, actions: NDArray[np.int64], observations: Observations) -> None:
+    ended = np.empty((2, batch.count), np.bool_)
+    batch.step(actions, observations, np.empty(batch.count), *ended)
+
+
+def top_up(batch: Batch) -> None:
+    """Give missions more energy than any way home takes. What a descent can give back is as much as before."""
+    m = batch.records
+    more_j = _BATTERIES * m["capacity_j"]
+    m["energy_j"] += more_j
+    m["capacity_j"] += more_j
+
+
+def way_home(belief: Belief, plans: NDArray[np.void]) -> Mixture:
+    """Distribution of what plans take, as a share of a full battery: a component for each hypothesis about the wind.
+
+    Args:
+        belief: What is believed.
+        plans: `homeward.estimation.PLAN_DTYPE`, shape (missions,).
+    """
+    hypotheses = belief.estimator.state["hypotheses"]
+    kept = hypotheses["log_weight"].copy()
+    parts = []
+    for k in range(kept.shape[1]):
+        hypotheses["log_weight"] = np.where(np.arange(kept.shape[1]) == k, 0.0, -np.inf)
+        total = belief.margin(plans, RISK).total
+        parts.append((total["cost_share"].copy(), np.maximum(total["cost_share_sd"], 1e-9)))
+    hypotheses["log_weight"] = kept
+    mean, sd = np.stack(parts, axis=-1)
+    return Mixture(np.exp(kept), mean, sd)
+
+
+def _errors(batch: Batch, belief: Belief) -> tuple[Array, Array]:
+    """Errors of the wind, m/s, and of the rolling resistance, as a share."""
+    m, p, nominal, found = batch.records, batch.robots, batch.known.robot.record()[0], belief.estimate().mean
+    east_mps = found[:, EAST] + found[:, GUST_EAST] - m["mean_east_mps"] - m["gust_east_mps"]
+    north_mps = found[:, NORTH] + found[:, GUST_NORTH] - m["mean_north_mps"] - m["gust_north_mps"]
+    mass = (p["mass_kg"] + p["payload_mass_kg"]) / (nominal["mass_kg"] + nominal["payload_mass_kg"])
+    rough = 1.0 + p["surface_gain"] * m["here"]["roughness"]
+    rolling = m["meter_gain"] * mass * rough * p["rolling_resistance"] / nominal["rolling_resistance"]
+    return np.hypot(east_mps, north_mps), found[:, ROLLING] / rolling - 1.0
+
+
+def main(args: Args) -> None:
+    """Drive and print.
+
+    Raises:
+        OptionError, InstrumentError: An argument cannot be used.
+    """
+    if args.missions < 2 or args.seed < 0 or any(count < 1 for count in args.decisions):
+        raise OptionError("give at least 2 --missions, a --seed of 0 or more and --decisions of 1 or more")
+    ways, rest = _tables(args)
+    seeds = episode_seeds(args.seed, args.missions)
+    for difficulty, count in itertools.product(args.difficulties, args.decisions):
+        options = Options(
+            "OutAndBack", difficulty=difficulty, route=args.route, instruments=args.instruments, weather=args.weather
+        )
+        found = drive(options, seeds, count)
+        _add_ways(ways, difficulty, count, found, args.seed)
+        rest.add_row(
+            difficulty, str(count), _absolute(found.wind_mps, "{:.2f}"), _absolute(found.rolling, "{:.2%}"),
+            _rate(found.below), f"{found.came_home:.2%}", f"{found.update_us:.1f}",
+        )  # fmt: skip
+    console = Console(width=140)
+    console.print(ways)
+    console.print(rest)
+    console.print("Errors are forecasts minus what came; rates and ratios with 95 % intervals.", highlight=False)
+
+
+def _tables(args: Args) -> tuple[Table, Table]:
+    """Tables without rows."""
+    setting = f"{args.route}, instruments {args.instruments or 'of the difficulty'}"
+    setting += f", weather {args.weather or 'of the difficulty'}"
+    drawn = f"{args.missions} missions, episode_seeds({args.seed}, {args.missions})"
+    ways = Table(title=f"Way home, % of a full battery, {drawn}\n{setting}", box=box.SIMPLE_HEAD)
+    rest = Table(title=f"Wind, rolling resistance and margin by the belief, {drawn}\n{setting}", box=box.SIMPLE_HEAD)
+    for table, headings in (
+        (
+            ways,
+            (
+                "difficulty", "decisions out", "by", "median, 95th pct. of |error|", "bias",
+                f"in {COVERED:.0%} interval (95 %)", "CRPS", "belief / ratio (95 %)",
+            ),
+        ),
+        (
+            rest,
+            (
+                "difficulty", "decisions out", "|wind error|, m/s", "|rolling error|",
+                f"margin below {RISK:g} quantile (95 %)", "came home", "us per update",
+            ),
+        ),
+    ):  # fmt: skip
+        for heading in headings:
+            table.add_column(heading, justify="left" if heading in ("difficulty", "by") else "right")
+    return ways, rest
+
+
+def _add_ways(table: Table, difficulty: str, count: int, found: Drive, seed: int) -> None:
+    crps = {name: one.crps(found.home_share) for name, one in found.forecasts.items()}
+    means = Bootstrap({name: one[None] for name, one in crps.items()}, seed).means()
+    low, high = interval(means["belief"] / means["ratio"])
+    ratio = f"{crps['belief'].mean() / crps['ratio'].mean():.3f} ({low:.3f} to {high:.3f})"
+    for name, one in found.forecasts.items():
+        error = one.expected - found.home_share
+        table.add_row(
+            difficulty, str(count), name, _absolute(100.0 * error, "{:.3f}"), f"{100.0 * error.mean():+.4f}",
+            _rate(covered(one, found.home_share)), f"{100.0 * crps[name].mean():.4f}",
+            ratio if name == "belief" else "",
+        )  # fmt: skip
+
+
+def covered(forecast: Mixture, values: Array) -> NDArray[np.bool_]:
+    """Which values are in the central interval, shape (missions,)."""
+    return np.asarray(np.abs(forecast.cdf(values) - 0.5) <= 0.5 * COVERED)
+
+
+def _absolute(errors: Array, style: str) -> str:
+    return ", ".join(style.format(one) for one in np.quantile(np.abs(errors), (0.5, 0.95)))
+
+
+def _rate(happened: NDArray[np.bool_]) -> str:
+    low, high = wilson(int(happened.sum()), len(happened))
+    return f"{happened.mean():.2%} ({low:.2%} to {high:.2%})"
+
+
+if __name__ == "__main__":
+    sys.exit(cli.run(main, Args, __doc__, (OptionError, InstrumentError)))

@@ -1,0 +1,306 @@
+"""Does it learn? Train over missions, starts and seeds, and compare: the tables and the picture of docs/learning.md.
+
+`python benchmarks/agents/learn.py` trains as train.py does, for as long as each mission needs, and prints how the first
+policy and the best one of the learning curve, greedy and sampled, do on unseen episodes, beside rules and the planner.
+Finished runs and driven episodes are kept, and a killed run goes on from its last checkpoint. OUT/learn.json holds the
+figures, OUT/learn.png the learning curves.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numba
+import numpy as np
+from gymnasium import spaces
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+import train
+from homeward import cli
+from homeward.agents.base import Observations, Policy
+from homeward.agents.evaluation import episode_seeds, run_episodes
+from homeward.agents.evaluation.learning_curve import EPISODES, SEED, Point, read_curve
+from homeward.agents.evaluation.statistics import wilson
+from homeward.agents.learning.folder import FIRST
+from homeward.agents.learning.settings import STARTS, PPOSettings, TrainingError
+from homeward.agents.registry import AGENTS, Request
+from homeward.agents.trained.policy_file import NetworkPolicy, load_policy
+from homeward.agents.trained.provenance import made_with
+from homeward.envs import IDS
+from homeward.envs.options import OptionError, Options, known_of
+from homeward.files import write_whole
+
+RULES = ("dmax", "dmax_mapped", "dmax_adaptive")
+OTHERS = ("dmax_belief", "planner")
+STEPS = {"OutAndBack": 2_000_000, "Survey": 3_000_000, "Patrol": 1_000_000}
+"""Decisions to train on, where no other number is given."""
+_RESAMPLES = 2000
+_WIDTH = 170  # columns of the table
+_CHECKPOINT_S = 60.0
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to train and on how many episodes to compare."""
+
+    out: Path = Path("runs/learn")
+    """Folder of the runs and the results."""
+    missions: tuple[str, ...] = ("OutAndBack", "Survey", "Patrol")
+    """Missions to train for."""
+    difficulty: str = "uncertain"
+    """known, uncertain or harsh."""
+    starts: tuple[str, ...] = STARTS
+    """What to start from: scratch, dmax."""
+    seeds: int = 5
+    """Training seeds: 0, 1, ..."""
+    steps: int | None = None
+    """Decisions to train on; by default 2 million for OutAndBack, 3 for Survey and 1 for Patrol."""
+    episodes: int = 2000
+    """Unseen episodes to compare on."""
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Score, 0 unless home, and whether it stranded, of each episode, shape (episodes,) or (seeds, episodes)."""
+
+    score: NDArray[np.float64]
+    stranded: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of one mission and start: the first policy, the best of each seed, and others on the same episodes."""
+
+    mission: str
+    difficulty: str
+    start: str
+    first: dict[str, Driven]  # greedy and sampled; of seed 0
+    best: dict[str, Driven]  # greedy and sampled; rows of seeds
+    others: dict[str, Driven]  # rules, dmax_belief and the planner
+    curves: tuple[list[Point], ...]
+    on_curve: dict[str, float]  # mean scores of the others on the episodes of curves
+
+    @property
+    def rule(self) -> str:
+        """The d_max rule with the highest mean score."""
+        return max(RULES, key=lambda name: float(self.others[name].score.mean()))
+
+
+@final
+class Sampled(Policy):
+    """Draws each choice with its probability, as in training.
+
+    Args:
+        policy: In a discrete space.
+        seed: Of the draws.
+    """
+
+    def __init__(self, policy: NetworkPolicy, seed: int) -> None:
+        assert isinstance(policy.action_space, spaces.MultiDiscrete)
+        self._policy, self._rng = policy, np.random.default_rng(seed)
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action a mission, see `Policy.act`."""
+        logits = self._policy.outputs(self._policy.seen(observations, begun))
+        # The largest of logits with Gumbel noise is drawn with its probability.
+        return self._policy.choose((logits + self._rng.gumbel(size=logits.shape)).astype(np.float32))
+
+
+def main(args: Args) -> list[Result]:
+    """Train, compare, print the table and write the files.
+
+    Raises:
+        TrainingError, OptionError: An argument cannot be used.
+        OSError: The output folder cannot be written to.
+    """
+    if args.seeds < 1 or args.episodes < 2:
+        raise TrainingError(f"--seeds {args.seeds} --episodes {args.episodes}: give at least 1 seed and 2 episodes")
+    numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
+    results = [compare(args, mission, start) for mission in args.missions for start in args.starts]
+    rows = [summary(result) for result in results]
+    write_whole(args.out / "learn.json", json.dumps(rows, indent=2) + "\n")
+    write_whole(args.out / "learn.png", curves_png(results))
+    console = Console(width=_WIDTH)
+    console.print(table(rows, args))
+    console.print(others_table(results))
+    return results
+
+
+def compare(args: Args, mission: str, start: str) -> Result:
+    """Train from one start with all seeds, and run the policies, the rules and the planner."""
+    options = Options(mission, difficulty=args.difficulty)
+    known, seeds = known_of(options), episode_seeds(0, args.episodes)
+    folders = [trained(args, mission, start, seed) for seed in range(args.seeds)]
+
+    def both(folder: Path, seed: int) -> dict[str, Driven]:
+        key = (folder / "policy.safetensors").read_bytes()
+        greedy = driven(args, options, load_policy(folder, known), key + b"greedy", seeds)
+        sampled = driven(args, options, Sampled(load_policy(folder, known), seed), key + b"sampled", seeds)
+        return {"greedy": greedy, "sampled": sampled}
+
+    of_seeds = [both(folder, seed) for seed, folder in enumerate(folders)]
+    best = {
+        how: Driven(np.stack([one[how].score for one in of_seeds]), np.stack([one[how].stranded for one in of_seeds]))
+        for how in ("greedy", "sampled")
+    }
+    others, on_curve = {}, {}
+    for name in (*RULES, *OTHERS):
+        others[name] = driven(args, options, AGENTS[name](Request(known)), name.encode(), seeds)
+        on_curve[name] = float(
+            driven(
+                args, options, AGENTS[name](Request(known)), name.encode(), episode_seeds(SEED, EPISODES)
+            ).score.mean()
+        )
+    return Result(
+        mission, args.difficulty, start, both(folders[0] / FIRST, 0), best, others,
+        tuple(read_curve(folder) for folder in folders), on_curve,
+    )  # fmt: skip
+
+
+def trained(args: Args, mission: str, start: str, seed: int) -> Path:
+    """Train one policy, or find it trained, and return its folder."""
+    name = f"{mission}-{args.difficulty}-{start}-{seed}"
+    Console(stderr=True).print(f"{name}: training", markup=False, highlight=False)
+    steps = args.steps or STEPS[mission]
+    return train.main(
+        train.Args(
+            env=IDS[mission], out=args.out / name, difficulty=args.difficulty, seed=seed, steps=steps, resume=True,
+            checkpoint_s=_CHECKPOINT_S, ppo=PPOSettings(start=start),
+        )
+    )  # fmt: skip
+
+
+def driven(args: Args, options: Options, policy: Policy, key: bytes, seeds: Sequence[int]) -> Driven:
+    """Drive a policy on episodes, or find them driven.
+
+    Args:
+        args: With the folder where what was driven is kept.
+        options: Of the environment.
+        policy: What drives.
+        key: Of what it is made from, beside the code.
+        seeds: Of the episodes.
+    """
+    told = json.dumps([vars(options), made_with(options), [str(seed) for seed in seeds]], default=str).encode()
+    file = args.out / "driven" / f"{hashlib.sha256(key + told).hexdigest()[:24]}.npz"
+    if not file.is_file():
+        episodes = run_episodes(policy, options, seeds).episodes
+        content = io.BytesIO()
+        np.savez_compressed(content, score=episodes.score, stranded=episodes.stranded)
+        write_whole(file, content.getvalue())
+    with np.load(file, allow_pickle=False) as kept:
+        return Driven(kept["score"], kept["stranded"])
+
+
+def summary(result: Result) -> dict[str, Any]:
+    """Figures of a mission and start, for the table and `learn.json`."""
+    greedy, sampled = result.best["greedy"], result.best["sampled"]
+    stranded, count = int(greedy.stranded.sum()), greedy.stranded.size
+    row: dict[str, Any] = {
+        "mission": result.mission, "difficulty": result.difficulty, "start": result.start,
+        "seeds": len(greedy.score), "episodes": greedy.score.shape[1], "rule": result.rule,
+        "score": float(greedy.score.mean()), "score_by_seed": greedy.score.mean(axis=1).tolist(),
+        "stranded_by_seed": greedy.stranded.mean(axis=1).tolist(),
+        "stranded_rate": stranded / count, "stranded_ci95": wilson(stranded, count),
+        "sampled": float(sampled.score.mean()), "sampled_stranded_rate": float(sampled.stranded.mean()),
+        "trained_s": [curve[-1].trained_s for curve in result.curves],
+    }  # fmt: skip
+    for how, one in result.first.items():
+        row[f"first_{how}"], row[f"first_{how}_stranded_rate"] = float(one.score.mean()), float(one.stranded.mean())
+    for name, one in result.others.items():
+        row[name], row[f"{name}_stranded_rate"] = float(one.score.mean()), float(one.stranded.mean())
+    against = {"first": result.first["greedy"], "rule": result.others[result.rule], "planner": result.others["planner"]}
+    for name, one in against.items():
+        gain = greedy.score - one.score
+        row[f"minus_{name}"], row[f"minus_{name}_ci95"] = float(gain.mean()), list(interval(gain))
+    return row
+
+
+def interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    """95 % percentile interval of the mean of (seeds, episodes), both resampled."""
+    rng = np.random.default_rng(0)
+    seeds, episodes = values.shape
+    by_seed = rng.multinomial(seeds, np.full(seeds, 1.0 / seeds), _RESAMPLES) / seeds
+    by_episode = rng.multinomial(episodes, np.full(episodes, 1.0 / episodes), _RESAMPLES) / episodes
+    low, high = np.percentile(np.einsum("rs,se,re->r", by_seed, values, by_episode, optimize=True), [2.5, 97.5])
+    return float(low), float(high)
+
+
+def table(rows: list[dict[str, Any]], args: Args) -> Table:
+    """One line a mission and start."""
+    title = (
+        f"PPO on {args.episodes} unseen episodes, {args.seeds} training seeds; differences of the greedy policy, paired"
+    )
+    shown = Table(title=title, box=box.SIMPLE_HEAD)
+    for heading in (
+        "mission", "start", "first, greedy", "first, sampled", "best, greedy", "best, sampled", "minus first (95 %)",
+        "minus best rule (95 %)", "minus planner (95 %)", "stranded (95 %)", "trained, s",
+    ):  # fmt: skip
+        shown.add_column(heading, justify="left" if heading in ("mission", "start") else "right")
+    for row in rows:
+        least, most = row["stranded_ci95"]
+        scores = (
+            f"{row[name]:.4g}\n{row[f'{name}_stranded_rate']:.1%}"
+            for name in ("first_greedy", "first_sampled", "score", "sampled")
+        )
+        row["score_stranded_rate"] = row["stranded_rate"]
+        gains = []
+        for name in ("first", "rule", "planner"):
+            low, high = row[f"minus_{name}_ci95"]
+            gains.append(f"{row[f'minus_{name}']:+.3g}\n({low:+.3g} to {high:+.3g})")
+        shown.add_row(
+            f"{row['mission']}\n{row['difficulty']}", row["start"], *scores, *gains,
+            f"{row['stranded_rate']:.2%}\n({least:.2%} to {most:.2%})", f"{np.median(row['trained_s']):.0f}",
+        )  # fmt: skip
+    return shown
+
+
+def others_table(results: list[Result]) -> Table:
+    """Score and rate of stranding of the rules and the planner, on the same episodes."""
+    shown = Table(title="on the same episodes: score, stranded", box=box.SIMPLE_HEAD)
+    for heading in ("mission", *RULES, *OTHERS):
+        shown.add_column(heading)
+    for mission, others in {result.mission: result.others for result in results}.items():
+        shown.add_row(mission, *(f"{one.score.mean():.4g}, {one.stranded.mean():.2%}" for one in others.values()))
+    return shown
+
+
+def curves_png(results: list[Result]) -> bytes:
+    """Score over decisions, a line a seed, beside the best rule and the planner."""
+    missions = list(dict.fromkeys(result.mission for result in results))
+    figure = Figure(figsize=(4.0 * len(missions), 3.2), layout="constrained")
+    for axes, mission in zip(np.atleast_1d(figure.subplots(1, len(missions))), missions, strict=True):
+        own = [result for result in results if result.mission == mission]
+        for index, result in enumerate(own):
+            for curve in result.curves:
+                label = result.start if curve is result.curves[0] else None
+                millions, scores = [p.steps / 1e6 for p in curve], [p.score for p in curve]
+                axes.plot(millions, scores, color=f"C{index}", linewidth=1.0, label=label)
+        for name, style in ((own[0].rule, "--"), ("planner", ":")):
+            axes.axhline(own[0].on_curve[name], color="black", linestyle=style, linewidth=1.0, label=name)
+        axes.set(title=mission, xlabel="decisions, millions", ylabel="score")
+        axes.set_ylim(bottom=0.6 * own[0].on_curve[own[0].rule])
+        axes.legend(fontsize="small")
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=110)
+    return content.getvalue()
+
+
+def run() -> int:
+    """Run from the command line, see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (TrainingError, OptionError), interrupted="the same command goes on")
+
+
+if __name__ == "__main__":
+    sys.exit(run())

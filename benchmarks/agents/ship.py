@@ -1,0 +1,123 @@
+"""Ship the policies that `benchmarks/agents/learn.py` trained: `python benchmarks/agents/ship.py` after it.
+
+For each mission and start, the policy of the seed that did best on the episodes of the learning curve goes into
+agents/policies, with its curve and a card. Nothing is chosen by the episodes that the card reports.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+from homeward import cli
+from homeward.agents.evaluation.learning_curve import EPISODES, Point, read_curve
+from homeward.agents.learning.folder import CURVE
+from homeward.agents.learning.settings import DMAX
+from homeward.agents.registry import SHIPPED, shipped
+from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, PolicyFileError, load_policy
+from homeward.files import write_whole
+
+CARD = "card.md"
+SEEN = {
+    "scratch": "on the observation alone; no rule decided or proposed anything",
+    "dmax": "on the observation and on what the robot believes of itself and its way home",
+}
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which runs to ship, and where to."""
+
+    runs: Path = Path("runs/learn")
+    """Folder that learn.py wrote."""
+    out: Path = SHIPPED
+    """Folder that the agents ppo and ppo_scratch are loaded from."""
+
+
+def main(args: Args) -> None:
+    """Copy the policies and write their cards.
+
+    Raises:
+        PolicyFileError: There is nothing to ship.
+        OSError: A folder cannot be read or written.
+    """
+    try:
+        rows = json.loads((args.runs / "learn.json").read_text("utf-8"))
+    except FileNotFoundError:
+        raise PolicyFileError(f"{args.runs} holds no learn.json: run benchmarks/agents/learn.py first") from None
+    for row in rows:
+        if row["difficulty"] != "uncertain":
+            continue
+        folders = [args.runs / f"{row['mission']}-uncertain-{row['start']}-{seed}" for seed in range(row["seeds"])]
+        best = max(folders, key=lambda folder: max(point.score for point in read_curve(folder)[1:]))
+        out = args.out / shipped(row["mission"], row["start"]).name
+        out.mkdir(parents=True, exist_ok=True)
+        for name in (WEIGHTS, DESCRIPTION, CURVE):
+            shutil.copyfile(best / name, out / name)
+        write_whole(out / CARD, card(dict(load_policy(best).description), row, read_curve(best)))
+        print(f"{best} -> {out}")
+
+
+def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -> str:
+    """What a user should know of a policy, as Markdown.
+
+    Args:
+        description: Its `policy.json`.
+        row: Figures of its mission and start on unseen episodes, from `learn.json`.
+        curve: Its learning curve.
+    """
+    training = description["training"]
+    seed, agent = training["seed"], "ppo" if row["start"] == DMAX else f"ppo_{row['start']}"
+    versions = ", ".join(f"{name} {version}" for name, version in description["versions"].items())
+    points = "\n".join(f"| {p.steps:,} | {p.trained_s:.0f} | {p.score:.4g} | {p.stranded_rate:.1%} |" for p in curve)
+    names = {
+        "first_greedy": "first policy, greedy", "first_sampled": "first policy, sampled",
+        "score": f"`{agent}`, greedy, all seeds", "sampled": f"`{agent}`, sampled, all seeds",
+        "dmax": "`dmax`", "dmax_mapped": "`dmax_mapped`", "dmax_adaptive": "`dmax_adaptive`",
+        "dmax_belief": "`dmax_belief`", "planner": "`planner`",
+    }  # fmt: skip
+    rates = {name: row[f"{name}_stranded_rate"] for name in names if name != "score"} | {"score": row["stranded_rate"]}
+    compared = "\n".join(f"| {told} | {row[name]:.4g} | {rates[name]:.2%} |" for name, told in names.items())
+    against = {"first": "first policy", "rule": f"best d_max rule, `{row['rule']}`", "planner": "planner"}
+    gains = {f"minus the {told}": (row[f"minus_{name}"], *row[f"minus_{name}_ci95"]) for name, told in against.items()}
+    gained = "; ".join(f"{told} {mean:+.3g} ({low:+.3g} to {high:+.3g})" for told, (mean, low, high) in gains.items())
+    seeds = f"the best of {row['seeds']} seeds" if row["seeds"] > 1 else "one seed"
+    return f"""# {agent}, {row["mission"]}
+
+A policy for `{description["env"]}`, `{training["difficulty"]}`, robot `{training["robot"]}`, a decision every
+{description["decision_s"]:g} s. `evaluate.py --env {description["env"]} --agents {agent}` uses it.
+
+* **What it is**: two hidden layers of {training["hidden"]}, {SEEN[row["start"]]}.
+* **Trained by**: `{description["command"]}`, seed {seed}, {description["steps"]:,} decisions,
+  {curve[-1].trained_s:.0f} s; kept as it was after {description["after_steps"]:,} decisions, and {seeds}, by the
+  {EPISODES} missions of the learning curve.
+* **Versions**: {versions}. Weights `{description["weights_sha256"][:16]}`.
+* **On {row["episodes"]:,} unseen missions**: this policy scores {row["score_by_seed"][seed]:.4g} and strands in
+  {row["stranded_by_seed"][seed]:.2%}, greedy. All seeds, greedy, paired (95 %): {gained}.
+* **Limits**: trained on one robot, one difficulty and generated routes. Anywhere else it is a transfer, and
+  `evaluate.py` warns. Where every stranding matters, put a shield around it (`{agent}+shield`).
+
+| {row["episodes"]:,} missions | score | stranded |
+|---|---|---|
+{compared}
+
+The learning curve, on {EPISODES} missions of its own:
+
+| decisions | training, s | score | stranded |
+|---|---|---|---|
+{points}
+"""
+
+
+def run() -> int:
+    """Run from the command line, see `homeward.cli.run`."""
+    return cli.run(main, Args, __doc__, (PolicyFileError,))
+
+
+if __name__ == "__main__":
+    sys.exit(run())

@@ -1,0 +1,349 @@
+"""Tune rules, planner and shield, each with as many trials: the numbers of `agents/rules/tuned.py` and of the shield.
+
+`python benchmarks/agents/tune.py` prints the tables and the numbers. Missions have seeds of their own, which neither
+training nor evaluation meets; the robot is the default one, and who strands scores 0.
+
+* A rule has the reserve with the highest mean score at `uncertain`. The pace that all rules share has the highest sum
+  of scores of those that believe the least, each relative to the pace in use; one is found for the other in turn.
+* The planner has one reserve for OutAndBack and Survey: that with the highest sum of scores at `uncertain` and `harsh`,
+  each relative to the best there, of those with which at most 0.3 % strand at `uncertain`; and, found in the same way,
+  another for Patrol, where it goes by another rule.
+* The shield has the risk of a decision with which a robot that never turns back scores most on OutAndBack, of those
+  with which at most 0.05 % of its missions strand, at `uncertain` and `harsh`, in forecast and in hidden winds.
+
+Finished trials are kept in OUT/tune.json, so that a run that was killed goes on.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numba
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+
+from homeward import cli
+from homeward.agents.base import Policy
+from homeward.agents.evaluation import run_episodes
+from homeward.agents.evaluation.statistics import wilson
+from homeward.agents.planner import Planner
+from homeward.agents.rules.dmax import DmaxRule
+from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
+from homeward.agents.rules.dmax_belief import BeliefDmaxRule
+from homeward.agents.rules.dmax_mapped import MappedDmaxRule
+from homeward.agents.rules.pace import NO_SENSING, Pace
+from homeward.agents.rules.soc50 import StateOfChargeRule
+from homeward.agents.rules.tuned import PACES
+from homeward.agents.shield import shield as guard
+from homeward.agents.shield.reckless import Onward
+from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
+from homeward.files import write_whole
+from homeward.parallel import ClusterError, code_hash, run_tasks
+
+ROUNDS = 3
+CANDIDATES = [
+    Pace(rate, interest, full)
+    for rate, interest, full in itertools.product((0.5, 0.75, 1.0), (0.0, 0.4, 0.5, 0.6, 0.8), (0.5, 0.7, 0.9, 0.95))
+]
+SHARES = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.32)
+DEVIATIONS = (0.0, 1.0, 2.0, 3.0, 3.5, 4.0, 5.0, 6.0)
+DECISION_RISKS = (1e-4, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-9)
+"""Reserves of rules and planner, and risks of the shield: as many of each."""
+RULES: dict[str, tuple[Callable[..., Policy], tuple[float, ...]]] = {
+    "dmax": (DmaxRule, SHARES),
+    "dmax_mapped": (MappedDmaxRule, SHARES),
+    "dmax_adaptive": (AdaptiveDmaxRule, DEVIATIONS),
+    "dmax_belief": (BeliefDmaxRule, DEVIATIONS),
+}
+"""Each rule and the reserves to try."""
+PACED_BY = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
+"""Rules whose scores choose the pace; the reserve of `soc50` is in its name."""
+NAMES = (*RULES, "planner", "shield")
+PLANNER_STRANDS, SHIELD_STRANDS = 0.003, 0.0005
+"""Shares of missions that may strand."""
+_FIRST_SEED, _SEEDS_APART = 1 << 62, 1 << 32  # training has smaller ones, evaluation larger
+
+Choice = TypeVar("Choice")
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to tune."""
+
+    only: str | None = None
+    """Tune one: dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner or shield; then the pace is left as it is."""
+    episodes: int = 4096
+    """Episodes of each trial."""
+    seed: int = 0
+    """Number of the set of missions."""
+    jobs: int = 1
+    """Processes at once."""
+    out: Path = Path("runs/tune")
+    """Folder of the trials that are finished."""
+
+
+class Outcome(NamedTuple):
+    """Mean score and number of stranded missions."""
+
+    score: float
+    stranded: int
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An agent with its numbers in an environment.
+
+    Attributes:
+        name: A rule, `planner` or `shield`.
+        options: Of the environment.
+        numbers: Reserve; of the shield the risk.
+        pace: Of rules.
+    """
+
+    name: str
+    options: Options
+    numbers: tuple[float, ...]
+    pace: Pace = NO_SENSING
+
+    def policy(self, known: Known) -> Policy:
+        """The agent; the numbers of a shield are those of its module, see `run_trial`."""
+        if self.name == "soc50":
+            return StateOfChargeRule(known, self.pace, *self.numbers)
+        if self.name == "planner":
+            return Planner(known, *self.numbers)
+        if self.name == "shield":
+            return guard.Shield(Onward(known), known)
+        return RULES[self.name][0](known, self.pace, *self.numbers)
+
+
+def run_trial(task: tuple[Trial, range]) -> Outcome:
+    """Mean score and strandings of a trial."""
+    trial, seeds = task
+    numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
+    confidence, kept = max(guard.RISKS), dict(guard.RISKS)
+    try:
+        if trial.name == "shield":
+            (guard.RISKS[confidence],) = trial.numbers
+        episodes = run_episodes(trial.policy(known_of(trial.options)), trial.options, seeds).episodes
+    finally:
+        guard.RISKS.update(kept)
+    return Outcome(float(episodes.score.mean()), int(episodes.stranded.sum()))
+
+
+class Trials:
+    """Runs trials, and keeps what came of them.
+
+    Attributes:
+        episodes: Of each.
+    """
+
+    def __init__(self, args: Args) -> None:
+        first = _FIRST_SEED + args.seed * _SEEDS_APART
+        self.episodes, self._seeds, self._jobs = args.episodes, range(first, first + args.episodes), args.jobs
+        self._file, self._common = args.out / "tune.json", {"seeds": [first, args.episodes], "code": code_hash()}
+        self._kept: dict[str, Outcome] = {}
+        if self._file.is_file():
+            content: dict[str, Any] = json.loads(self._file.read_text())
+            if {name: content.get(name) for name in self._common} == self._common:
+                self._kept = {name: Outcome(*one) for name, one in content["trials"].items()}
+
+    def run(self, trials: Iterable[Trial], title: str) -> list[Outcome]:
+        """Outcomes of trials, in their order."""
+        named = {repr(trial): trial for trial in trials}
+
+        def keep(name: str, outcome: Outcome) -> None:
+            self._kept[name] = outcome
+            write_whole(self._file, json.dumps({**self._common, "trials": self._kept}) + "\n")
+
+        missing = {name: (trial, self._seeds) for name, trial in named.items() if name not in self._kept}
+        run_tasks(run_trial, missing, jobs=self._jobs, keep=keep, title=title)
+        return [self._kept[name] for name in named]
+
+
+Grid = Mapping[float, Outcome]
+"""What came of each reserve."""
+
+
+def try_reserves(trials: Trials, mission: str, names: Sequence[str], pace: Pace) -> dict[str, Grid]:
+    """Run rules with each of their reserves."""
+    options = Options(mission, difficulty="uncertain")
+    return {
+        name: _grid(
+            RULES[name][1],
+            trials.run((Trial(name, options, (one,), pace) for one in RULES[name][1]), f"{mission}: {name}"),
+        )
+        for name in names
+    }
+
+
+def _grid(reserves: Sequence[float], outcomes: Sequence[Outcome]) -> Grid:
+    return dict(zip(reserves, outcomes, strict=True))
+
+
+def best(scores: Mapping[Choice, float]) -> Choice:
+    """The choice with the highest score, the first of equals."""
+    return max(scores, key=lambda choice: scores[choice])
+
+
+def best_reserve(grid: Grid) -> float:
+    """The reserve with the highest mean score."""
+    return best({reserve: outcome.score for reserve, outcome in grid.items()})
+
+
+def tune_pace(trials: Trials, mission: str, console: Console) -> Pace:
+    """Find the pace of a mission, and print the best."""
+    pace, options = PACES[mission], Options(mission, difficulty="uncertain")
+    for _ in range(0 if pace == NO_SENSING else ROUNDS):
+        rules = [name for name in PACED_BY if name in RULES]
+        grids = try_reserves(trials, mission, rules, pace)
+        (half,) = trials.run([Trial("soc50", options, (0.5,), pace)], f"{mission}: soc50")
+        numbers = {"soc50": (0.5, half.score)}
+        numbers |= {name: (best_reserve(grid), grid[best_reserve(grid)].score) for name, grid in grids.items()}
+        totals = dict.fromkeys(CANDIDATES, 0.0)
+        for name, (reserve, scale) in numbers.items():
+            tried = (Trial(name, options, (reserve,), one) for one in CANDIDATES)
+            for one, outcome in zip(CANDIDATES, trials.run(tried, f"{mission}: pace, {name}"), strict=True):
+                totals[one] += outcome.score / scale / len(numbers)
+        console.print(pace_table(mission, totals))
+        if best(totals) == pace:
+            break
+        pace = best(totals)
+    return pace
+
+
+def tune_planner(trials: Trials, missions: Sequence[str]) -> tuple[dict[str, Grid], float]:
+    """Run the planner with each reserve, and choose one for some missions: see `choose_for_planner`."""
+    grids = {}
+    for mission, difficulty in itertools.product(missions, ("uncertain", "harsh")):
+        options = Options(mission, difficulty=difficulty)
+        tried = (Trial("planner", options, (one,)) for one in DEVIATIONS)
+        name = f"planner, {mission}, {difficulty}"
+        grids[name] = _grid(DEVIATIONS, trials.run(tried, name))
+    return grids, choose_for_planner(grids, trials.episodes)
+
+
+def choose_for_planner(grids: Mapping[str, Grid], episodes: int) -> float:
+    """The reserve with the most relative score over all settings, of those with which few enough strand at `uncertain`.
+
+    Where there is none, that with which the fewest do.
+    """
+    asked = [grid for name, grid in grids.items() if name.endswith("uncertain")]
+    stranded = {one: max(grid[one].stranded for grid in asked) / episodes for one in asked[0]}
+    return _choose(grids, stranded, PLANNER_STRANDS)
+
+
+def tune_shield(trials: Trials) -> tuple[dict[str, Grid], float]:
+    """Run the shield around a robot that never turns back with each risk, and choose."""
+    grids = {}
+    for difficulty, route in itertools.product(("uncertain", "harsh"), (GENERATED, HIDDEN_WIND)):
+        options = Options("OutAndBack", difficulty=difficulty, route=route)
+        name = f"{difficulty}, {route}"
+        tried = (Trial("shield", options, (one,)) for one in DECISION_RISKS)
+        grids[name] = _grid(DECISION_RISKS, trials.run(tried, f"shield, {name}"))
+    return grids, choose_for_shield(grids, trials.episodes)
+
+
+def choose_for_shield(grids: Mapping[str, Grid], episodes: int) -> float:
+    """Risk with the most relative score, of those with which few enough strand in every setting.
+
+    Where there are none, that with which the fewest do.
+    """
+    first = next(iter(grids.values()))
+    stranded = {one: max(grid[one].stranded for grid in grids.values()) / episodes for one in first}
+    return _choose(grids, stranded, SHIELD_STRANDS)
+
+
+def _choose(grids: Mapping[str, Grid], stranded: Mapping[float, float], most: float) -> float:
+    allowed = [one for one, share in stranded.items() if share <= max(most, min(stranded.values()))]
+    scales = {name: max(outcome.score for outcome in grid.values()) for name, grid in grids.items()}
+    # Where nothing is scored, as by a survey that senses nothing, there is nothing to compare.
+    return best(
+        {one: sum(grids[n][one].score / scale for n, scale in scales.items() if scale > 0.0) for one in allowed}
+    )
+
+
+def pace_table(mission: str, totals: Mapping[Pace, float]) -> Table:
+    """The ten best paces."""
+    table = Table(title=f"{mission}: mean score over all rules, relative to the pace in use", box=box.SIMPLE_HEAD)
+    for heading in ("rate", "interest", "full", "score"):
+        table.add_column(heading, justify="right")
+    for pace in sorted(totals, key=lambda one: -totals[one])[:10]:
+        table.add_row(f"{pace.rate:g}", f"{pace.interest:g}", f"{pace.full:g}", f"{totals[pace]:.4f}")
+    return table
+
+
+def outcome_table(
+    title: str, heading: str, grids: Mapping[str, Grid], chosen: Mapping[str, float], episodes: int
+) -> Table:
+    """Score and stranding rate of each agent or setting by the number that is chosen."""
+    table = Table(title=title, box=box.SIMPLE_HEAD)
+    for one in ("", heading, "score", "stranded (95 %)"):
+        table.add_column(one, justify="right" if one else "left")
+    for name, grid in grids.items():
+        for number, outcome in grid.items():
+            low, high = wilson(outcome.stranded, episodes)
+            table.add_row(
+                name,
+                f"{number:g}",
+                f"{outcome.score:.4g}",
+                f"{outcome.stranded / episodes:.2%} ({low:.2%} to {high:.2%})",
+                style="bold" if number == chosen[name] else "",
+            )
+    return table
+
+
+def main(args: Args) -> None:
+    """Tune, and print what belongs into `agents/rules/tuned.py` and `agents/shield/shield.py`.
+
+    Raises:
+        OptionError, ClusterError: An argument cannot be used.
+        OSError: The output folder cannot be written to.
+    """
+    if args.only not in (None, *NAMES) or args.episodes < 1 or args.seed < 0:
+        raise OptionError(
+            f"--only {args.only} --episodes {args.episodes} --seed {args.seed}: choose from {', '.join(NAMES)}, and "
+            "give at least 1 episode and a seed of 0 or more"
+        )
+    console, trials = Console(width=120), Trials(args)
+    chosen = [args.only] if args.only else list(NAMES)
+    first = _FIRST_SEED + args.seed * _SEEDS_APART
+    console.print(f"{args.episodes} episodes a trial, seeds from {first}, default robot", highlight=False)
+    reserves: dict[str, dict[str, float]] = {}
+    paces = dict(PACES)
+    rules = [name for name in chosen if name in RULES]
+    for mission in MISSIONS if rules else ():
+        if args.only is None:
+            paces[mission] = tune_pace(trials, mission, console)
+        grids = try_reserves(trials, mission, rules, paces[mission])
+        best_ones = {name: best_reserve(grid) for name, grid in grids.items()}
+        console.print(outcome_table(f"{mission}, uncertain", "reserve", grids, best_ones, args.episodes))
+        for name, reserve in best_ones.items():
+            reserves.setdefault(name, {})[mission] = reserve
+    for missions in (("OutAndBack", "Survey"), ("Patrol",)) if "planner" in chosen else ():
+        found, reserve = tune_planner(trials, missions)
+        console.print(outcome_table("planner", "deviations", found, dict.fromkeys(found, reserve), args.episodes))
+        reserves.setdefault("planner", {}).update(dict.fromkeys(missions, reserve))
+    if args.only is None:
+        console.print(f"PACES = {paces}", highlight=False, soft_wrap=True)
+    if reserves:
+        rows = "".join(f'    "{name}": {json.dumps(by_mission)},\n' for name, by_mission in reserves.items())
+        console.print(f"RESERVES = {{\n{rows}}}", highlight=False, soft_wrap=True)
+    if "shield" in chosen:
+        by_setting, risk = tune_shield(trials)
+        risks = dict.fromkeys(by_setting, risk)
+        console.print(outcome_table("shield around onward", "risk", by_setting, risks, args.episodes))
+        console.print(f"RISKS = {{{max(guard.RISKS)}: {risk:g}}}", highlight=False)
+
+
+if __name__ == "__main__":
+    sys.exit(cli.run(main, Args, __doc__, (OptionError, ClusterError)))

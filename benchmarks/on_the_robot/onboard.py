@@ -1,0 +1,109 @@
+"""What a policy on a robot loses by what it is not told: forecasts, a map, the temperature; and by heeding `turn_now`.
+
+`python benchmarks/on_the_robot/onboard.py` drives missions of an environment by a policy that ships, asked through
+`homeward.companion.Companion(policy=...)` with what the environment's instruments read: told all that the environment
+tells its agents, the forecast of the wind alone, nothing beforehand, and nothing while it heeds `turn_now`. It prints
+what docs/on_the_robot.md quotes.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+
+from homeward import cli
+from homeward.agents.evaluation.statistics import wilson
+from homeward.agents.learning.settings import DMAX, SCRATCH
+from homeward.agents.onboard import Onboard
+from homeward.agents.registry import shipped
+from homeward.agents.trained.policy_file import load_policy
+from homeward.companion import Companion
+from homeward.envs import IDS
+from homeward.envs.actions import MODES, encode_actions
+from homeward.envs.options import OptionError
+from homeward.envs.state import RETURN
+from tests.envs.reading import ReadRobot
+
+TOLD = ("all", "the wind", "nothing", "nothing, and heeds turn_now")
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to drive."""
+
+    env: str = "OutAndBack"
+    """OutAndBack, Survey or Patrol."""
+    start: str = DMAX
+    """Which policy: dmax (ppo) or scratch (ppo_scratch)."""
+    missions: int = 200
+    """Missions."""
+    seed: int = 9_500_001
+    """Seed of the first mission; nothing was trained or tuned on these."""
+    told: tuple[str, ...] = TOLD
+    """What the policy is told."""
+
+
+def driven(args: Args, told: str) -> Iterator[tuple[float, bool]]:
+    """Score of each mission, and whether the robot stranded."""
+    for seed in range(args.seed, args.seed + args.missions):
+        robot = ReadRobot(args.env, seed)
+        known, over = robot.env.batch.known, False
+        route, wind_mps, mean_grade = robot.told()
+        policy = load_policy(shipped(args.env, args.start), known)
+        knows_wind, knows_all = told in ("all", "the wind"), told == "all"
+        onboard = Onboard(
+            policy, known, route if knows_all else None, wind_mps if knows_wind else None,
+            mean_grade if knows_all else None,
+        )  # fmt: skip
+        companion = Companion(known.robot, policy=onboard, window_s=onboard.decision_s)
+        home = encode_actions(known, known.shared["cruise_mps"][0], 0.0, RETURN)[0]
+        while not over:
+            reads = robot.reads()
+            if knows_all:
+                for seen in robot.seen_ahead():
+                    onboard.see(*seen)
+            else:
+                reads |= {"temperature_c": None, "interest": None}
+            advice = companion.update(robot.time_s, **reads)
+            action = home
+            if advice.action is not None and not (told.endswith("turn_now") and advice.turn_now):
+                speed_mps, sensing_hz, mode = advice.action
+                action = encode_actions(known, speed_mps, sensing_hz, MODES.index(mode))[0]
+            over = robot.drive(action)
+        m = robot.env.batch.records[0]
+        yield float(m["score"]) if m["home"] else 0.0, bool(m["depleted"])
+
+
+def main(args: Args) -> None:
+    """Drive, and print.
+
+    Raises:
+        OptionError: An argument cannot be used.
+    """
+    if args.env not in IDS or args.start not in (DMAX, SCRATCH) or args.missions < 1 or set(args.told) - set(TOLD):
+        raise OptionError(
+            f"give --env of {', '.join(IDS)}, --start of {DMAX}, {SCRATCH}, at least 1 of --missions, and --told of "
+            + ", ".join(f"'{one}'" for one in TOLD)
+        )
+    title = f"{args.missions} missions of {args.env}, uncertain, policy from {args.start}, seeds from {args.seed}"
+    table = Table(title=title, box=box.SIMPLE_HEAD)
+    for heading in ("told", "mean score", "stranded (95 %)"):
+        table.add_column(heading, justify="left" if heading == "told" else "right")
+    for told in args.told:
+        scores, stranded = np.array(list(driven(args, told))).T
+        low, high = wilson(int(stranded.sum()), args.missions)
+        rate = f"{int(stranded.sum())}, {stranded.mean():.1%} ({low:.1%} to {high:.1%})"
+        table.add_row(told, f"{scores.mean():.5g}", rate)
+    cli.Terminal().show(table)
+
+
+if __name__ == "__main__":
+    sys.exit(cli.run(main, Args, __doc__, (OptionError,)))

@@ -1,0 +1,237 @@
+"""How often the 90 % interval of a corrected file holds what the rest of a drive then takes, on drives held out.
+
+`python benchmarks/on_the_robot/range_coverage.py --out runs/range_coverage` goes the way that a user goes: recordings
+are diagnosed, `corrected.toml` is written with its table `[uncertainty]`, and `homeward.watch` predicts from that file,
+as if live, what the rest of drives takes that were not diagnosed. It prints, by part, how often the interval held the
+truth, with an interval of that by what is independent of each other (robots, blocks or runs, drawn anew), bias, half
+the interval and CRPS, beside that of plain d_max (Tiwari et al., Eq. 8, on the flat at the drive's mean speed and duty
+cycle), as the file was given and as it was corrected. `range_drives.py` says what is driven. Finished sites are kept.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from scipy.special import beta
+from scipy.stats import t as student
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+
+from benchmarks.on_the_robot.range_drives import PARTS, Site, sites
+from homeward import cli
+from homeward.companion import CompanionError
+from homeward.datasets import DatasetError
+from homeward.diagnosis import Recording, analyse, read_recording
+from homeward.diagnosis.fit.replay import current_a
+from homeward.diagnosis.read.signals import signals, steps_s
+from homeward.diagnosis.tell.report import write_outputs
+from homeward.estimation.tails import DEGREES, deviations
+from homeward.files import write_whole
+from homeward.physics import Robot, d_max, load_robot
+from homeward.watch.replay import watch
+from homeward.watch.watched import Watched, rest_of
+
+Array = NDArray[np.float64]
+
+_RESAMPLES = 9999
+_ENDS = (0.8, 0.97)
+"""Between which the share in the 90 % interval is to be."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to drive."""
+
+    parts: tuple[str, ...] = PARTS
+    """Of rover (MuJoCo), cell (PyBaMM), f1tenth and husky."""
+    robots: int = 12
+    """Simulated robots of a part."""
+    seed: int = 1
+    """Seed of what is drawn; 0 and 11 to 16 were used to develop the tool."""
+    out: Path = Path("runs/range_coverage")
+    """Folder of recordings, diagnoses and range_coverage.json."""
+
+
+class CoverageError(ValueError):
+    """An argument that cannot be used."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What came of one held-out drive or window; sums over its moments, over the sum of what the rest took.
+
+    Attributes:
+        site: Of which robot or ground.
+        run: Which run.
+        moments: How many.
+        covered: Share of them at which the interval held it.
+        covered_first: Whether it did before the drive began.
+        bias: Sum of predictions over that of what came, less 1.
+        width: Half the interval.
+        crps: Continuous ranked probability score.
+        nominal: The same of plain d_max by the file as it was given: its absolute error.
+        corrected: By the corrected file.
+        way_m: How far the drive goes.
+    """
+
+    site: str
+    run: str
+    moments: int
+    covered: float
+    covered_first: bool
+    bias: float
+    width: float
+    crps: float
+    nominal: float
+    corrected: float
+    way_m: float
+
+
+def crps(mean: Array, scale: Array, truth: Array) -> Array:
+    """Continuous ranked probability score of Student's t by `homeward.estimation.tails`, in the unit of the truth.
+
+    Closed form of Jordan, Krüger & Lerch (Journal of Statistical Software 90, 2019), appendix A.
+
+    >>> float(crps(np.array(0.0), np.array(1e-9), np.array(2.0)).round(6))
+    2.0
+    """
+    nu, z = DEGREES, (truth - mean) / scale
+    constant = 2.0 * np.sqrt(nu) / (nu - 1.0) * beta(0.5, nu - 0.5) / beta(0.5, 0.5 * nu) ** 2
+    spread = 2.0 * student.pdf(z, nu) * (nu + z * z) / (nu - 1.0)
+    return np.asarray(scale * (z * (2.0 * student.cdf(z, nu) - 1.0) + spread - constant))
+
+
+def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array]) -> Score:
+    """Scores of one drive; `plain` is what plain d_max says at its moments, by the nominal and the corrected file."""
+    total_j = float(watched.took_j.sum())
+    half_j = 0.5 * (watched.high_j - watched.low_j)
+    scores_j = crps(watched.mean_j, half_j / deviations(0.95), watched.took_j)
+    nominal, corrected = (float(np.abs(one - watched.took_j).sum()) / total_j for one in plain)
+    return Score(
+        site.name, run, len(half_j), float(watched.covered.mean()), bool(watched.covered[0]),
+        float(watched.mean_j.sum()) / total_j - 1.0, float(half_j.sum()) / total_j, float(scores_j.sum()) / total_j,
+        nominal, corrected, watched.length_m,
+    )  # fmt: skip
+
+
+def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
+    """What the paper's model says of the rest at each moment, shape (moments,).
+
+    Energy is that of d_max on the flat at the drive's mean speed while moving and its duty cycle. Motor currents have
+    none: of them it is the charge by rolling, drag and slope.
+    """
+    robot = dataclasses.replace(robot, effects={}) if watched.unit == "A s" else robot
+    run = signals(recording, robot)
+    step_s, speed = np.append(steps_s(run.time_s), 0.0), np.abs(run.speed_mps)
+    if watched.unit == "A s":
+        rest_a = 0.0 if robot.uncertainty is None else robot.uncertainty.rest_current_a
+        left = rest_of(current_a(run, robot, rest_a) * step_s)
+        return left[np.searchsorted(run.time_s - run.time_s[0], watched.time_s)]
+    moving_s = float(step_s[speed > 0.0].sum())
+    mean_mps, duty = float(speed @ step_s) / moving_s, moving_s / float(step_s.sum())
+    sensing_hz = float(run.sensing_hz @ step_s) / float(step_s.sum())
+    return robot.usable_energy_j / float(d_max(robot, mean_mps, duty=duty, sensing_hz=sensing_hz)) * watched.left_m
+
+
+def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
+    """Diagnose a site's training drives, and watch those held out with the file that this writes."""
+    site = make()
+    begun_s = time.perf_counter()
+    analysis = analyse(list(site.training), site.nominal, site.columns)
+    write_outputs(analysis, folder / "diagnosis")
+    lasted_s = time.perf_counter() - begun_s
+    nominal, robot = load_robot(site.nominal), load_robot(folder / "diagnosis" / "corrected.toml")
+    scores, left_out = [], 0
+    for path, run in zip(site.held_out, site.runs, strict=True):
+        recording = read_recording(path, site.columns)
+        try:
+            watched = watch(recording, robot)
+        except CompanionError:  # turning on the spot, of which a file without scrub says nothing
+            left_out += 1
+            continue
+        plain = plain_of(nominal, recording, watched), plain_of(robot, recording, watched)
+        scores.append(asdict(score_of(site, run, watched, plain)))
+    return {"site": site.name, "verdict": analysis.diagnosis.verdict, "diagnosed_s": lasted_s, "scores": scores,
+            "left_out": left_out}  # fmt: skip
+
+
+def coverage(scores: list[dict[str, Any]], by: tuple[str, ...], name: str, seed: int) -> tuple[float, float, float]:
+    """Mean of a score over what is independent, and its 95 % interval by drawing that anew."""
+    groups = dict[tuple[str, ...], list[float]]()
+    for one in scores:
+        groups.setdefault(tuple(one[field] for field in by), []).append(float(one[name]))
+    sums = np.array([(sum(values), len(values)) for values in groups.values()])
+    drawn = np.random.default_rng(seed).integers(0, len(sums), (_RESAMPLES, len(sums)))
+    means = sums[drawn].sum(axis=1)
+    low, high = np.quantile(means[:, 0] / means[:, 1], (0.025, 0.975))
+    return float(sums[:, 0].sum() / sums[:, 1].sum()), float(low), float(high)
+
+
+def main(args: Args) -> dict[str, list[dict[str, Any]]]:
+    """Drive, diagnose and watch what is missing, keep it, and print.
+
+    Raises:
+        CoverageError, DatasetError: An argument cannot be used, or recordings cannot be had.
+        OSError: The output folder cannot be written to.
+    """
+    unknown = [one for one in args.parts if one not in PARTS]
+    if unknown or args.robots < 2 or args.seed < 0:
+        raise CoverageError(f"give --parts of {', '.join(PARTS)}, at least 2 --robots and a --seed of 0 or more")
+    os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # it would ask on the terminal
+    console, file = Console(width=150), args.out / "range_coverage.json"
+    content = json.loads(file.read_text()) if file.is_file() else {}
+    kept: dict[str, Any] = content["sites"] if content.get("seed") == args.seed else {}
+    found: dict[str, list[dict[str, Any]]] = {}
+    for part in args.parts:
+        for number, make in enumerate(sites(part, args.seed, args.robots, args.out)):
+            key = f"{part} {number}"
+            if key not in kept:
+                kept[key] = proof_of(make, make.args[-1])
+                write_whole(file, json.dumps({"seed": args.seed, "sites": kept}, indent=1) + "\n")
+            one = kept[key]
+            covered = np.mean([score["covered"] for score in one["scores"]]) if one["scores"] else np.nan
+            without = f"; {one['left_out']} drives of which the file says nothing" if one["left_out"] else ""
+            console.print(f"{one['site']}: {one['verdict']}, {covered:.0%} in the interval{without}", style="dim")
+            found.setdefault(part, []).append(one)
+    console.print(table_of(args, found))
+    return found
+
+
+def table_of(args: Args, found: dict[str, list[dict[str, Any]]]) -> Table:
+    """What the drives of each part came to."""
+    table = Table(title=f"Held-out drives, seed {args.seed}", box=box.SIMPLE_HEAD)
+    for heading in (
+        "drives", "drives, of", "moments", "in the 90 % interval (95 %)", "before the start", "bias", "half interval",
+        "CRPS", "d_max: corrected, given",
+    ):  # fmt: skip
+        table.add_column(heading, justify="left" if heading == "drives" else "right")
+    for part, proofs in found.items():
+        scores = [one for proof in proofs for one in proof["scores"]]
+        by = ("site",) if part in ("rover", "cell") else ("site", "run")
+        independent = len({tuple(one[field] for field in by) for one in scores})
+        of = partial(coverage, scores, by, seed=args.seed)
+        share, low, high = of("covered")
+        table.add_row(
+            part, f"{len(scores)}, {independent}", str(sum(one["moments"] for one in scores)),
+            f"{share:.0%} ({low:.0%} to {high:.0%})", f"{of('covered_first')[0]:.0%}", f"{of('bias')[0]:+.1%}",
+            f"{of('width')[0]:.1%}", f"{of('crps')[0]:.1%}", f"{of('corrected')[0]:.1%}, {of('nominal')[0]:.1%}",
+        )  # fmt: skip
+    return table
+
+
+if __name__ == "__main__":
+    sys.exit(cli.run(main, Args, __doc__, (CoverageError, DatasetError)))

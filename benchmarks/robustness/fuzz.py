@@ -1,0 +1,843 @@
+"""Read mutated files, in this process and by commands, and keep whatever breaks: a traceback, a hang, too much memory.
+
+`python benchmarks/robustness/fuzz.py --minutes 60` gives every loader its share of the time, in `--workers` processes
+that are started anew when one dies. Each input is a real file with bytes or structure changed, or what was kept of
+earlier ones because it ended in a new way; where `atheris` is installed, coverage chooses what is kept in half the time
+of loaders written in Python. A loader may refuse with its own error, in at most 10 s and with at most 1 GB more than
+before; anything else is a finding and lies in OUT/TARGET with its traceback. `--commands N` runs `homeward` that often
+on such files and with wrong words, in forks of a process that has everything loaded; each has 10 s of processor time
+and 1 GB, and ends with 0, or with 2 and a line that says why. OUT/fuzz.md is the table of the documentation;
+tests/broken holds what once broke, and tests/test_broken.py reads it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import gzip
+import hashlib
+import importlib.util
+import io
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import tyro
+
+ROOT = Path(__file__).resolve().parents[2]
+LONGEST_S = 10.0
+"""What reading an input may take."""
+MOST_BYTES = 10**9
+"""What it may allocate."""
+_DEAD_S = 180.0  # without a word from a worker: a hang that no signal ends
+_KEPT = 400  # inputs that ended in a new way
+_FRESH = 0.5  # share of inputs made of a real file, not of what was kept
+_TOKENS = (
+    b"nan", b"inf", b"-inf", b"1e400", b"-1", b"0", b"1e-320", b"9223372036854775807", b"18446744073709551616", b"\x00",
+    b"\xff\xff\xff\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"[[", b"]]", b"{", b"}", b'"', b"'", b"#", b"\n", b"\r\n", b";",
+    b",", b"\t", b"true", b"null", b"None", b"1979-05-27T07:32:00Z", b"[1, 2]", b'"text"', b"{}", b"[]", b"0x10",
+    b"../../etc/passwd", "é".encode("latin-1"), "🤖".encode(), b"\x1b[31m", b"[red]", b"time_s", b"=", b"." * 50,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Args:
+    """How long, and what."""
+
+    minutes: float = 1.0
+    """Time for the loaders, shared evenly."""
+    commands: int = 0
+    """Runs of commands after that."""
+    workers: int = 2
+    """Processes at once."""
+    targets: tuple[str, ...] = ()
+    """Loaders to fuzz; all if left out."""
+    seed: int = 0
+    """Seed of the mutations."""
+    out: Path = Path("runs/fuzz")
+    """Folder of the findings and of the table."""
+    worker: str = ""
+    """Loader that this process is to read for; the processes that this one starts are given it."""
+    guided: bool = False
+    """Whether coverage guides that."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A loader: what it reads, the endings of its files, and the errors that it may refuse with."""
+
+    read: Callable[[Path], Any]
+    suffix: str
+    refusals: tuple[type[Exception], ...]
+    seeds: Callable[[], list[bytes]]
+    guidable: bool = False  # written in Python for the most part
+
+
+class Hang(BaseException):
+    """Raised by the watchdog."""
+
+
+_GUIDED = (
+    "homeward.files", "homeward.physics.plausible", "homeward.physics.robot", "homeward.physics.uncertainty",
+    "homeward.envs.conditions.instruments", "homeward.envs.routes", "homeward.diagnosis.read", "gpxpy", "tomllib",
+)  # fmt: skip
+"""Modules whose coverage is looked at: they read what the guided targets read, and hold nothing that is compiled."""
+
+
+def targets() -> dict[str, Target]:
+    """Every loader by name."""
+    from homeward.agents.trained.policy_file import PolicyFileError, load_policy
+    from homeward.agents.trained.setting import setting_of
+    from homeward.diagnosis import RecordingError, load_columns, read_recording
+    from homeward.diagnosis.read.bags.topics import load_topics
+    from homeward.diagnosis.read.propose import propose
+    from homeward.envs.conditions.instruments import InstrumentError, load_instruments
+    from homeward.envs.options import OptionError
+    from homeward.envs.routes import RouteError, load_route
+    from homeward.physics import RobotError, load_robot
+
+    def policy(path: Path) -> Any:
+        folder = _policy_folder(path)
+        try:
+            return load_policy(folder)
+        finally:
+            shutil.rmtree(folder)
+
+    def setting(path: Path) -> Any:
+        return setting_of(policy(path))
+
+    recording = (RecordingError,)
+    exported = (PolicyFileError, OptionError, RobotError, RouteError)
+    maps = "homeward/diagnosis/read"
+    return {
+        "robot TOML": Target(load_robot, ".toml", (RobotError,), lambda: _files("homeward/robots/*.toml"), True),
+        "route CSV": Target(_routes(load_route), ".csv", (RouteError,), _route_seeds, True),
+        "route GPX": Target(_routes(load_route), ".gpx", (RouteError,), lambda: [_gpx()], True),
+        "recording CSV": Target(read_recording, ".csv", recording, _recording_seeds),
+        "recording CSV.gz": Target(read_recording, ".csv.gz", recording,
+                                   lambda: [gzip.compress(one) for one in _recording_seeds()]),
+        "recording by a mapping": Target(lambda path: read_recording(path, "husky_borealtc"), ".csv", recording,
+                                         _foreign_seeds),
+        "recording without a header": Target(lambda path: read_recording(path, "turtlebot3_tactics"), ".txt", recording,
+                                             lambda: [b"1,2.5,11.1,300,3300,11.2\n" * 40]),
+        "recording Parquet": Target(read_recording, ".parquet", recording, _parquet_seeds),
+        "bag MCAP": Target(read_recording, ".mcap", recording, lambda: _bag_seeds("mcap")),
+        "bag ROS 1": Target(read_recording, ".bag", recording, lambda: _bag_seeds("ros1")),
+        "bag sqlite3": Target(read_recording, ".db3", recording, lambda: _bag_seeds("sqlite3")),
+        "mapping of columns": Target(load_columns, ".toml", recording, lambda: _files(f"{maps}/maps/*.toml"), True),
+        "mapping of topics": Target(load_topics, ".toml", recording, lambda: _files(f"{maps}/bags/maps/*.toml"), True),
+        "proposal of a mapping": Target(propose, ".csv", recording, lambda: [*_recording_seeds(), *_foreign_seeds()]),
+        "policy": Target(policy, "", (PolicyFileError,), _policy_seeds),
+        "policy for ONNX": Target(setting, "", exported, _policy_seeds),
+        "instruments TOML": Target(load_instruments, ".toml", (InstrumentError,), _instrument_seeds, True),
+    }  # fmt: skip
+
+
+# Seeds: real files, shortened so that many are read in a second.
+
+
+def _files(pattern: str) -> list[bytes]:
+    return [path.read_bytes() for path in sorted(ROOT.glob(pattern))]
+
+
+def _routes(load: Callable[[Path, float], Any]) -> Callable[[Path], Any]:
+    return lambda path: load(path, 5.0)
+
+
+def _route_seeds() -> list[bytes]:
+    track = "lat,lon,ele\n" + "".join(f"{45 + i * 1e-4:.5f},{7 + i * 1e-5:.5f},{100 + i % 7}\n" for i in range(40))
+    return [*_files("homeward/routes/*.csv"), track.encode()]
+
+
+def _gpx() -> bytes:
+    points = "".join(f'<trkpt lat="{45 + i * 1e-4:.5f}" lon="7.0"><ele>{100 + i % 7}</ele></trkpt>' for i in range(40))
+    head = '<?xml version="1.0"?><gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1">'
+    return f"{head}<trk><trkseg>{points}</trkseg></trk></gpx>".encode()
+
+
+def _recording_seeds() -> list[bytes]:
+    with gzip.open(ROOT / "homeward" / "recordings" / "synthetic_husky.csv.gz") as file:
+        whole = file.read().splitlines(keepends=True)[:60]
+    plain = b"".join(whole)
+    epoch = b"time_s,speed_mps,voltage_v,current_a\n" + b"".join(
+        b"%d,0.5,24.5,3\n" % (1714564800000 + 100 * i) for i in range(40)
+    )
+    dates = b"time_s,wheel_left_mps,wheel_right_mps,power_w\n" + b"".join(
+        b"2024-05-01T12:00:%02dZ,0.5,0.6,90\n" % i for i in range(40)
+    )
+    return [plain, plain.replace(b",", b";"), plain.replace(b",", b";").replace(b".", b","), epoch, dates,
+            plain.decode().encode("utf-16")]  # fmt: skip
+
+
+def _foreign_seeds() -> list[bytes]:
+    folder = os.environ.get("HOMEWARD_DATA")
+    real = sorted(Path(folder).rglob("*.csv"))[::20][:6] if folder else []
+    made = b"time,curL,curR,velL,velR\n" + b"".join(b"%.2f,1.5,1.4,0.5,0.5\n" % (i / 10) for i in range(60))
+    return [made, *(b"".join(path.read_bytes().splitlines(keepends=True)[:60]) for path in real)]
+
+
+def _parquet_seeds() -> list[bytes]:
+    import pandas as pd
+
+    frames = [pd.read_csv(io.BytesIO(one)) for one in (_recording_seeds()[0], _recording_seeds()[4])]
+    seeds = []
+    for frame in frames:
+        for compression in ("snappy", "zstd", None):
+            buffer = io.BytesIO()
+            frame.to_parquet(buffer, compression=compression)
+            seeds.append(buffer.getvalue())
+    return seeds
+
+
+def _bag_seeds(form: str) -> list[bytes]:
+    from tests.diagnosis.read.bag_writer import Stream, write_bag
+
+    time_s = np.arange(0.0, 8.0, 0.5)
+    streams = {
+        "/odom": Stream("nav_msgs/msg/Odometry", time_s, {"twist.twist.linear.x": 0.5 + 0.1 * np.sin(time_s)}),
+        "/battery": Stream("sensor_msgs/msg/BatteryState", time_s, {"voltage": 24.0, "current": -3.0 - time_s}),
+    }
+    seeds = []
+    with tempfile.TemporaryDirectory() as folder:
+        for compression in {"ros1": ("", "lz4"), "mcap": ("", "storage"), "sqlite3": ("",)}[form]:
+            bag = write_bag(Path(folder) / f"{form}{compression}", form, streams, compression)
+            files = [bag] if bag.is_file() else [one for one in bag.iterdir() if one.suffix in (".mcap", ".db3")]
+            seeds += [one.read_bytes() for one in files]
+    return seeds
+
+
+_BREAK = b"\n--policy--\n"
+
+
+def _policy_seeds() -> list[bytes]:
+    """Both files of a policy in one, the description first."""
+    return [
+        (folder / "policy.json").read_bytes() + _BREAK + (folder / "policy.safetensors").read_bytes()
+        for folder in sorted((ROOT / "agents" / "policies").iterdir())
+        if (folder / "policy.json").is_file()
+    ]
+
+
+def _policy_folder(path: Path) -> Path:
+    """A folder with the two files; the hash is set right where it can be, or hardly any would be looked into."""
+    description, _, weights = path.read_bytes().partition(_BREAK)
+    folder = Path(tempfile.mkdtemp(dir=path.parent))
+    digest = hashlib.sha256(weights).hexdigest().encode()
+    description = re.sub(rb'("weights_sha256": ")[0-9a-f]{64}"', rb"\g<1>" + digest + b'"', description)
+    (folder / "policy.json").write_bytes(description)
+    (folder / "policy.safetensors").write_bytes(weights)
+    return folder
+
+
+def _instrument_seeds() -> list[bytes]:
+    import dataclasses
+
+    from homeward.envs.conditions.instruments import INSTRUMENTS
+
+    return [
+        "".join(f"{name} = {value!r}\n" for name, value in dataclasses.asdict(one).items()).encode()
+        for one in INSTRUMENTS.values()
+    ]
+
+
+# Mutations.
+
+
+class Mutator:
+    """Changes bytes or structure of inputs, with what a generator draws."""
+
+    def __init__(self, rng: np.random.Generator, corpus: list[bytes]) -> None:
+        self.rng, self.corpus, self.fixed = rng, corpus, len(corpus)
+        self.ways = (self._flip, self._overwrite, self._insert, self._delete, self._repeat, self._cut, self._splice,
+                     self._number, self._cell, self._lines, self._ends, self.digit)  # fmt: skip
+
+    def draw(self) -> bytes:
+        """A changed input of the corpus."""
+        often = self.rng.random() < _FRESH
+        return self.change(self.corpus[int(self.rng.integers(self.fixed if often else len(self.corpus)))])
+
+    def change(self, data: bytes) -> bytes:
+        """The input with some changes."""
+        for _ in range(int(self.rng.geometric(0.6))):
+            data = self.ways[int(self.rng.integers(len(self.ways)))](data)
+        return data[:300_000]
+
+    def _at(self, data: bytes) -> int:
+        return int(self.rng.integers(len(data) + 1))
+
+    def _token(self) -> bytes:
+        return _TOKENS[int(self.rng.integers(len(_TOKENS)))]
+
+    def _flip(self, data: bytes) -> bytes:
+        changed = bytearray(data)
+        for _ in range(int(self.rng.integers(1, 5)) if data else 0):
+            changed[int(self.rng.integers(len(data)))] ^= 1 << int(self.rng.integers(8))
+        return bytes(changed)
+
+    def _overwrite(self, data: bytes) -> bytes:
+        at, junk = self._at(data), self.rng.bytes(int(self.rng.integers(1, 9)))
+        return data[:at] + junk + data[at + len(junk) :]
+
+    def _insert(self, data: bytes) -> bytes:
+        at = self._at(data)
+        return data[:at] + self._token() + data[at:]
+
+    def _delete(self, data: bytes) -> bytes:
+        at = self._at(data)
+        return data[:at] + data[at + int(self.rng.geometric(0.05)) :]
+
+    def _repeat(self, data: bytes) -> bytes:
+        at = self._at(data)
+        part = data[at : at + int(self.rng.integers(1, 200))]
+        return data[:at] + part * int(2 ** self.rng.integers(1, 8)) + data[at:]
+
+    def _cut(self, data: bytes) -> bytes:
+        return data[: self._at(data)]
+
+    def _splice(self, data: bytes) -> bytes:
+        other = self.corpus[int(self.rng.integers(len(self.corpus)))]
+        return data[: self._at(data)] + other[self._at(other) :]
+
+    def _number(self, data: bytes) -> bytes:
+        """A number, or what follows an equals sign or colon, becomes something else."""
+        places = [match.span(1) for match in re.finditer(rb"(?:[=:,]\s*)([^\s,;\]}]+)", data[:20_000])]
+        if not places:
+            return self._insert(data)
+        start, end = places[int(self.rng.integers(len(places)))]
+        return data[:start] + self._token() + data[end:]
+
+    def digit(self, data: bytes) -> bytes:
+        """A digit becomes another: most files of text can still be read."""
+        places = [place for place, byte in enumerate(data[:20_000]) if 48 <= byte < 58]
+        if not places:
+            return self._flip(data)
+        at = places[int(self.rng.integers(len(places)))]
+        return data[:at] + b"%d" % self.rng.integers(10) + data[at + 1 :]
+
+    def _cell(self, data: bytes) -> bytes:
+        """A length or count in a binary header: a little-endian number becomes extreme."""
+        width = int(self.rng.choice([1, 2, 4, 8]))
+        at = self._at(data)
+        value: int = (
+            int(self.rng.choice([0, 1, 127, 255])) if width == 1 else (1 << int(self.rng.integers(0, 8 * width))) - 1
+        )
+        return data[:at] + (value % (1 << 8 * width)).to_bytes(width, "little") + data[at + width :]
+
+    def _lines(self, data: bytes) -> bytes:
+        lines = data.splitlines(keepends=True)
+        if len(lines) < 2:
+            return self._flip(data)
+        one, other = (int(self.rng.integers(len(lines))) for _ in range(2))
+        way = int(self.rng.integers(3))
+        if way == 0:
+            del lines[one]
+        elif way == 1:
+            lines.insert(other, lines[one])
+        else:
+            lines[one], lines[other] = lines[other], lines[one]
+        return b"".join(lines)
+
+    def _ends(self, data: bytes) -> bytes:
+        """The first or last kilobyte, where formats keep their headers."""
+        if len(data) < 2048:
+            return self._flip(data)
+        if self.rng.random() < 0.5:
+            return self._flip(data[:1024]) + data[1024:]
+        return data[:-1024] + self._overwrite(data[-1024:])
+
+
+# One worker: a loop over inputs of one target.
+
+
+@dataclass
+class Tally:
+    """What became of the inputs of a target."""
+
+    inputs: int = 0
+    read: int = 0
+    refused: int = 0
+    longest_s: float = 0.0
+    guided: bool = False
+    findings: Counter[str] = field(default_factory=Counter)
+
+
+class Worker:
+    """Reads inputs of one target and keeps what breaks."""
+
+    def __init__(self, name: str, out: Path) -> None:
+        self.name, self.target, self.out = name, targets()[name], out
+        self.out.mkdir(parents=True, exist_ok=True)
+        self.tally, self.seen = Tally(), set[str]()
+        self.folder = Path(tempfile.mkdtemp(prefix="fuzz_", dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
+        self.path = self.folder / f"input{self.target.suffix}"
+        (self.out / "last").write_text(str(self.path))
+        self._written_s = 0.0
+
+    def try_one(self, data: bytes) -> bool:
+        """Read one input; True if it ended in a way not seen before."""
+        self.path.write_bytes(data)
+        began = time.monotonic()
+        signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+        try:
+            with _quiet():
+                self.target.read(self.path)
+            end = "read"
+            self.tally.read += 1
+        except self.target.refusals as error:
+            end = f"refused {_shape(str(error))}"
+            self.tally.refused += 1
+        except (Exception, Hang) as error:
+            end = f"broke {type(error).__name__} {_where(error)}"
+            self._keep(end, data, traceback.format_exc())
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        self.tally.inputs += 1
+        self.tally.longest_s = max(self.tally.longest_s, time.monotonic() - began)
+        if time.monotonic() - self._written_s > 1.0:
+            self.write()
+        new = end not in self.seen
+        self.seen.add(end)
+        return new
+
+    def _keep(self, end: str, data: bytes, trace: str) -> None:
+        self.tally.findings[end] += 1
+        name = hashlib.sha256(end.encode()).hexdigest()[:12]
+        if self.tally.findings[end] == 1:
+            (self.out / f"{name}{self.target.suffix}").write_bytes(data)
+            (self.out / f"{name}.trace").write_text(f"{end}\n{trace}")
+
+    def write(self) -> None:
+        """Write the tally where the parent reads it."""
+        self._written_s = time.monotonic()
+        fresh = self.out / f"tally.{os.getpid()}.new"
+        fresh.write_text(json.dumps(vars(self.tally)))
+        fresh.replace(self.out / f"tally.{os.getpid()}.json")
+
+
+def _quiet() -> contextlib.AbstractContextManager[Any]:
+    caught = contextlib.ExitStack()
+    caught.enter_context(warnings.catch_warnings())
+    warnings.simplefilter("ignore")
+    return caught
+
+
+def _shape(message: str) -> str:
+    """A message less its numbers, quoted text and paths."""
+    return re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?|'[^']*'|\"[^\"]*\"|/\S+", "#", message)[:80]
+
+
+def _where(error: BaseException) -> str:
+    """Where in this project it was raised from."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "homeward" in frame.filename]
+    return f"{Path(frames[-1].filename).name}:{frames[-1].name}" if frames else "elsewhere"
+
+
+def work(args: Args) -> None:
+    """Fuzz one target for the given time; the parent reads the tally."""
+    signal.signal(signal.SIGALRM, _hang)
+    rng = np.random.default_rng([args.seed, *args.worker.encode()])
+    with _instrumented() if args.guided else contextlib.nullcontext():
+        worker = Worker(args.worker, args.out)
+        worker.tally.guided = args.guided
+        corpus = worker.target.seeds()
+        for seed in corpus:  # imports and caches come before the limit
+            worker.try_one(seed)
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
+    try:
+        if args.guided:
+            _guided(worker, corpus, args)
+            return
+        mutator, end_s, fixed = Mutator(rng, corpus), time.monotonic() + 60.0 * args.minutes, len(corpus)
+        while time.monotonic() < end_s:
+            data = mutator.draw()
+            if worker.try_one(data) and len(data) < 100_000:
+                if len(corpus) > fixed + _KEPT:
+                    del corpus[fixed + int(rng.integers(_KEPT))]
+                corpus.append(data)
+    finally:
+        worker.write()
+        shutil.rmtree(worker.folder, ignore_errors=True)
+
+
+def _instrumented() -> contextlib.AbstractContextManager[Any]:
+    """Within it, what is imported counts which of its branches are taken."""
+    import atheris
+
+    manager: contextlib.AbstractContextManager[Any] = atheris.instrument_imports(include=list(_GUIDED))
+    return manager
+
+
+def _guided(worker: Worker, corpus: list[bytes], args: Args) -> None:
+    """Let libFuzzer keep the inputs that reach new branches; half of its mutations are those of `Mutator`."""
+    import atheris
+
+    folder = worker.folder / "corpus"
+    folder.mkdir()
+    for number, seed in enumerate(corpus):
+        (folder / str(number)).write_bytes(seed)
+
+    def mutate(data: bytes, most: int, seed: int) -> bytes:
+        rng = np.random.default_rng(seed)
+        if rng.random() < 0.5:
+            mutated: bytes = atheris.Mutate(data, most)
+            return mutated
+        return Mutator(rng, [data, *corpus]).change(data)[:most]
+
+    limits = [f"-max_total_time={int(60 * args.minutes)}", f"-seed={args.seed + 1}", "-max_len=5000", "-len_control=0",
+              "-rss_limit_mb=0", "-timeout=0", "-handle_alrm=0", "-print_final_stats=1"]  # fmt: skip
+    atheris.Setup([sys.argv[0], *limits, str(folder)], lambda data: worker.try_one(data) and None,
+                  custom_mutator=mutate)  # fmt: skip
+    atheris.Fuzz()
+
+
+def _hang(number: int, frame: FrameType | None) -> None:
+    raise Hang(f"more than {LONGEST_S:g} s")
+
+
+# The parent.
+
+
+def main(args: Args) -> dict[str, Tally]:
+    """Fuzz every target, then the commands; print and write the table; exit with 1 if anything broke."""
+    if args.worker:
+        work(args)
+        return {}
+    names = args.targets or tuple(targets()) if args.minutes > 0.0 else ()
+    tallies: dict[str, Tally] = {}
+    turns = [(name, 60.0 * args.minutes * args.workers / len(names)) for name in names]
+    running: dict[str, _Turn] = {}
+    while turns or running:
+        while turns and len(running) < args.workers:
+            name, seconds = turns.pop(0)
+            running[name] = _Turn(name, seconds, args)
+        time.sleep(0.2)
+        for name, turn in list(running.items()):
+            if turn.ended():
+                tallies[name] = turn.tally()
+                del running[name]
+                print(_row(name, tallies[name]), flush=True)
+    if args.commands:
+        tallies["commands"] = _commands(args)
+        print(_row("commands", tallies["commands"]), flush=True)
+    table = _table(tallies)
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "fuzz.md").write_text(table)
+    print(table)
+    return tallies
+
+
+class _Turn:
+    """A target's time, in as many worker processes as it takes."""
+
+    def __init__(self, name: str, seconds: float, args: Args) -> None:
+        self.name, self.args, self.out = name, args, args.out / name.replace(" ", "_")
+        shutil.rmtree(self.out, ignore_errors=True)
+        self.end_s, self.deaths = time.monotonic() + seconds, 0
+        self.guide = targets()[name].guidable and _has_atheris()
+        self._start()
+
+    def _start(self) -> None:
+        left = max(self.end_s - time.monotonic(), 0.0)
+        guided = self.guide and self.deaths % 2 == 0
+        half = 0.5 * left if guided else left
+        command = [sys.executable, __file__, "--worker", self.name, "--minutes", str(half / 60.0),
+                   "--out", str(self.out), "--seed", str(self.args.seed + self.deaths)]  # fmt: skip
+        paths = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+        self.out.mkdir(parents=True, exist_ok=True)
+        with (self.out / "log").open("ab") as log:
+            env = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
+            line = [*command, *(["--guided"] if guided else [])]
+            self.process = subprocess.Popen(line, stdout=log, stderr=log, env=env)
+        self.guided, self.start_s = guided, time.monotonic()
+
+    def ended(self) -> bool:
+        code = self.process.poll()
+        if code is None and self._silent_s() > _DEAD_S:
+            self.process.kill()
+            code = self.process.wait()
+            self._keep_last("hangs where no signal ends it")
+        elif code is None:
+            return False
+        elif code not in (0, 1) or not list(self.out.glob(f"tally.{self.process.pid}.json")):
+            self._keep_last(f"died with {code}")
+        self.deaths += 1
+        if self.end_s - time.monotonic() > 1.0 and self.deaths < 200:
+            self._start()
+            return False
+        return True
+
+    def _silent_s(self) -> float:
+        tally = self.out / f"tally.{self.process.pid}.json"
+        last = tally.stat().st_mtime if tally.is_file() else time.time() - (time.monotonic() - self.start_s)
+        return time.time() - last
+
+    def _keep_last(self, how: str) -> None:
+        last = self.out / "last"
+        path = Path(last.read_text()) if last.is_file() else None
+        if path is None:
+            raise SystemExit(f"no input of {self.name} was read: see {self.out / 'log'}")
+        if path.is_file():
+            data = path.read_bytes()
+            shutil.copy(path, self.out / f"death{self.deaths}{path.suffix}")
+            (self.out / f"death{self.deaths}.trace").write_text(f"{how}, {len(data)} bytes\n")
+            tally = Tally(inputs=1, findings=Counter({how: 1}))
+            (self.out / f"tally.death{self.deaths}.json").write_text(json.dumps(vars(tally)))
+
+    def tally(self) -> Tally:
+        total = Tally()
+        for path in self.out.glob("tally.*.json"):
+            one = json.loads(path.read_text())
+            total.inputs += one["inputs"]
+            total.read += one["read"]
+            total.refused += one["refused"]
+            total.longest_s = max(total.longest_s, one["longest_s"])
+            total.guided |= one["guided"]
+            total.findings.update(one["findings"])
+        return total
+
+
+def _has_atheris() -> bool:
+    return importlib.util.find_spec("atheris") is not None
+
+
+# Commands.
+
+
+_RUN = ("--out", "OUT")
+_EVALUATE = ("evaluate", "--agents", "soc50", "--episodes", "2", *_RUN)
+_TRAIN = ("train", "--start", "scratch", "--n-envs", "4", "--n-steps", "8", "--batch-size", "16", "--epochs", "1",
+          "--hidden", "8", "--curve", "1", "--steps", "64", "--decision-s", "300", "--replace", *_RUN)  # fmt: skip
+_LINES: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("robot TOML", ("range", "FILE")),
+    ("robot TOML", ("range", "FILE", "--grade", "3", "--duty", "0.5")),
+    ("route CSV", ("range", "husky", "--route", "FILE", "--risk", "0.01")),
+    ("robot TOML", ("robots", "FILE")),
+    ("robot TOML", ("routes", "incline", "--robot", "FILE")),
+    ("route CSV", ("routes", "FILE")),
+    ("route GPX", ("routes", "FILE", "--robot", "husky")),
+    ("recording CSV", ("columns", "FILE")),
+    ("recording by a mapping", ("columns", "FILE", "--out", "proposed.toml")),
+    ("recording Parquet", ("columns", "FILE")),
+    ("recording CSV", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
+    ("recording CSV.gz", ("diagnose", "FILE", "RUN", *_RUN)),
+    ("recording Parquet", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
+    ("bag MCAP", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
+    ("bag ROS 1", ("diagnose", "FILE", "--robot", "jackal", *_RUN)),
+    ("robot TOML", ("diagnose", "RUN", "--robot", "FILE", *_RUN)),
+    ("mapping of columns", ("diagnose", "RUN", "--columns", "FILE", *_RUN)),
+    ("mapping of topics", ("diagnose", "BAG", "--columns", "FILE", *_RUN)),
+    ("recording CSV", ("watch", "FILE", "--robot", "husky", *_RUN)),
+    ("bag sqlite3", ("watch", "FILE", "--robot", "husky", *_RUN)),
+    ("recording CSV", ("fleet", "GARAGE", *_RUN)),
+    ("instruments TOML", (*_EVALUATE, "--instruments", "FILE")),
+    ("robot TOML", (*_EVALUATE, "--robot", "FILE")),
+    ("route GPX", (*_EVALUATE, "--route", "FILE")),
+    ("policy", ("evaluate", "--episodes", "2", "--env", "homeward/OutAndBack-v0", *_RUN, "--agents", "ppo=FOLDER")),
+    ("robot TOML", (*_TRAIN, "--robot", "FILE")),
+)
+"""Targets whose inputs FILE is made of, and the words of a command that reads it."""
+_WRONG_WORDS = 0.25
+"""Share of the command lines in which a word is another, too, as users mistype."""
+_MILD = 0.4
+"""Share of the command lines in whose file no more than a digit is another, so that more than the loader runs."""
+_SHOWN = 250  # commands after which the row is printed that the table has in the end
+_COMMAND_S = 6 * LONGEST_S
+"""What a command may take by the clock: one that computes has used up its processor time before."""
+
+
+class Lines:
+    """Draws command lines, each on a fresh mutated file in a folder."""
+
+    def __init__(self, folder: Path, rng: np.random.Generator) -> None:
+        self.folder, self.rng, self.every = folder, rng, targets()
+        names = {name for name, _ in _LINES}
+        self.kinds = {name: Mutator(rng, self.every[name].seeds()) for name in names}
+        (folder / "run.csv").write_bytes(_recording_seeds()[0])
+        (folder / "run.bag").write_bytes(_bag_seeds("ros1")[0])
+
+    def plain(self) -> Iterator[list[str]]:
+        """Every line once, on a file that is as it should be."""
+        for name, words in _LINES:
+            yield self._on(name, words, self.kinds[name].corpus[0])
+
+    def draw(self) -> list[str]:
+        """A line on a changed file, perhaps with a wrong word."""
+        name, words = _LINES[int(self.rng.integers(len(_LINES)))]
+        kind = self.kinds[name]
+        mild = self.rng.random() < _MILD
+        data = kind.digit(kind.corpus[int(self.rng.integers(kind.fixed))]) if mild else kind.draw()
+        line = self._on(name, words, data)
+        return self._mistyped(line) if self.rng.random() < _WRONG_WORDS else line
+
+    def _on(self, name: str, words: tuple[str, ...], data: bytes) -> list[str]:
+        path = self.folder / f"input{self.every[name].suffix}"
+        path.write_bytes(data)
+        where = {"FILE": path, "OUT": self.folder / "out", "RUN": self.folder / "run.csv",
+                 "BAG": self.folder / "run.bag", "GARAGE": self.folder / "garage"}  # fmt: skip
+        for made in ("garage", "policy", "out"):
+            shutil.rmtree(self.folder / made, ignore_errors=True)
+        if "GARAGE" in words:
+            for robot in ("one", "two"):
+                (self.folder / "garage" / robot).mkdir(parents=True)
+                (self.folder / "garage" / robot / path.name).write_bytes(data)
+        if name == "policy":
+            _policy_folder(path).rename(self.folder / "policy")
+        return [str(where.get(word, word)).replace("=FOLDER", f"={self.folder / 'policy'}") for word in words]
+
+    def _mistyped(self, line: list[str]) -> list[str]:
+        at = int(self.rng.integers(1, len(line) + 1))
+        token = _TOKENS[int(self.rng.integers(len(_TOKENS)))].decode(errors="replace").replace("\0", " ")
+        way = int(self.rng.integers(4))
+        if way == 0:
+            return [*line[:at], *line[at + 1 :]]
+        if way == 1:
+            return [*line[:at], token, *line[at:]]
+        if way == 2 or at == len(line):
+            return [*line[:at], token, *line[at + 1 :]]
+        return [*line[:at], line[at][:-1], *line[at + 1 :]]
+
+
+def _commands(args: Args) -> Tally:
+    """Run commands in forks of a process that has everything loaded and compiled."""
+    from homeward import __main__ as command
+
+    tally = Tally()
+    out = args.out / "commands"
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None) as name:
+        folder = Path(name)
+        lines = Lines(folder, np.random.default_rng([args.seed, 1]))
+        for line in lines.plain():
+            _warm(command.run, line, folder)
+        gc.collect()
+        gc.freeze()  # or every fork copies what its collector looks at
+        for number in range(args.commands):
+            line = lines.draw()
+            end = _forked(command.run, line, folder)
+            tally.inputs += 1
+            tally.longest_s = max(tally.longest_s, end.took_s)
+            tally.read, tally.refused = tally.read + (end.code == 0), tally.refused + (end.code == 2)
+            if number % _SHOWN == 0:
+                print(_row("commands", tally), flush=True)
+            if fault := end.fault():
+                fault = f"{line[0]}: {fault}"
+                tally.findings[fault] += 1
+                if tally.findings[fault] == 1:
+                    (out / f"{number}.trace").write_text(f"{' '.join(line)}\n{fault}\n{end.said}")
+                    shutil.copytree(folder, out / str(number), ignore=shutil.ignore_patterns("out"))
+    return tally
+
+
+def _warm(run: Callable[[], int], line: list[str], folder: Path) -> None:
+    """Run a command in this process, so that forks of it need not compile or import."""
+    argv, here = sys.argv, Path.cwd()
+    sys.argv = ["homeward", *line]
+    os.chdir(folder)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), _quiet():
+            run()
+    finally:
+        sys.argv = argv
+        os.chdir(here)
+
+
+@dataclass(frozen=True)
+class End:
+    """How a command ended."""
+
+    code: int
+    took_s: float  # of the processor
+    said: str  # on stderr
+    printed: str
+
+    def fault(self) -> str:
+        """What is wrong with that, or "": a command does what it is asked, or says in its last line why not."""
+        last = (self.said.strip().splitlines() or [""])[-1]
+        if self.code not in (0, 2) or "Traceback" in self.said:
+            return f"code {self.code}, {_shape(last)}"
+        usage = "For full helptext" in self.said  # tyro's words on an option that there is not
+        if self.code == 2 and not usage and not last.startswith("homeward"):
+            return f"refused without a line, {_shape(last)}"
+        if "\x1b" in self.said + self.printed:
+            return "an escape reaches the terminal"
+        return ""
+
+
+def _forked(run: Callable[[], int], line: list[str], folder: Path) -> End:
+    """Run a command in a child; it ends with 1 after a traceback, with -24 or -9 if it took too long."""
+    said, printed = folder / "said", folder / "printed"
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            os.chdir(folder)
+            for number, path in ((1, printed), (2, said)):
+                os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+            sys.argv = ["homeward", *line]
+            sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
+            sys.stdin = open(os.devnull)  # noqa: SIM115 - of a process that ends
+            size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
+            resource.setrlimit(resource.RLIMIT_CPU, (int(LONGEST_S), int(LONGEST_S) + 1))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            code = run()
+        except SystemExit as error:
+            code = error.code if isinstance(error.code, int) else 1
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            with contextlib.suppress(Exception):
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(code)
+    end_s = time.monotonic() + _COMMAND_S
+    while True:
+        ended, status, used = os.wait4(child, os.WNOHANG)
+        if ended:
+            break
+        if time.monotonic() > end_s:
+            os.kill(child, signal.SIGKILL)
+        time.sleep(0.002)
+    return End(os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime,
+               said.read_text(errors="replace"), printed.read_text(errors="replace"))  # fmt: skip
+
+
+def _row(name: str, one: Tally) -> str:
+    guided = " (coverage)" if one.guided else ""
+    found = sum(one.findings.values())
+    return f"| {name}{guided} | {one.inputs:,} | {one.read:,} | {one.refused:,} | {one.longest_s:.2f} s | {found} |"
+
+
+def _table(tallies: dict[str, Tally]) -> str:
+    total = Tally(sum(one.inputs for one in tallies.values()), sum(one.read for one in tallies.values()),
+                  sum(one.refused for one in tallies.values()),
+                  max((one.longest_s for one in tallies.values()), default=0.0))  # fmt: skip
+    total.findings = sum((one.findings for one in tallies.values()), Counter[str]())
+    head = ["| what is read | inputs | read | refused in one line | longest | broke |", "|---|---|---|---|---|---|"]
+    rows = [_row(name, one) for name, one in tallies.items()]
+    ways = [f"* {name}: {end} ({count})" for name, one in tallies.items() for end, count in one.findings.items()]
+    return "\n".join([*head, *rows, _row("all", total), "", *ways]) + "\n"
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("NUMBA_NUM_THREADS", "1")  # a fork has no threads but one
+    found = main(tyro.cli(Args, description=__doc__))
+    sys.exit(1 if any(one.findings for one in found.values()) else 0)

@@ -1,0 +1,86 @@
+"""The script that tunes: as many trials for each, what it chooses, and that it prints what belongs into the files."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchmarks.agents import tune
+from benchmarks.agents.tune import (
+    DECISION_RISKS,
+    DEVIATIONS,
+    SHARES,
+    Args,
+    Outcome,
+    Trial,
+    choose_for_planner,
+    main,
+    run_trial,
+)
+from homeward.agents.rules.pace import Pace
+from homeward.agents.rules.tuned import PACES
+from homeward.agents.shield import shield
+from homeward.envs.options import OptionError, Options
+
+
+def test_each_has_as_many_trials() -> None:
+    assert len(SHARES) == len(DEVIATIONS) == len(DECISION_RISKS)
+    assert set(tune.NAMES) == {*tune.RULES, "planner", "shield"}
+
+
+def test_the_planners_reserve_scores_most_of_those_that_strand_few() -> None:
+    grids = {
+        "planner, OutAndBack, uncertain": {0.0: Outcome(100.0, 9), 1.0: Outcome(90.0, 3), 2.0: Outcome(85.0, 0)},
+        "planner, OutAndBack, harsh": {0.0: Outcome(10.0, 90), 1.0: Outcome(8.0, 80), 2.0: Outcome(8.1, 70)},
+    }
+    assert choose_for_planner(grids, 1000) == 1.0
+    assert choose_for_planner(grids, 10_000) == 0.0  # 0.09 % strand
+    assert choose_for_planner(grids, 100) == 2.0
+
+
+def test_a_shield_keeps_back_the_least_that_is_safe_everywhere() -> None:
+    few, many = 1e-3, 1e-5
+    grids = {
+        "easy": {few: Outcome(10.0, 0), many: Outcome(9.0, 0)},
+        "hard": {few: Outcome(10.0, 3), many: Outcome(9.0, 2)},
+        "unscored": {few: Outcome(0.0, 0), many: Outcome(0.0, 0)},
+    }
+    assert tune.choose_for_shield(grids, 6000) == few
+    assert tune.choose_for_shield(grids, 4096) == many
+
+
+def test_what_a_shield_keeps_back_is_tried_and_put_back() -> None:
+    before, seeds, options = dict(shield.RISKS), range(16), Options("OutAndBack")
+    careful, bold = (run_trial((Trial("shield", options, (one,)), seeds)) for one in (1e-6, 0.4))
+    assert careful.stranded == 0 < bold.stranded
+    assert dict(shield.RISKS) == before
+
+
+def test_tuning_prints_reserves_for_each_mission_and_runs_no_trial_twice(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    args = Args("dmax", episodes=16, out=tmp_path)
+    main(args)
+    first = capsys.readouterr().out
+    row = next(line for line in first.splitlines() if line.startswith('    "dmax": '))
+    reserves = json.loads(row.partition(": ")[2].rstrip(","))
+    assert list(reserves) == list(PACES)
+    assert reserves["OutAndBack"] > 0.0  # nothing kept back strands
+    monkeypatch.setattr(tune, "run_trial", None)
+    main(args)
+    assert capsys.readouterr().out == first
+
+
+def test_the_pace_that_senses_wins(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(tune, "CANDIDATES", [PACES["Survey"], Pace(0.5, 5.0, 0.9)])  # the other senses little
+    monkeypatch.setattr(tune, "RULES", {"dmax": (tune.RULES["dmax"][0], (0.1, 0.2))})
+    monkeypatch.setattr(tune, "NAMES", ("dmax",))
+    main(Args(episodes=16, out=tmp_path))
+    assert f"PACES = {PACES}\n" in capsys.readouterr().out
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(OptionError, match=r"--only soc50 .* choose from dmax, dmax_mapped"):
+        main(Args("soc50"))

@@ -1,0 +1,57 @@
+"""The benchmark of coverage: scores by their definitions, held-out drives that no diagnosis saw, and a part run."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+from benchmarks.on_the_robot import range_drives
+from benchmarks.on_the_robot.range_coverage import Args, CoverageError, coverage, crps, main
+from benchmarks.on_the_robot.range_drives import BLOCKS, sites
+from homeward.estimation.tails import DEGREES
+
+
+@pytest.mark.parametrize("truth", [3.0, 5.0, 9.5])
+def test_crps_is_the_integral_that_defines_it(truth: float) -> None:
+    x = np.linspace(-200.0, 200.0, 400_001)
+    square = (student.cdf((x - 5.0) / 1.5, DEGREES) - (x >= truth)) ** 2
+    assert float(crps(np.array(5.0), np.array(1.5), np.array(truth))) == pytest.approx(
+        np.trapezoid(square, x), rel=1e-3
+    )
+
+
+def test_what_is_not_independent_is_drawn_together() -> None:
+    """Two robots of ten drives each: with one all in, with the other none, nothing is known of the share."""
+    scores = [{"site": site, "run": str(run), "covered": float(site == "a")} for site in "ab" for run in range(10)]
+    assert coverage(scores, ("site",), "covered", 0) == (0.5, 0.0, 1.0)
+    share, low, high = coverage(scores, ("site", "run"), "covered", 0)
+    assert share == 0.5 and 0.25 < low < 0.4 and 0.6 < high < 0.75
+
+
+def test_drives_held_out_are_none_of_those_diagnosed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = "\n".join(f"{number},0,0" for number in range(100))
+    (tmp_path / "drive.csv").write_text(f"s,ns,VI\n{lines}\n")
+    monkeypatch.setattr(range_drives, "fetch", lambda name, group: [tmp_path / "drive.csv"])
+    for make in sites("f1tenth", 0, 2, tmp_path / "out"):
+        site = make()
+        read = [path.read_text().splitlines()[1:] for path in (*site.training, *site.held_out)]
+        assert len(site.training) == BLOCKS - 1 and len({line for one in read for line in one}) == 100
+        assert sum(map(len, read)) == 100
+
+
+def test_a_rover_is_diagnosed_and_watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco")
+    from benchmarks.concealed.plants import rover_scenarios
+
+    monkeypatch.setattr(rover_scenarios, "RUN_S", 30.0)
+    args = Args(("rover",), robots=2, seed=0, out=tmp_path)
+    found = main(args)
+    scores = [one for proof in found["rover"] for one in proof["scores"]]
+    assert len(scores) == 8 and all(0.0 <= one["covered"] <= 1.0 and one["crps"] < one["nominal"] for one in scores)
+    assert main(args) == found  # finished sites are kept
+
+
+def test_arguments_that_cannot_be_used(tmp_path: Path) -> None:
+    with pytest.raises(CoverageError, match="--parts"):
+        main(Args(("moon",), out=tmp_path))
