@@ -303,7 +303,7 @@ def channels() -> str:
 
 
 def bench() -> str:
-    """The measurement that settles each effect by itself."""
+    """The measurement that identifies each effect by itself."""
     return table(("effect", "measurement"), ((_effect_link(name), one.measurement) for name, one in CATALOGUE.items()))
 
 

@@ -76,19 +76,19 @@ def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
         live: Whether the arrays are to follow the missions, or to keep what they came to.
     """
 
-    def told(field: str) -> NDArray[Any]:
+    def column(field: str) -> NDArray[Any]:
         values = records[field].T if live else records[field].T.copy()
         values.flags.writeable = False
         return values
 
     return {
-        "energy_j": dict(zip(CAUSES, told("ledger_j"), strict=True)),
-        "reward_terms": {term: told(f"{term}_reward") for term in reward.TERMS},
-        "score": told("score"),
-        "cost": told("cost"),
-        "position_m": told("position_m"),
-        "home": told("home"),
-        "stranded": told("depleted"),
+        "energy_j": dict(zip(CAUSES, column("ledger_j"), strict=True)),
+        "reward_terms": {term: column(f"{term}_reward") for term in reward.TERMS},
+        "score": column("score"),
+        "cost": column("cost"),
+        "position_m": column("position_m"),
+        "home": column("home"),
+        "stranded": column("depleted"),
     }
 
 

@@ -36,7 +36,7 @@ class Args:
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     seed: int = 0
-    """Seed of the mission: the day, the route and what is hidden."""
+    """Seed of the mission: weather, route and what is hidden."""
     out: Path = Path("runs/quickstart")
     """Folder for mission.gif."""
 

@@ -5,7 +5,7 @@ load the preset `husky` lacks. It records a few test drives of it with noise, di
 trains policies from nothing but simulators, with several training seeds, and drives them, beside rules, on that Husky:
 
 * nominal-trained: in the simulator of the preset, with the days of the site (difficulty `uncertain`);
-* randomised-trained: the same with more randomisation, in the hope that it covers what is missing (`harsh`);
+* randomised-trained: the same with more randomisation, to cover what is missing (`harsh`);
 * corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the days of the site;
 * file-randomised: in the same, with robots and instruments as uncertain as that file's table `[uncertainty]` has them.
 

@@ -34,7 +34,7 @@ class SB3Adapter(VecEnv):
         stranding_cost: Taken from the reward of a mission that strands.
         inputs: What makes the learner's inputs from observations, if they are not the observations.
         late_is_lost: Whether the time limit ends a mission as stranding does: nothing is scored and nothing is left to
-            hope for, as the time is observed and a part of the task. Else it truncates, as Gymnasium has it. With
+            expect, as the time is observed and a part of the task. Else it truncates, as Gymnasium has it. With
             `inputs` it is always lost.
         senses_on_the_go: Whether who stops or heads home senses nothing, see `sensing_on_the_go`.
 

@@ -45,7 +45,7 @@ class PPOSettings:
     entropy: float | None = None
     """Weight of the entropy bonus at the start; it falls to 0. By default 0.003 from dmax, 0 from scratch."""
     stranding_cost: float = 0.5
-    """Reward lost by stranding beyond the score, as a share of a good score: without it, gambling pays too well."""
+    """Reward lost by stranding beyond the score, as a share of a good score: without it, gambling scores too well."""
     hidden: int = 64
     """Width of the two hidden layers, of the policy and of the value."""
 

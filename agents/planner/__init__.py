@@ -1,4 +1,4 @@
-"""The planner: when to turn back by what the robot finds out, speed, sensing and stops by prices."""
+"""The planner: turns back by the estimated way home, and chooses speed, sensing and stops by Lagrange multipliers."""
 
 from homeward.agents.planner.planner import Planner
 

@@ -16,7 +16,7 @@ from homeward.physics.model import headwind
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
 """Prices of energy that are tried, over what it buys on average ground, all of it sensed at the middle rate."""
 STOPS = np.array([-1.0, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.5])
-"""Distances up to which a stop for the radio pays, in half-rate distances of the link; below 0, samples are free."""
+"""Distances up to which the robot stops for the radio, in half-rate distances of the link; below 0, samples are free."""
 _KINDS = 3
 """Kinds of ground, equally frequent, that a stretch of several places is taken to be made of."""
 _LEAST_RATIO = 0.1
@@ -254,7 +254,7 @@ def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample
     """Command of the next decision at some prices."""
     radio_hz = _radio(s, b.position_m, False)
     standing = energy_price * b.gain * model.standing
-    pays = sample_price * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
+    stops = sample_price * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
     # Of the next decision, a part may already be in the next place.
     step_m = s.max_speed_mps * s.decision_s
     beyond = b.position_m + step_m - (np.floor(b.position_m * s.per_place_m) + 1.0) * s.place_m
@@ -264,9 +264,9 @@ def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample
     if b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit:
         # What is taken now must be sent from here.
         speed, rate = _best_way(b.gain, model, drive, interest, energy_price, max(sample_price, standing / radio_hz))
-        pays = pays or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
+        stops = stops or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
     while not _fits(b, model, s, drive, speed):
         speed -= 1
-    command[0], command[1], command[2] = model.speeds_mps[speed], model.rates_hz[rate], 1.0 if pays else 0.0
-    if pays:
+    command[0], command[1], command[2] = model.speeds_mps[speed], model.rates_hz[rate], 1.0 if stops else 0.0
+    if stops:
         command[1] = 0.0

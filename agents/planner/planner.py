@@ -1,4 +1,5 @@
-"""Plans with what the robot knows and finds out: when to turn back by that; speed, sensing and stops by prices."""
+"""Plans with what the robot knows and estimates: when to turn back; speed, sensing and stops by Lagrange
+multipliers."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class Pace:
 
     Attributes:
         rate: Sensing rate as a share of the fastest, within [0, 1].
-        interest: Interest from which it pays to sense, 0 or above.
+        interest: Interest from which the robot senses, 0 or above.
         full: Share of the memory in use from which to stop for the radio, above 0.
     """
 

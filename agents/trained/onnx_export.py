@@ -145,18 +145,18 @@ def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
         table.add_row(str(index), one.name, one.unit, one.meaning)
     console = cli.Terminal()
     console.print(table)
-    told = {one.key: one.value for one in model.metadata_props}
-    if BELIEF in json.loads(told["inputs"]):
+    metadata = {one.key: one.value for one in model.metadata_props}
+    if BELIEF in json.loads(metadata["inputs"]):
         console.print(
             f"{BELIEF}, float32 (missions, {len(COLUMNS)}): the columns behind the features of what "
             "homeward.agents.trained.inputs.BeliefInputs answers on the robot; homeward.agents.onboard "
             "runs both",
             highlight=False, soft_wrap=True,
         )  # fmt: skip
-    for name, meaning in json.loads(told["outputs"]).items():
+    for name, meaning in json.loads(metadata["outputs"]).items():
         console.print(f"{name}: {meaning}", soft_wrap=True)
     console.print(
-        f"Ask every {float(told['decision_s']):g} s. Equal to the original in onnxruntime. Written to {out}",
+        f"Ask every {float(metadata['decision_s']):g} s. Equal to the original in onnxruntime. Written to {out}",
         markup=False, soft_wrap=True,
     )  # fmt: skip
 

@@ -66,14 +66,14 @@ def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
         OptionError, RobotError, RouteError: What it is to be used with cannot be used.
     """
     session = _open(Path(path))
-    told = session.get_modelmeta().custom_metadata_map
+    metadata = session.get_modelmeta().custom_metadata_map
     try:
-        columns, setting = json.loads(told["inputs"])[INPUT], json.loads(told["setting"])
+        columns, setting = json.loads(metadata["inputs"])[INPUT], json.loads(metadata["setting"])
         if [one["name"] for one in columns] != list(NAMES):
             raise PolicyFileError(f"{path} takes other features than this version has: export it again")
-        setting["robot"] = _robot(told["robot_file"])
+        setting["robot"] = _robot(metadata["robot_file"])
         trained, known = known_of(Options(**setting)), known_of(Options(**setting | other))
-        inputs = inputs_from(json.loads(told["beliefs"]), known) if "beliefs" in told else None
+        inputs = inputs_from(json.loads(metadata["beliefs"]), known) if "beliefs" in metadata else None
         size, zero = (np.array([float(one[name]) for one in columns]) for name in ("size", "zero"))
     except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
         raise PolicyFileError(f"{path} does not say what it acts in: export it again ({error!r})") from None

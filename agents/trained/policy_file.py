@@ -40,7 +40,7 @@ class PolicyFileError(ValueError):
 def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
     """Actions, shape (n, 3), with nothing sensed by who stops or heads home: there is no new ground to be seen.
 
-    Choices of speed, sensing and mode are drawn each for itself: without this, whoever tries a stop pays for sensing in
+    Choices of speed, sensing and mode are drawn each for itself: without this, a stop that is tried costs sensing in
     vain, and learns that stops do not pay.
     """
     continuous = actions.dtype.kind == "f"

@@ -18,7 +18,7 @@ WANDERS_S = (300.0, 3600.0)
 """Range of the autocorrelation time of that, s: five minutes to an hour, log-uniform."""
 FORECAST_ERROR_MPS = 1.0
 """Standard deviation of the error of either part of the wind that is forecast, m/s. Chosen: two thirds of the 1.5 m/s
-by which winds of generated routes vary, so that a forecast says something and leaves something to find out."""
+by which winds of generated routes vary, so that a forecast is informative and leaves something to estimate."""
 WARMING_K_PER_H = 2.0
 """Most by which it gets warmer or colder in an hour, K, within what a route may hold. Chosen: 12 K from dawn to noon,
 as on a clear day."""

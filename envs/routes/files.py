@@ -56,7 +56,7 @@ def load_route(route: str | Path, place_m: float) -> Route:
     a profile and taken as it is.
 
     Columns of a profile: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`,
-    `roughness`, `interest` (1 where left out), `heading_rad`, and for the day, taken from the first row,
+    `roughness`, `interest` (1 where left out), `heading_rad`, and for all of it, taken from the first row,
     `temperature_c`, `wind_mps`, `wind_from_rad`. What follows a # is a comment. Where the header is separated by
     semicolons or tabs, so are the rows, and numbers may have decimal commas. Between rows values are linear; a
     place takes their mean, and from an elevation the slope from its start to its end.

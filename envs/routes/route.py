@@ -1,6 +1,6 @@
 """Routes: what they hold, and a seeded generator.
 
-Along a route: grade, surface roughness, interest, heading and curvature; for the day: air temperature and wind.
+Along a route: grade, surface roughness, interest, heading and curvature; for all of it: air temperature and wind.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class Route:
         roughness: Surface roughness, 0 where C_rr was measured.
         interest: Weight of the information to be found there.
         heading_rad: Direction of the way out, rad counter-clockwise from east.
-        temperature_c: Air temperature of the day, C.
-        wind_mps: Wind speed of the day, m/s.
+        temperature_c: Air temperature at the start, C.
+        wind_mps: Mean wind speed, m/s.
         wind_from_rad: Direction that the wind blows from, rad counter-clockwise from east.
 
     Raises:

@@ -68,7 +68,7 @@ class Outlook:
         return float(np.interp(-spare_j, np.append(driven["home_cost_j"], last), edges))
 
     def laps_left(self, m: Any, places: NDArray[np.void], spare_j: float) -> float:
-        """Laps of a patrol that the spare energy pays for; arguments as in `no_return_m`."""
+        """Laps of a patrol that the spare energy suffices for; arguments as in `no_return_m`."""
         s = self._known.shared[0]
         sines = self._known_sines(m, places)
         lap_j = float((self._cost(sines) + self._cost(-sines)).sum() * s["place_m"]) + self._pit_stops_j

@@ -413,7 +413,7 @@ class Companion:
         kind = "the state of charge reads"
         text = f"{kind} {abs(above):.0%} {'more' if above > 0.0 else 'less'} than was drawn from it"
         if above > 0.0:
-            self._readings.say(f"{text}: stuck, or another battery that swap_battery was not told of?", kind)
+            self._readings.say(f"{text}: stuck, or another battery without a call of swap_battery?", kind)
             return
         self._readings.say(f"{text}: another battery? what was learned of the old one is dropped", kind)
         self._estimator.recharge(soc, self._known.prior.soc_sd)

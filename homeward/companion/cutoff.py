@@ -40,7 +40,7 @@ class Cutoff:
         self._now = voltage_v, current_a, used
 
     def left(self) -> float:
-        """Share of the battery until the cut-off at the present current; infinite where it cannot be told yet."""
+        """Share of the battery until the cut-off at the present current; infinite where it cannot be estimated yet."""
         voltage_v, _, used = self._now
         if voltage_v <= self.voltage_v:
             return 0.0

@@ -46,7 +46,7 @@ _OFF_ROUTE_M = 50.0
 class Way:
     """Follows the robot by positions, by speed and heading between them, and keeps the way home.
 
-    A robot that is told `(east, north)` leaves a trail of crumbs. Its way home is the shortest along the trail: where
+    A robot that gets `(east, north)` leaves a trail of crumbs. Its way home is the shortest along the trail: where
     it comes by an earlier crumb, what it drove in between is left out. With a route, the way home is back along that.
 
     Args:

@@ -31,7 +31,7 @@ class PlausibilityWarning(UserWarning):
 
 
 def implausible(robot: Any) -> list[str]:
-    """What of a robot's numbers no ground robot is known to have, each in a phrase with what is usual.
+    """What of a robot's numbers no ground robot is known to have, each in a phrase with the usual range.
 
     >>> from homeward.physics import load_robot
     >>> implausible(load_robot("husky"))

@@ -196,7 +196,7 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
         advance(p, s, driving, duty * cycle_s)
         if duty < 1.0:
             advance(p, s, standing, (1.0 - duty) * cycle_s)
-            if s.depleted and spent_j > 0.0:  # the share of a cycle that the rest of the charge pays for
+            if s.depleted and spent_j > 0.0:  # the share of a cycle that the rest of the charge suffices for
                 return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
         spent_j = before_j - s.energy_j
         if spent_j <= 0.0 and cycle_s > _LONGEST_MEMORY_S:

@@ -55,7 +55,7 @@ def replay(
         accel_mps2: Acceleration along the direction of forward travel, m/s^2; central differences of the speed if left
             out: their work sums to the change of kinetic energy, where one-sided ones would gain or lose some.
         headwind_mps: Wind against the direction of travel, m/s.
-        roughness: Surface roughness, 0 where C_rr was measured; what is usual for the robot if left out.
+        roughness: Surface roughness, 0 where C_rr was measured; the robot file's usual roughness if left out.
         temperature_c: Air temperature, C.
         sensing_hz: Sensing rate, Hz.
         base_distance_m: Distance from base, m.

@@ -64,7 +64,7 @@ def _between(one: Spread) -> str:
 
 
 def kind_of(warning: str) -> str:
-    """A warning without its figures, so that one that counts is told from a new one."""
+    """A warning without its figures, so that one that counts is not taken for a new one."""
     return "".join(sign for sign in warning if not sign.isdigit())
 
 

@@ -44,7 +44,7 @@ _MOST = 1000
 """Values of a channel that are kept until there is motion."""
 _MOVES_MPS = 0.05
 _LEAST_SIGNS = 50
-"""Readings while driving from which the sign of a current is told."""
+"""Readings while driving from which the sign of a current is determined."""
 _ACCELERATION_S = 2.0
 """Time over which an accelerometer and the robot's own acceleration are averaged, as for bags."""
 _SILENT, _LEAST_SILENT_S = 5.0, 2.0

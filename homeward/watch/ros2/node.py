@@ -19,7 +19,7 @@ PERIOD_S = 0.1
 _PUBLISH_S = 1.0
 """Time after which an advice is published again; one that changes in what matters is at once."""
 _SILENT_S = 2.0
-"""Time without motion from which the companion is told that time goes on."""
+"""Time without motion after which the companion gets an update without readings."""
 
 
 class Node:
