@@ -16,7 +16,7 @@ from homeward.physics.model import headwind
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
 """Prices of energy that are tried, over what it buys on average ground, all of it sensed at the middle rate."""
 STOPS = np.array([-1.0, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.5])
-"""Distances up to which the robot stops for the radio, in half-rate distances of the link; below 0, samples are free."""
+"""Distances up to which it stops for the radio, in half-rate distances of the link; below 0, samples are free."""
 _KINDS = 3
 """Kinds of ground, equally frequent, that a stretch of several places is taken to be made of."""
 _LEAST_RATIO = 0.1
