@@ -13,6 +13,7 @@ import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -53,6 +54,9 @@ class Args:
     """Least time between checkpoints, s: what a kill may cost."""
     curve: int = 10
     """Points of the learning curve, curve.csv: the same 500 missions each, driven by the policy as it stands."""
+    wandb: str | None = None
+    """Project of Weights & Biases that figures and curve go to, beside TensorBoard; WANDB_MODE=offline keeps them in
+    the folder of the run."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     instruments: str | None = None
@@ -103,6 +107,8 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
         from homeward.agents.learning.ppo import train
     except ModuleNotFoundError as error:
         raise TrainingError(f"training needs {error.name}: {advice('train', str(error.name))}") from None
+    if args.wandb is not None and find_spec("wandb") is None:
+        raise TrainingError(f"--wandb needs wandb: {advice('wandb', 'wandb')}")
     state = open_run(args.out, settings, code, resume=args.resume, replace=args.replace)
     console = cli.Terminal(stderr=True)
     if state is RunState.FINISHED:
@@ -132,6 +138,7 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
         curve=args.curve,
         restore=state is RunState.CONTINUED,
         console=console,
+        wandb=args.wandb,
     )
     exploring = f"; the last missions, still exploring: {trained.home_rate:.1%} home, score {trained.score:.4g}"
     console.print(

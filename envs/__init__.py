@@ -1,25 +1,36 @@
 """Gymnasium environments whose dynamics are the battery-dissemination model.
 
 `homeward/OutAndBack-v0`, `homeward/Survey-v0` and `homeward/Patrol-v0`, registered on `import homeward`; without an
-import, `gym.make("homeward:homeward/Survey-v0")` does both.
+import, `gym.make("homeward:homeward/Survey-v0")` does both. `homeward/MOSurvey-v0` and its like have a vector of
+rewards, see `homeward.envs.multi_objective`.
 """
 
 if __name__ == "envs":
     raise ImportError("import it as homeward.envs: the folder envs/ is the source of that package")
 
-import gymnasium as gym
+from gymnasium.envs import registration  # not `gymnasium`, of which old versions come here half imported
 
 IDS = {mission: f"homeward/{mission}-v0" for mission in ("OutAndBack", "Survey", "Patrol")}
 """Environment id of each mission."""
+MULTI_OBJECTIVE_IDS = {mission: f"homeward/MO{mission}-v0" for mission in IDS}
+"""Environment id of each mission with a vector of rewards."""
 
 
 def register() -> None:
     """Register the environments with Gymnasium; called on `import homeward`, and doing nothing a second time."""
     for mission, env_id in IDS.items():
-        if env_id not in gym.registry:
-            gym.register(
+        if env_id not in registration.registry:
+            registration.register(
                 env_id,
                 entry_point="homeward.envs.scalar:HomewardEnv",
                 vector_entry_point="homeward.envs.vector:HomewardVectorEnv",
                 kwargs={"mission": mission},
+            )
+    for mission, env_id in MULTI_OBJECTIVE_IDS.items():
+        if env_id not in registration.registry:
+            registration.register(
+                env_id,
+                entry_point="homeward.envs.multi_objective:MultiObjectiveEnv",
+                disable_env_checker=True,  # it expects one number
+                kwargs={"mission": mission, "shaping": "none"},
             )

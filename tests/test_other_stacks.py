@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import csv
+import importlib.util
 import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import yaml  # type: ignore[import-untyped]
 
+from homeward.agents import Policy, make_policy
 from homeward.envs import IDS
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -71,11 +75,46 @@ def test_minari(tmp_path: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
         dataset = minari.load_dataset("homeward/survey-v0")
-    for mission in dataset.iterate_episodes():
+    assert dataset.total_episodes == 6
+    env = gym.make("homeward/Survey-v0")
+    rule = make_policy("dmax_adaptive", env)
+    for seed, mission in enumerate(dataset.iterate_episodes()):
         assert len(mission.observations) == len(mission.actions) + 1
+        observations, actions, rewards = driven(env, rule, seed)
+        np.testing.assert_array_equal(mission.observations, observations)
+        np.testing.assert_array_equal(mission.actions, actions)
+        assert sum(mission.rewards) == pytest.approx(sum(rewards), rel=1e-6)
         assert dataset.observation_space.contains(mission.observations[0])
         assert mission.terminations[-1] or mission.truncations[-1]
         assert not mission.terminations[:-1].any()
+
+
+def driven(env: Any, rule: Policy, seed: int) -> tuple[Any, Any, list[float]]:
+    """Observations, actions and rewards of one mission."""
+    observation, _ = env.reset(seed=seed)
+    observations, over = [observation], False
+    actions: list[Any] = []
+    rewards: list[float] = []
+    while not over:
+        actions.append(rule.act(observation[None], np.array([not actions]))[0])
+        observation, reward, terminated, truncated, _ = env.step(actions[-1])
+        observations.append(observation)
+        rewards.append(float(reward))
+        over = terminated or truncated
+    return np.stack(observations), np.stack(actions), rewards
+
+
+def test_omnisafe(tmp_path: Path) -> None:
+    if importlib.util.find_spec("omnisafe") is None:
+        pytest.skip("OmniSafe is installed apart, see docs/other_stacks.md")
+    steps = ("--env", "homeward/OutAndBack-v0", "--steps", "16384", "--n-envs", "64", "--per-update", "128")
+    lines = run_example("omnisafe_ppolag", *steps, "--out", str(tmp_path), folder=tmp_path)
+    assert lines[-1].startswith("homeward/OutAndBack-v0: return ")
+    assert 0.0 <= float(lines[-1].split("stranded ")[1].split("%")[0]) <= 100.0
+    (log,) = tmp_path.rglob("progress.csv")
+    updates = list(csv.DictReader(log.read_text().splitlines()))
+    assert [int(float(row["TotalEnvSteps"])) for row in updates] == [8192, 16384]
+    assert all(0.0 <= float(row["Metrics/EpCost"]) <= 1.0 for row in updates)
 
 
 @pytest.mark.parametrize("env_id", IDS.values())

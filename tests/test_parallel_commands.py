@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,11 +13,14 @@ import pytest
 
 from homeward import __main__ as command
 from homeward import load_robot
-from homeward.agents.learning.settings import TrainingError
+from homeward.agents.evaluation.learning_curve import read_curve
+from homeward.agents.learning.folder import CHECKPOINT, PREVIOUS, RUN
+from homeward.agents.learning.settings import DivergedError, TrainingError
 from homeward.commands import fleet, sweep, train
 from homeward.diagnosis import Diagnosis, RecordingError
 from homeward.diagnosis.result import RecordingInfo
 from homeward.parallel import TaskError
+from homeward.search import SearchError
 from tests.parallel_cases import SETTINGS, STEPS, policies, write_recording
 
 
@@ -45,6 +50,96 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> No
     files = {file: file.stat().st_mtime_ns for file in (tmp_path / "1").rglob("policy.safetensors")}
     sweep.main(args(1))
     assert {file: file.stat().st_mtime_ns for file in files} == files  # finished: nothing is trained anew
+
+
+def searched(out: Path, **changes: Any) -> sweep.Args:
+    """A search of four trials of one seed."""
+    base = train.Args(steps=STEPS // 2, out=out, ppo=SETTINGS, curve=1, decision_s=120.0, checkpoint_s=0.0)
+    space = ("learning_rate=1e-4..1e-2", "epochs=1..2", "start=dmax")
+    return dataclasses.replace(sweep.Args((0,), space, optuna=4, train=base), **changes)
+
+
+def trials_of(folder: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader((folder / sweep.TRIALS).read_text().splitlines()))
+
+
+@pytest.mark.usefixtures("short_curves")
+def test_a_search_that_was_killed_goes_on_with_the_same_trials(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("optuna")
+    pytest.importorskip("stable_baselines3")
+    sweep.main(searched(tmp_path / "whole"))
+    printed = capsys.readouterr()
+    rows = trials_of(tmp_path / "whole")
+    assert [row["trial"] for row in rows] == ["0", "1", "2", "3"]
+    assert len({row["learning_rate"] for row in rows}) == 4
+    for row in rows:
+        folder = tmp_path / "whole" / f"trial_{row['trial']}" / "seed_0"
+        settings = json.loads((folder / RUN).read_text())["settings"]
+        assert [settings["learning_rate"], settings["epochs"]] == [float(row["learning_rate"]), int(row["epochs"])]
+        assert float(row["score"]) == max(point.score for point in read_curve(folder) if point.steps)
+        assert not (folder / PREVIOUS).exists()  # but at the end there is no checkpoint, so that a kill leaves none
+    best = max(rows, key=lambda row: float(row["score"]))
+    shown = [words for line in printed.out.splitlines() if (words := line.split()) and words[0].isdigit()]
+    assert [words[0] for words in shown] == sorted("0123", key=lambda one: -float(rows[int(one)]["score"]))
+    assert f"best: --learning-rate {best['learning_rate']} --epochs {best['epochs']} --start dmax" in printed.err
+
+    def killed_in_trial_2(options: Any, *given: Any, **more: Any) -> Any:
+        trained = train_for_real(options, *given, **more)
+        if "trial_2" in str(given[3]):
+            for name in ("policy.json", "policy.safetensors", CHECKPOINT):  # as it is found after a kill on the way
+                (given[3] / name).unlink()
+            raise KeyboardInterrupt
+        return trained
+
+    from homeward.agents.learning import ppo
+
+    train_for_real = ppo.train
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(ppo, "train", killed_in_trial_2)
+        sweep.main(searched(tmp_path / "killed"))
+    first = (tmp_path / "killed" / "trial_0" / "seed_0" / "policy.safetensors").stat().st_mtime_ns
+    sweep.main(searched(tmp_path / "killed"))
+    assert (tmp_path / "killed" / sweep.TRIALS).read_text() == (tmp_path / "whole" / sweep.TRIALS).read_text()
+    assert policies(tmp_path / "killed") == policies(tmp_path / "whole")
+    assert (tmp_path / "killed" / "trial_0" / "seed_0" / "policy.safetensors").stat().st_mtime_ns == first
+    with pytest.raises(TaskError, match=r"trial_0/seed_0: .*holds a run with other settings .*choose another --out"):
+        sweep.main(searched(tmp_path / "killed", vary=("learning_rate=1e-5..1e-2",)))
+
+
+def test_a_trial_that_diverges_does_not_end_the_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("optuna")
+
+    def diverge(args: train.Args) -> Path:
+        raise DivergedError("the weights are no finite numbers any more")
+
+    monkeypatch.setattr(sweep, "train_quietly", diverge)
+    with pytest.raises(TrainingError, match="no trial ended with weights that are finite"):
+        sweep.main(searched(tmp_path))
+    assert [row["score"] for row in trials_of(tmp_path)] == ["nan"] * 4
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"optuna": None}, r"--vary learning_rate=1e-4\.\.1e-2: a range is searched with --optuna N"),
+        ({"optuna": 0}, "optuna = 0 is not allowed; give at least 1"),
+        ({"vary": ()}, r"--optuna searches what --vary names: give NAME=LOW\.\.HIGH"),
+        ({"vary": ("clip=0.3..0.1",)}, r"--vary clip=0\.3\.\.0\.1: 0\.3\.\.0\.1 is no range"),
+        ({"vary": ("clip=0.1..a",)}, "give float values, as clip=0.2"),
+        ({"vary": ("clip=0.1..2",)}, "clip = 2.0 is not allowed"),
+        ({"vary": ("epochs=0..3",)}, "epochs = 0 is not allowed"),
+        ({"vary": ("start=scratch..dmax",)}, "is not searched between ends; give values, as start=dmax"),
+        ({"vary": ("batch_size=8..64",)}, "is not searched between ends; give values, as batch_size=4096"),
+        ({"vary": ("batch_size=32,48",)}, "batch_size = 48 does not divide"),
+        ({"vary": ("clip=0.1..0.2", "clip=0.2..0.3")}, "names a setting twice"),
+    ],
+)
+def test_a_bad_search_is_refused(given: dict[str, Any], message: str, tmp_path: Path) -> None:
+    with pytest.raises((TrainingError, SearchError), match=message):
+        sweep.main(searched(tmp_path / "new", **given))
+    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from homeward.agents.evaluation.learning_curve import Point, read_curve, write_curve
 from homeward.agents.learning.checkpoint import Best, save_checkpoint
 from homeward.agents.learning.network import ResidualPolicy
+from homeward.agents.learning.tracking import log_point
 from homeward.agents.trained.policy_file import Layer
 
 VALUE_FIRST = 6
@@ -93,6 +94,7 @@ class TrainingCallback(BaseCallback):
                 point.steps, point.score, [(weight.copy(), bias.copy()) for weight, bias in self._layers()]
             )
         write_curve(self._folder, self._curve)
+        log_point(self.logger, point)
         self._resumed_s = time.monotonic()
 
     def _on_step(self) -> bool:

@@ -16,7 +16,8 @@ from homeward.agents.learning.settings import TrainingError
 from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS
 from homeward.files import read_json, write_whole
 
-RUN, LOCK, CURVE, TENSORBOARD = "run.json", "run.lock", "curve.csv", "tensorboard"
+RUN, LOCK, CURVE = "run.json", "run.lock", "curve.csv"
+TENSORBOARD, WANDB = "tensorboard", "wandb"
 FIRST, LAST = "first", "last"
 """Folders of the policy that training began with and of the one that it ended with."""
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
@@ -166,7 +167,7 @@ def _steps_of_policy(folder: Path) -> int | None:
 
 def _remove(folder: Path) -> None:
     """Remove what a run wrote, and what says so last: a kill between leaves a run that is still another one."""
-    for part in (TENSORBOARD, FIRST, LAST):
+    for part in (TENSORBOARD, WANDB, FIRST, LAST):
         shutil.rmtree(folder / part, ignore_errors=True)
     for name in (DESCRIPTION, WEIGHTS, CURVE, CHECKPOINT, PREVIOUS, RUN):
         (folder / name).unlink(missing_ok=True)

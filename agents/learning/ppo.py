@@ -28,7 +28,8 @@ from homeward.agents.learning.checkpoint import restore_checkpoint, save_checkpo
 from homeward.agents.learning.folder import FIRST, LAST, TENSORBOARD
 from homeward.agents.learning.network import ResidualPolicy, layers_of
 from homeward.agents.learning.sb3_adapter import SB3Adapter
-from homeward.agents.learning.settings import DMAX, PPOSettings, TrainingError
+from homeward.agents.learning.settings import DMAX, DivergedError, PPOSettings
+from homeward.agents.learning.tracking import WandbOutput, log_settings
 from homeward.agents.trained.inputs import BeliefInputs, first_policy, make_inputs, valued
 from homeward.agents.trained.policy_file import ON_THE_GO, Layer, NetworkPolicy, save_policy
 from homeward.envs.options import Known, Options, known_of
@@ -60,6 +61,7 @@ def train(
     curve: int,
     restore: bool,
     console: Console,
+    wandb: str | None = None,
 ) -> Trained:
     """Train a policy and write it as it was when it did best on the missions of the learning curve.
 
@@ -76,9 +78,11 @@ def train(
         curve: Points of the learning curve, 1 or more, beside the first.
         restore: Whether to continue from the folder's checkpoint.
         console: Where the progress goes.
+        wandb: Project of Weights & Biases that the figures go to, beside TensorBoard.
 
     Raises:
-        TrainingError: The checkpoint cannot be used, or the weights are no numbers any more.
+        TrainingError: The checkpoint or Weights & Biases cannot be used.
+        DivergedError: The weights are no numbers any more.
         OSError: The folder cannot be written to.
     """
     total = math.ceil(steps / settings.rollout) * settings.rollout
@@ -97,6 +101,7 @@ def train(
 
         if not model.num_timesteps:
             write(folder / FIRST, layers_of(model), 0)
+            log_settings(model.logger, details["training"])
 
         def measured(steps: int, trained_s: float) -> Point:
             return measure(deployed(model, inputs_of(settings, known)), options, steps, trained_s)
@@ -105,6 +110,8 @@ def train(
         callback = TrainingCallback(
             folder, total, checkpoint_s, console, math.ceil(total / curve), measured, lambda: layers_of(model), best
         )
+        if wandb is not None:
+            model.logger.output_formats.append(WandbOutput(wandb, folder, details["training"]))
         try:
             model.learn(total - model.num_timesteps, callback, reset_num_timesteps=False)
             callback.add_to_curve()
@@ -112,7 +119,7 @@ def train(
         except ValueError as error:
             if all(parameter.isfinite().all() for parameter in model.policy.parameters()):
                 raise
-            raise TrainingError(
+            raise DivergedError(
                 "the weights are no finite numbers any more: train with a smaller --learning-rate, or, if the run was "
                 "continued from a checkpoint by someone else, choose another --out"
             ) from error

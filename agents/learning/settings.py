@@ -20,6 +20,10 @@ class TrainingError(ValueError):
     """A training run that cannot be made or continued; the message says what to change."""
 
 
+class DivergedError(TrainingError):
+    """A training run whose weights are no finite numbers any more."""
+
+
 @dataclass(frozen=True)
 class PPOSettings:
     """Settings of proximal policy optimisation (Schulman et al. 2017, arXiv 1707.06347)."""

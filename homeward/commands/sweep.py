@@ -3,31 +3,48 @@
 `homeward sweep --seeds 0 1 2 --vary learning_rate=1e-3,3e-4 --jobs 2 --out runs/sweep` trains six policies, each in a
 folder of its own, SETTINGS/seed_N. All options of `homeward train` can be given, and hold for every run. The same
 command again continues what was interrupted. `homeward evaluate --agents ppo=FOLDER` takes a folder of seeds.
+
+`homeward sweep --optuna 20 --vary learning_rate=1e-4..1e-2 clip=0.1..0.3 --out runs/search` searches instead: each
+trial trains all seeds, in trial_N/seed_M, and its score is that of the best points of their learning curves. trials.csv
+holds the table, study.journal the study for optuna-dashboard.
 """
 
 from __future__ import annotations
 
 import contextlib
+import csv
 import dataclasses
 import io
 import itertools
+import math
+import statistics
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
+from rich import box
+from rich.table import Table
 
 from homeward import cli
-from homeward.agents.learning.settings import PPOSettings, TrainingError
+from homeward.agents.evaluation.learning_curve import read_curve
+from homeward.agents.learning.settings import DivergedError, PPOSettings, TrainingError
 from homeward.commands import train
 from homeward.envs.options import OptionError
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
 from homeward.parallel import ClusterError, TaskError, check_workers, run_tasks
 from homeward.physics import RobotError
+from homeward.search import Range, SearchError, Trial, import_optuna, search
 
 MARK = "sweep.txt"
 """File that the nodes of a cluster look for in the output folder."""
+TRIALS, STUDY = "trials.csv", "study.journal"
+"""Files of a search in its folder."""
+_SHOWN = 10  # of the best trials
+_BATCHES = ("n_envs", "n_steps", "batch_size")
+"""Settings that must divide each other, which few numbers of a range do."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +54,11 @@ class Args:
     seeds: tuple[int, ...] = (0, 1, 2)
     """Training seeds."""
     vary: tuple[str, ...] = ()
-    """Settings to try, each NAME=VALUE,VALUE: all combinations are trained with every seed."""
+    """Settings to try, each NAME=VALUE,VALUE: all combinations are trained with every seed. With --optuna also ranges,
+    NAME=LOW..HIGH, on a logarithmic scale where HIGH is ten times LOW or more."""
+    optuna: int | None = None
+    """Trials of a search instead of all combinations. So that it goes on after a kill as if it had not been, a run that
+    was interrupted begins anew."""
     jobs: int = 1
     """Runs at once on this machine."""
     cluster: str | None = None
@@ -51,8 +72,11 @@ def main(args: Args) -> dict[str, Path]:
     Raises:
         TrainingError: An argument cannot be used.
         TaskError: A run failed; those that ended are kept, and the same command continues.
+        SearchError: A range cannot be searched, or Optuna is not installed.
         ClusterError: The cluster cannot be used.
     """
+    if args.optuna is not None:
+        return _search(args, args.optuna)
     runs = runs_of(args)
     check_workers(args.jobs, args.cluster)
     write_whole(args.train.out / MARK, "".join(f"{name}\n" for name in runs))
@@ -67,6 +91,23 @@ def runs_of(args: Args) -> dict[str, train.Args]:
     Raises:
         TrainingError: A setting does not exist or cannot take a value, or a value or seed is given twice.
     """
+    base, runs, choices = _base(args), dict[str, train.Args](), []
+    for given in args.vary:
+        setting, values = _choices(given)
+        if isinstance(values, Range):
+            raise TrainingError(f"--vary {given}: a range is searched with --optuna N; without it give single values")
+        choices.append([(setting, one) for one in values])
+    for chosen in itertools.product(*choices):
+        name = "_".join(f"{key}={value}" for key, value in chosen)
+        for run, one in _seeds_of(base, args.seeds, name, dict(chosen)).items():
+            if run in runs:
+                raise TrainingError(f"--vary {' '.join(args.vary)}: gives {run} twice; give each value once")
+            runs[run] = one
+    return runs
+
+
+def _base(args: Args) -> train.Args:
+    """What all runs have in common."""
     if len(set(args.seeds)) < max(len(args.seeds), 1):
         raise TrainingError(f"seeds {' '.join(map(str, args.seeds)) or 'none'}: give each seed once, and at least one")
     base = args.train
@@ -76,29 +117,103 @@ def runs_of(args: Args) -> dict[str, train.Args]:
         base = dataclasses.replace(base, robot=str(Path(base.robot).resolve()))
     if Path(base.route).is_file():
         base = dataclasses.replace(base, route=str(Path(base.route).resolve()))
-    runs = {}
-    for chosen in itertools.product(*(_values(one) for one in args.vary)):
-        settings = dataclasses.replace(base.ppo, **dict(chosen))
-        for seed in args.seeds:
-            name = "/".join([*("_".join(f"{key}={value}" for key, value in chosen).split()), f"seed_{seed}"])
-            if name in runs:
-                raise TrainingError(f"--vary {' '.join(args.vary)}: gives {name} twice; give each value once")
-            out = base.out.resolve() / name
-            runs[name] = dataclasses.replace(base, ppo=settings, seed=seed, out=out, resume=True)
+    return base
+
+
+def _seeds_of(
+    base: train.Args, seeds: tuple[int, ...], name: str, settings: Mapping[str, Any]
+) -> dict[str, train.Args]:
+    """A run for each seed, by the name of its folder."""
+    ppo, runs = dataclasses.replace(base.ppo, **settings), {}
+    for seed in seeds:
+        run = "/".join(part for part in (name, f"seed_{seed}") if part)
+        runs[run] = dataclasses.replace(base, ppo=ppo, seed=seed, out=base.out.resolve() / run, resume=True)
     return runs
 
 
-def _values(given: str) -> list[tuple[str, Any]]:
-    """Name and value of a setting, once for each of its values."""
+def _choices(given: str) -> tuple[str, Range | tuple[Any, ...]]:
+    """Name of a setting, and its values or range."""
     name, _, values = given.partition("=")
     defaults = dataclasses.asdict(PPOSettings()) | PPOSettings().by_start
     if name not in defaults:
         raise TrainingError(f"--vary {given}: there is no setting {name!r}; choose from {', '.join(defaults)}")
     kind = type(defaults[name])
+    low, dots, high = values.partition("..")
+    if dots and (kind is str or name in _BATCHES):
+        raise SearchError(f"--vary {given}: is not searched between ends; give values, as {name}={defaults[name]}")
     try:
-        return [(name, kind(value)) for value in values.split(",")]
+        found = [kind(value) for value in ((low, high) if dots else values.split(","))]
     except ValueError:
         raise TrainingError(f"--vary {given}: give {kind.__name__} values, as {name}={defaults[name]}") from None
+    try:
+        return name, Range(*found) if dots else tuple(found)
+    except SearchError as error:
+        raise SearchError(f"--vary {given}: {error}") from None
+
+
+def _search(args: Args, trials: int) -> dict[str, Path]:
+    """Train what a search tries, and say what was best."""
+    base = dataclasses.replace(_base(args), checkpoint_s=math.inf)
+    space = _space(args, base, trials)
+    check_workers(args.jobs, args.cluster)
+    import_optuna()
+    write_whole(base.out / MARK, f"{trials} trials\n")
+    console, folders = cli.Terminal(stderr=True), dict[str, Path]()
+
+    def objective(number: int, settings: dict[str, Any]) -> float:
+        runs = _seeds_of(base, args.seeds, f"trial_{number}", settings)
+        scores = run_tasks(train_and_score, runs, jobs=args.jobs, cluster=args.cluster, title=f"trial {number}")
+        folders.update((name, one.out) for name, one in runs.items())
+        return statistics.fmean(scores.values())
+
+    def keep(done: list[Trial]) -> None:
+        _write_trials(base.out / TRIALS, done)
+        console.print(f"trial {done[-1].number}, score {done[-1].score:.4g}: {_flags(done[-1])}", soft_wrap=True)
+
+    done = search(space, trials, objective, base.out / STUDY, keep)
+    best = sorted((one for one in done if not math.isnan(one.score)), key=lambda one: -one.score)
+    if not best:
+        raise TrainingError("no trial ended with weights that are finite numbers: search smaller learning rates")
+    cli.Terminal().show(_table(best[:_SHOWN]))
+    console.print(f"best: {_flags(best[0])}, in {args.train.out / f'trial_{best[0].number}'}", soft_wrap=True)
+    return folders
+
+
+def _space(args: Args, base: train.Args, trials: int) -> dict[str, Range | tuple[Any, ...]]:
+    """Range or values of each setting, of which every corner can be trained."""
+    if trials < 1:
+        raise TrainingError(f"optuna = {trials} is not allowed; give at least 1")
+    if not args.vary:
+        raise TrainingError("--optuna searches what --vary names: give NAME=LOW..HIGH, as learning_rate=1e-4..1e-2")
+    space = dict(map(_choices, args.vary))
+    if len(space) < len(args.vary):
+        raise TrainingError(f"--vary {' '.join(args.vary)}: names a setting twice; give each once")
+    for ends in itertools.product(*((one.low, one.high) if isinstance(one, Range) else one for one in space.values())):
+        dataclasses.replace(base.ppo, **dict(zip(space, ends, strict=True)))
+    return space
+
+
+def _write_trials(file: Path, done: list[Trial]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["trial", "score", *done[0].settings])
+    writer.writerows([one.number, one.score, *one.settings.values()] for one in done)
+    write_whole(file, text.getvalue())
+
+
+def _table(best: list[Trial]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("trial", "score", *best[0].settings):
+        table.add_column(heading, justify="right")
+    for one in best:
+        values = (f"{value:.4g}" if isinstance(value, float) else str(value) for value in one.settings.values())
+        table.add_row(str(one.number), f"{one.score:.4g}", *values)
+    return table
+
+
+def _flags(trial: Trial) -> str:
+    """Settings as options of `homeward train`."""
+    return " ".join(f"--{name.replace('_', '-')} {value}" for name, value in trial.settings.items())
 
 
 def train_quietly(args: train.Args) -> Path:
@@ -113,7 +228,20 @@ def train_quietly(args: train.Args) -> Path:
         return train.main(args)
 
 
+def train_and_score(args: train.Args) -> float:
+    """Train one run without a word; the best score of its learning curve, or NaN where the weights diverged.
+
+    Raises:
+        TrainingError: As `train_quietly`.
+    """
+    try:
+        folder = train_quietly(args)
+    except DivergedError:
+        return math.nan
+    return max(point.score for point in read_curve(folder) if point.steps)
+
+
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
-    refused = (TrainingError, OptionError, RobotError, RouteError, TaskError, ClusterError)
+    refused = (TrainingError, SearchError, OptionError, RobotError, RouteError, TaskError, ClusterError)
     return cli.run(main, Args, __doc__, refused, interrupted="the same command goes on")

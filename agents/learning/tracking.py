@@ -1,0 +1,82 @@
+"""Where the figures of a training run go: TensorBoard and, where it is asked for, Weights & Biases."""
+
+from __future__ import annotations
+
+import numbers
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from stable_baselines3.common.logger import HParam, KVWriter, Logger
+
+from homeward.agents.evaluation.learning_curve import Point
+from homeward.agents.learning.folder import WANDB
+from homeward.agents.learning.settings import TrainingError
+from homeward.files import write_whole
+
+_CURVE = {f"curve/{name}": name for name in ("score", "stranded_rate", "late_rate")}
+
+
+def log_settings(logger: Logger, settings: Mapping[str, Any]) -> None:
+    """Log what a run is made with, so that TensorBoard's page HPARAMS compares the runs of a folder by their curves."""
+    _write(logger, {"settings": HParam(settings, dict.fromkeys(_CURVE, 0.0))}, 0)
+
+
+def log_point(logger: Logger, point: Point) -> None:
+    """Log a point of the learning curve at the decisions that it was measured after."""
+    _write(logger, {tag: getattr(point, name) for tag, name in _CURVE.items()}, point.steps)
+
+
+def _write(logger: Logger, values: Mapping[str, Any], steps: int) -> None:
+    for output in logger.output_formats:
+        output.write(dict(values), dict.fromkeys(values, ()), steps)
+
+
+class WandbOutput(KVWriter):
+    """Logs to Weights & Biases what TensorBoard gets; runs beside each other in a folder are one group there.
+
+    Args:
+        project: Name of the project.
+        folder: Of the training run; a run that is continued goes on under the id that is kept there.
+        settings: What the run is made with.
+
+    Raises:
+        TrainingError: Weights & Biases cannot be used: nobody is logged in, or it does not answer.
+        OSError: The folder cannot be written to.
+    """
+
+    def __init__(self, project: str, folder: Path, settings: Mapping[str, Any]) -> None:
+        import wandb  # an option: most have it not, and it takes long to import
+
+        folder = folder.resolve()
+        kept = folder / WANDB / "id.txt"
+        if not kept.is_file():
+            write_whole(kept, secrets.token_hex(4))
+        try:
+            self._run = wandb.init(
+                project=project,
+                name=f"{folder.parent.name}/{folder.name}",
+                group=folder.parent.name,
+                id=kept.read_text("utf-8"),
+                resume="allow",
+                dir=folder,
+                config=dict(settings),
+                settings=wandb.Settings(silent=True, console="off"),
+            )
+        except wandb.errors.Error as error:
+            raise TrainingError(
+                f"Weights & Biases: {error}: run `wandb login`, or set WANDB_MODE=offline and send it later"
+            ) from None
+        # Its own steps cannot go back to a checkpoint.
+        self._run.define_metric("*", step_metric="steps")
+
+    def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
+        """Log the numbers among some values."""
+        figures = {key: float(value) for key, value in key_values.items() if isinstance(value, numbers.Real)}
+        if figures:
+            self._run.log({"steps": step, **figures})
+
+    def close(self) -> None:
+        """Send or write what is left."""
+        self._run.finish()
