@@ -36,12 +36,12 @@ from homeward.agents.evaluation.margins import Curve, curve_of, margins_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Bounds, Evaluation
 from homeward.agents.evaluation.tasks import run_agents
-from homeward.agents.learning.folder import RUN
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
 from homeward.agents.trained.policy_file import DESCRIPTION, NetworkPolicy
 from homeward.agents.trained.provenance import differences
+from homeward.agents.trained.run_folder import RUN
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError

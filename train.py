@@ -23,9 +23,9 @@ import homeward  # noqa: F401 - first: it says in a line what is not installed
 import tyro
 
 from homeward import cli
-from homeward.agents.learning.folder import RunState, extended_from, locked, open_run
 from homeward.agents.learning.settings import PPOSettings, TrainingError
 from homeward.agents.trained.provenance import made_with
+from homeward.agents.trained.run_folder import RunState, extended_from, locked, open_run
 from homeward.envs import IDS
 from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.routes import RouteError

@@ -14,8 +14,8 @@ import pytest
 from homeward import __main__ as command
 from homeward import load_robot
 from homeward.agents.evaluation.learning_curve import read_curve
-from homeward.agents.learning.folder import CHECKPOINT, PREVIOUS, RUN
 from homeward.agents.learning.settings import DivergedError, TrainingError
+from homeward.agents.trained.run_folder import CHECKPOINT, PREVIOUS, RUN
 from homeward.commands import fleet, sweep, train
 from homeward.diagnosis import Diagnosis, RecordingError
 from homeward.diagnosis.result import RecordingInfo

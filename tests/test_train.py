@@ -25,7 +25,12 @@ import homeward
 from homeward import load_robot
 from homeward.agents.evaluation import learning_curve
 from homeward.agents.evaluation.learning_curve import measure, read_curve
-from homeward.agents.learning.folder import (
+from homeward.agents.learning.settings import PPOSettings, TrainingError
+from homeward.agents.registry import AGENTS, Request
+from homeward.agents.trained import provenance
+from homeward.agents.trained.inputs import COLUMNS
+from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, load_policy
+from homeward.agents.trained.run_folder import (
     CHECKPOINT,
     CURVE,
     FIRST,
@@ -38,11 +43,6 @@ from homeward.agents.learning.folder import (
     locked,
     open_run,
 )
-from homeward.agents.learning.settings import PPOSettings, TrainingError
-from homeward.agents.registry import AGENTS, Request
-from homeward.agents.trained import provenance
-from homeward.agents.trained.inputs import COLUMNS
-from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, load_policy
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, known_of
 from train import Args, main, run

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from homeward.agents.base import Policy
 from homeward.agents.evaluation.episodes import episode_seeds, run_episodes
-from homeward.agents.learning.folder import CURVE
 from homeward.agents.learning.settings import TrainingError
+from homeward.agents.trained.run_folder import CURVE
 from homeward.envs.options import Options
 from homeward.files import write_whole
 

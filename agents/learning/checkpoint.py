@@ -19,10 +19,10 @@ from safetensors import safe_open
 from safetensors.torch import save
 from stable_baselines3 import PPO
 
-from homeward.agents.learning.folder import CHECKPOINT, PREVIOUS, write_checkpoint
 from homeward.agents.learning.network import layers_of
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.trained.policy_file import Layer
+from homeward.agents.trained.run_folder import CHECKPOINT, PREVIOUS, write_checkpoint
 
 SCHEMA = 2
 _HEADER = "homeward"

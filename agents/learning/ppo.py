@@ -25,13 +25,13 @@ import homeward
 from homeward.agents.evaluation.learning_curve import Point, measure
 from homeward.agents.learning.callback import TrainingCallback
 from homeward.agents.learning.checkpoint import restore_checkpoint, save_checkpoint
-from homeward.agents.learning.folder import FIRST, LAST, TENSORBOARD
 from homeward.agents.learning.network import ResidualPolicy, layers_of
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import DMAX, DivergedError, PPOSettings
 from homeward.agents.learning.tracking import WandbOutput, log_settings
 from homeward.agents.trained.inputs import BeliefInputs, first_policy, make_inputs, valued
 from homeward.agents.trained.policy_file import ON_THE_GO, Layer, NetworkPolicy, save_policy
+from homeward.agents.trained.run_folder import FIRST, LAST, TENSORBOARD
 from homeward.envs.options import Known, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 

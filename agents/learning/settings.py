@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from homeward.agents.trained.run_folder import TrainingError as TrainingError
+
 SCRATCH, DMAX = "scratch", "dmax"
 STARTS = (SCRATCH, DMAX)
 _MOST_HIDDEN = 4096  # 17 million weights in the second layer
@@ -14,10 +16,6 @@ _BY_START = {
     DMAX: {"learning_rate": 2e-3, "gae_lambda": 0.9, "entropy": 0.003},
 }
 """Who has to find the return first must look far ahead; who begins with it learns more from what is near."""
-
-
-class TrainingError(ValueError):
-    """A training run that cannot be made or continued; the message says what to change."""
 
 
 class DivergedError(TrainingError):

@@ -11,8 +11,8 @@ from typing import Any
 from stable_baselines3.common.logger import HParam, KVWriter, Logger
 
 from homeward.agents.evaluation.learning_curve import Point
-from homeward.agents.learning.folder import WANDB
 from homeward.agents.learning.settings import TrainingError
+from homeward.agents.trained.run_folder import WANDB
 from homeward.files import write_whole
 
 _CURVE = {f"curve/{name}": name for name in ("score", "stranded_rate", "late_rate")}

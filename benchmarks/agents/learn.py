@@ -33,11 +33,11 @@ from homeward.agents.base import Observations, Policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.evaluation.learning_curve import EPISODES, SEED, Point, read_curve
 from homeward.agents.evaluation.statistics import wilson
-from homeward.agents.learning.folder import FIRST
 from homeward.agents.learning.settings import STARTS, PPOSettings, TrainingError
 from homeward.agents.registry import AGENTS, Request
 from homeward.agents.trained.policy_file import NetworkPolicy, load_policy
 from homeward.agents.trained.provenance import made_with
+from homeward.agents.trained.run_folder import FIRST
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.files import write_whole

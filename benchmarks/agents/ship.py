@@ -16,10 +16,10 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 from homeward import cli
 from homeward.agents.evaluation.learning_curve import EPISODES, Point, read_curve
-from homeward.agents.learning.folder import CURVE
 from homeward.agents.learning.settings import DMAX
 from homeward.agents.registry import SHIPPED, shipped
 from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, PolicyFileError, load_policy
+from homeward.agents.trained.run_folder import CURVE
 from homeward.files import write_whole
 
 CARD = "card.md"

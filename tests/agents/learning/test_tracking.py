@@ -14,8 +14,8 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 from homeward.agents.evaluation.learning_curve import read_curve
-from homeward.agents.learning.folder import CHECKPOINT, RUN, TENSORBOARD, WANDB
 from homeward.agents.learning.settings import TrainingError
+from homeward.agents.trained.run_folder import CHECKPOINT, RUN, TENSORBOARD, WANDB
 from homeward.commands import train
 from tests.parallel_cases import SETTINGS, STEPS
 

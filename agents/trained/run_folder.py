@@ -12,7 +12,6 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from homeward.agents.learning.settings import TrainingError
 from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS
 from homeward.files import read_json, write_whole
 
@@ -21,6 +20,10 @@ TENSORBOARD, WANDB = "tensorboard", "wandb"
 FIRST, LAST = "first", "last"
 """Folders of the policy that training began with and of the one that it ended with."""
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
+
+
+class TrainingError(ValueError):
+    """A training run that cannot be made or continued; the message says what to change."""
 
 
 class RunState(Enum):
