@@ -10,7 +10,6 @@ SCRATCH, DMAX = "scratch", "dmax"
 STARTS = (SCRATCH, DMAX)
 _MOST_HIDDEN = 4096  # 17 million weights in the second layer
 
-
 _BY_START = {
     SCRATCH: {"learning_rate": 3e-3, "gae_lambda": 0.98, "entropy": 0.0},
     DMAX: {"learning_rate": 2e-3, "gae_lambda": 0.9, "entropy": 0.003},
