@@ -40,8 +40,8 @@ class MultiObjectiveEnv(HomewardEnv):
         >>> env = gym.make("homeward/MOOutAndBack-v0", difficulty="known")
         >>> _ = env.reset(seed=0)
         >>> _, rewards, terminated, truncated, info = env.step([4, 0, 1])  # top speed, no sensing, go
-        >>> dict(zip(OBJECTIVES, rewards.round(4).tolist()))
-        {'reward': 0.0, 'stranding': 0.0, 'energy': -0.005, 'time': -0.0025}
+        >>> {name: round(float(one), 4) for name, one in zip(OBJECTIVES, rewards)}
+        {'reward': 0.0, 'stranding': -0.0, 'energy': -0.0033, 'time': -0.0026}
     """
 
     def __init__(self, **options: Any) -> None:

@@ -10,7 +10,9 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import pytest
+from gymnasium.envs import registration
 
 import homeward
 
@@ -91,6 +93,15 @@ def test_entry_point_registers_environments() -> None:
     (entry_point,) = (e for e in entry_points(group="gymnasium.envs") if e.value.startswith("homeward."))
     assert entry_point.name == "__root__"
     assert callable(entry_point.load())
+
+
+def test_registering_needs_nothing_of_a_half_imported_gymnasium(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Versions before 1.0 load the entry point before they have these names.
+    monkeypatch.delattr(gymnasium, "registry")
+    monkeypatch.delattr(gymnasium, "register")
+    monkeypatch.delitem(registration.registry, "homeward/Survey-v0")
+    homeward.envs.register()
+    assert "homeward/Survey-v0" in registration.registry
 
 
 def test_make_needs_no_import(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> No
 def searched(out: Path, **changes: Any) -> sweep.Args:
     """A search of four trials of one seed."""
     base = train.Args(steps=STEPS // 2, out=out, ppo=SETTINGS, curve=1, decision_s=120.0, checkpoint_s=0.0)
-    space = ("learning_rate=1e-4..1e-2", "epochs=1..2", "start=dmax")
+    space = ("learning_rate=1e-4..1e-2", "epochs=1..2", "start=scratch")
     return dataclasses.replace(sweep.Args((0,), space, optuna=4, train=base), **changes)
 
 
@@ -83,7 +83,7 @@ def test_a_search_that_was_killed_goes_on_with_the_same_trials(
     best = max(rows, key=lambda row: float(row["score"]))
     shown = [words for line in printed.out.splitlines() if (words := line.split()) and words[0].isdigit()]
     assert [words[0] for words in shown] == sorted("0123", key=lambda one: -float(rows[int(one)]["score"]))
-    assert f"best: --learning-rate {best['learning_rate']} --epochs {best['epochs']} --start dmax" in printed.err
+    assert f"best: --learning-rate {best['learning_rate']} --epochs {best['epochs']} --start scratch" in printed.err
 
     def killed_in_trial_2(options: Any, *given: Any, **more: Any) -> Any:
         trained = train_for_real(options, *given, **more)
