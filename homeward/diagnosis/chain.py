@@ -9,7 +9,6 @@ from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.describe import missing_physics, witnessed
 from homeward.diagnosis.explain.explanation import Explanation, explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
@@ -30,10 +29,11 @@ from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.columns import Columns
 from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
-from homeward.diagnosis.tell import words as wording
 from homeward.diagnosis.tell.corrected import of_capacity, range_change
 from homeward.diagnosis.tell.handover import determined, hand_over
-from homeward.diagnosis.tell.next_drive import next_experiment, to_tell_apart
+from homeward.diagnosis.tell.missing import missing_physics
+from homeward.diagnosis.tell.next_drive import next_experiment
+from homeward.diagnosis.tell.words import nothing_usable, summary
 from homeward.physics import Robot, load_robot
 
 Progress = Callable[[str], None]
@@ -92,19 +92,17 @@ def analyse(
         if one.name in used
     )
     if not usable:
-        untestable = Diagnosis(robot.name, infos, "not_testable", wording.nothing_usable(findings))
+        untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
     with threadpool_limits(1):  # the threads of many small products wait for each other busily
         evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
-    runs, named, refitted = evidence.runs, evidence.naming.named, evidence.fitted
     handover = hand_over(robot, verdict, evidence, seed)
     if handover.held_out is not None:
-        evidence, fit = _with_arm(evidence, fit, handover.held_out, seed)
-    found = tuple(witnessed(one, runs) for one in evidence.witnessed)
-    if evidence.corrected is not None:
-        drives = [to_tell_apart(refitted, runs, evidence.left, one.term, one.rivals) for one in named]
-        found = (*missing_physics(evidence.corrected, named, runs, drives), *found)
+        arm = score(handover.held_out, evidence.runs, evidence.block, evidence.trip, seed)
+        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": handover.held_out})
+        fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
+    found = missing_physics(evidence)
     corrected, handed = handover.robot, handover.handed
     for one in evidence.witnessed:
         corrected = with_effects_of(corrected, one.in_file)
@@ -117,17 +115,13 @@ def analyse(
     nominal = evidence.predictions.get("nominal")
     reach = None
     if nominal is not None and handover.replayed is not None:
-        reach = recorded_range((robot, corrected), (nominal, handover.replayed), runs, seed)
-    of_range = runs.unit == "W" and verdict != "unknown_physics"
-    advice = next_experiment(
-        refitted, runs, evidence.left, evidence.estimates, [(one.term, one.rivals) for one in named],
-        evidence.location, enough=int(evidence.block.max()) + 1 >= rules.FEWEST_BLOCKS,
-    )  # fmt: skip
+        reach = recorded_range((robot, corrected), (nominal, handover.replayed), evidence.runs, seed)
+    of_range = evidence.runs.unit == "W" and verdict != "unknown_physics"
     diagnosis = Diagnosis(
         robot.name,
         infos,
         verdict,
-        wording.summary(verdict, evidence, off, fit, findings, found, handed),
+        summary(verdict, evidence, off, fit, findings, found, handed),
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
@@ -138,7 +132,7 @@ def analyse(
         range=reach,
         range_change_m=range_change(robot, corrected) if of_range else None,
         file=handed,
-        next_experiment=advice,
+        next_experiment=next_experiment(evidence),
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
 
@@ -224,13 +218,6 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple
     return tuple(known)
 
 
-def _with_arm(evidence: Evidence, fit: Fit, predicted: Array, seed: int) -> tuple[Evidence, Fit]:
-    """Evidence and arms with what the file that is handed over predicts."""
-    arm = score(predicted, evidence.runs, evidence.block, evidence.trip, seed)
-    evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": predicted})
-    return evidence, dataclasses.replace(fit, arms={**fit.arms, "file": arm})
-
-
 def _predictions(
     fitted: Refit, corrected: Corrected | None, empirical: Empirical | None, runs: Runs, fold: Index, seed: int
 ) -> dict[str, Array]:
@@ -260,7 +247,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     capacity = evidence.capacity
     if capacity is not None and capacity.off:
         off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J"))
-    if int(evidence.block.max()) + 1 < rules.FEWEST_BLOCKS:
+    if evidence.blocks < rules.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.witnessed:
         return "missing_physics", off

@@ -69,6 +69,11 @@ class Evidence:
         return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
 
     @property
+    def blocks(self) -> int:
+        """Number of stretches that count as independent."""
+        return int(self.block.max()) + 1
+
+    @property
     def trip(self) -> Index:
         """What counts as one trip, shape (windows,)."""
         return self.runs.run if self.held_out_by == "run" else self.fold

@@ -15,9 +15,6 @@ FEWEST_BLOCKS = 16
 """With fewer independent stretches no test at the stated rate is possible: most of the few patterns of signs are then
 alike."""
 
-CLEARLY_OFF = 0.01
-"""Chance that a right capacity is called wrong: as FALSE_ALARM_RATE."""
-
 # --- Size: what is worth a name -----------------------------------------------------------------------------------
 
 SMALLEST_GAIN = 0.05

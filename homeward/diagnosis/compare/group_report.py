@@ -11,7 +11,7 @@ from rich.table import Table
 
 from homeward.diagnosis.compare.group_comparison import Comparison
 from homeward.diagnosis.tell.figures import embedded
-from homeward.diagnosis.tell.formats import interval, number, page, templates
+from homeward.diagnosis.tell.notation import interval, number, page, templates
 from homeward.diagnosis.tell.report import write_texts
 from homeward.diagnosis.tell.terminal import plain, say
 

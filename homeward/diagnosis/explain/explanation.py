@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.describe import where_at_work
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.motion import explained, motion_gain, place_gain, trees_beat
 from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
-from homeward.diagnosis.explain.places import Location, locate
+from homeward.diagnosis.explain.places import Location, locate, where_at_work
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
 from homeward.diagnosis.fit.doubt import is_much, times_noise, untold
@@ -106,9 +105,9 @@ class _Question:
         """Stretches of all runs that are held out together, shape (windows,)."""
         return self.block % FOLDS
 
-    def naming(self, schedules: bool = True) -> Naming:
+    def naming(self, varying: bool = True) -> Naming:
         """What is named."""
-        return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, schedules)
+        return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, varying)
 
     def by_motion(self) -> float:
         """Share of what the refit leaves that motion tells."""
@@ -137,7 +136,7 @@ class _Question:
         if held is None:
             return naming
         sparing = replace(self, fit=holding(self.fit, self.runs, held))
-        again = sparing.without_what_motion_tells(sparing.naming(schedules=False), None)[0]
+        again = sparing.without_what_motion_tells(sparing.naming(varying=False), None)[0]
         if not again.named or again.told_by_no_channel(self.runs):
             return naming
         return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
@@ -161,7 +160,7 @@ class _Question:
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
         if by_motion < rules.AS_WELL * first.held_out_gain and by_place < rules.TOLD_BY_PLACE * first.held_out_gain:
             return naming, location
-        again = self.naming(schedules=False)
+        again = self.naming(varying=False)
         if self.by(again) >= rules.WITHOUT_A_SCHEDULE * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where

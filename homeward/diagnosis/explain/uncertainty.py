@@ -18,7 +18,7 @@ from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
-from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.result import Product, Range, Together, Value
 from homeward.physics import Robot, d_max
@@ -43,13 +43,13 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,); held groups are left out."""
     groups, problem = model.groups, model.parameters
     free = np.flatnonzero(~groups.held)
-    active, to_group = problem.active()[free], problem.to_group[free]
+    to_group = problem.to_group[free]
     columns = np.column_stack([groups.jacobian[:, free], model.beside])
-    unit = np.concatenate([problem.scale[active] * to_group, np.ones(model.beside.shape[1])])
+    unit = np.concatenate([problem.scale[free] * to_group, np.ones(model.beside.shape[1])])
     found = covariance(columns, runs.observed - model.predicted, block) * np.outer(unit, unit)
     names = [problem.groups[index].symbol for index in free]
     units = [problem.groups[index].unit for index in free]
-    values = (model.theta[active] * to_group).tolist()
+    values = (model.theta[free] * to_group).tolist()
     if isinstance(model, Corrected):
         names += [f"{one.effect} {one.parameter}" for one in model.model.unknowns]
         units += [one.unit for one in model.model.unknowns]
@@ -72,9 +72,8 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
     problem, theta = model.parameters, model.theta
     found = []
     for index in np.flatnonzero(model.groups.held):
-        group, at = problem.groups[index], problem.active()[index]
-        larger = theta.copy()
-        larger[at] *= 1.0 + _STEP
+        group, larger = problem.groups[index], theta.copy()
+        larger[index] *= 1.0 + _STEP
         with_more = model.model.predict(runs, larger, model.values)
         column = with_more - model.predicted
         for number, one in enumerate(model.model.unknowns):
@@ -84,7 +83,7 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
             if cosine > rules.ENTWINED and scales > rules.ENTWINED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
-                assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
+                assumed, at_joint = float(theta[index] * problem.to_group[index]), known.names.index(name)
                 wide = 1.96 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
                 unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
                 found.append(_product((group.symbol, name), assumed * float(model.values[number]), wide, unit))
@@ -235,7 +234,7 @@ def _error(model: Corrected, runs: Runs) -> float:
 
 def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list[Term]]:
     """The terms with another value of one of their numbers."""
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
+    setting = Setting.of(fit, runs)
     for index, term in enumerate(terms):
         one = term.hypothesis
         if term.axis != "steady" or term.fixed or not one.physical or one.of_the_day:
@@ -260,8 +259,8 @@ def _numbers(model: Corrected, runs: Runs, block: Index) -> dict[str, float]:
 
 def _mean_powers(model: Corrected, runs: Runs) -> dict[str, float]:
     """Mean power of each group that is fitted and of each effect, by name."""
-    problem, active = model.parameters, model.parameters.active()
-    of_groups = model.groups.jacobian.mean(axis=0) * model.theta[active] / problem.scale[active]
+    problem = model.parameters
+    of_groups = model.groups.jacobian.mean(axis=0) * model.theta / problem.scale
     free = {problem.groups[index].symbol: float(of_groups[index]) for index in np.flatnonzero(~model.groups.held)}
     effects = zip(model.model.terms, model.contribution, strict=True)
     return free | {term.effect: float(contribution.mean()) for term, contribution in effects}

@@ -8,7 +8,7 @@ import numpy as np
 
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.fit.parameter_groups import IDLE, ROLLING, with_ancillary, with_effects_of
+from homeward.diagnosis.fit.parameter_groups import AT_REST, ROLLING, with_ancillary, with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.channels import Array
@@ -20,7 +20,7 @@ from homeward.physics import Robot, d_max
 class Said:
     """What a robot file says of a fit, and what only these drives or their instruments add to it."""
 
-    theta: Array  # (5,)
+    theta: Array  # (groups,)
     effects: Mapping[str, Mapping[str, float]]
     met: WithEffects  # ground of these drives, lag and scale of their instruments
     reading: Array | float = 0.0  # what instruments add, (windows,)
@@ -58,7 +58,8 @@ def said(model: Refit | Corrected, runs: Runs) -> Said:
     for index, term in enumerate(terms):
         if _is_ground(term):
             smoothest, gain, roughness = _ground(model, index, runs)
-            theta = np.where(np.arange(len(theta)) == ROLLING, smoothest * theta, theta)
+            theta = theta.copy()
+            theta[ROLLING] *= smoothest
             usual = float(np.average(roughness, weights=np.abs(runs.context["speed_mps"]) * runs.duration_s))
             of_gain, of_usual = term.hypothesis.entry.parameters
             effects[term.effect] = {of_gain.name: gain, of_usual.name: usual}
@@ -109,12 +110,12 @@ def written(robot: Robot, told: Said, unit: Unit) -> Robot:
 
     Groups that the fit holds stay as they are, and ancillary power where motor current was recorded.
     """
-    idle_w, sample_j, rolling_kg, drag, mass_kg = told.theta.tolist()
+    *ancillary, rolling_kg, drag, mass_kg = told.theta.tolist()
     if told.effects:
         rounded = {name: {key: _round(value) for key, value in one.items()} for name, one in told.effects.items()}
         robot = with_effects_of(robot, rounded)
     if unit == "W":
-        robot = with_ancillary(robot, idle_w, sample_j)
+        robot = with_ancillary(robot, *ancillary)
     elif thrust_n_per_a(robot) == 0.0:
         return robot
     return dataclasses.replace(
@@ -130,7 +131,7 @@ def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
 
     They are on the ground that they met, read by their instruments, with the current at rest that no file holds.
     """
-    rest_current_a = float(told.theta[IDLE]) if runs.unit == "A" else 0.0
+    rest_current_a = float(told.theta[AT_REST]) if runs.unit == "A" else 0.0
     return told.reading + predict(runs, robot, rest_current_a, told.met)
 
 

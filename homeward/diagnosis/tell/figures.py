@@ -163,7 +163,7 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
 def _telling(effect: str, evidence: Evidence) -> int | None:
     """Index of the dependence on the channel that shows an effect best; time for what comes and goes."""
     scheduled = any(
-        one.term.effect == effect and one.term.schedule is not None and one.term.schedule.axis == "time"
+        one.term.effect == effect and one.term.schedule is not None and one.term.axis == "time"
         for one in evidence.naming.named
     )
     tested = [one.channel.name for one in evidence.dependences]

@@ -5,13 +5,13 @@ from pathlib import PurePath
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Evidence
-from homeward.diagnosis.explain.describe import condition, largest, total_share
+from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
 from homeward.diagnosis.fit.doubt import Tells, lasts, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
-from homeward.diagnosis.tell.formats import templates
+from homeward.diagnosis.tell.notation import templates
 
 
 def nothing_usable(findings: Sequence[Finding]) -> str:
@@ -40,7 +40,7 @@ def summary(
             why_open=why_open, place=_place(evidence), excess=_excess(evidence),
             shares=[total_share(added, evidence.runs) for added in evidence.contributions],
             refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-            blocks=int(evidence.block.max()) + 1, usable_energy=USABLE_ENERGY,
+            usable_energy=USABLE_ENERGY,
         )
     )  # fmt: skip
     return " ".join(text.split())

@@ -14,7 +14,7 @@ from homeward.diagnosis.explain.hypotheses import (
     instruments,
 )
 from homeward.diagnosis.explain.hypothesis import CHECKS, Hypothesis
-from homeward.diagnosis.explain.residual_test import CHANNELS
+from homeward.diagnosis.explain.residual_test import TESTED
 from homeward.physics.effects import EFFECTS, Effect, Parameter
 
 NEW = Effect(
@@ -34,7 +34,7 @@ def test_every_hypothesis_has_words_a_check_and_channels_that_are_tested(effect:
     one = CATALOGUE[effect]
     assert one.id == effect and one.entry.sentence.endswith(".") and one.otherwise
     assert one.measurement[0].islower() and "{" not in one.measurement and not one.measurement.endswith(".")
-    assert set(one.channels) <= {channel.name for channel in CHANNELS} | {"wheel_difference_mps"}
+    assert set(one.channels) <= {channel.name for channel in TESTED} | {"wheel_difference_mps"}
     assert one.steady is not None or one.changes is not None
     assert set(one.entry.confused_with) <= set(CATALOGUE)
 

@@ -95,7 +95,7 @@ HYPOTHESES = (
         changes="once",
         signed=True,
         load=everywhere,
-        scheduled=_also_creeping,
+        varying=_also_creeping,
         check="read a clamp meter on the battery lead with the robot switched off: the log must show the same",
         on_drive=lambda one, drive, size, shape: np.full(len(drive.plain), size),  # also when everything is off
     ),
