@@ -1,4 +1,4 @@
-"""The wings of the diagnosis build on each other one way: read, fit, explain, tell; groups are compared on top."""
+"""The wings of the diagnosis build on each other one way: read, fit, explain, tell."""
 
 import ast
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "homeward" / "diagnosis"
-WINGS = ("read", "fit", "explain", "tell", "compare")
+WINGS = ("read", "fit", "explain", "tell")
 
 
 def imported(file: Path) -> Iterator[str]:

@@ -14,16 +14,16 @@ import pytest
 from numpy.typing import NDArray
 
 import diagnose
-from homeward import Robot
+from homeward import Robot, load_robot
 from homeward.diagnosis import Recording, RecordingError, synthetic
-from homeward.diagnosis.compare.group_comparison import Quantity, compare
-from homeward.diagnosis.compare.group_runs import compare_standing, values_of_runs
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.residual_test import independent_blocks
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
-from tests.diagnosis.compare.test_standing import noise, standing
+from homeward.groups.comparison import Quantity, compare
+from homeward.groups.runs import compare_standing, values_of_runs
+from tests.groups.test_standing import noise, standing
 
 POWER = Quantity("P_anc", "W")
 SIX = [name for name in "abcdef" for _ in range(3)]
@@ -31,6 +31,11 @@ SIX = [name for name in "abcdef" for _ in range(3)]
 
 def of_values(labels: Sequence[str], values: Sequence[float] | NDArray[np.float64]) -> Any:
     return compare(labels, {POWER: np.array(values)})[1]
+
+
+@pytest.fixture(scope="module")
+def husky() -> Robot:
+    return load_robot("husky")
 
 
 @pytest.mark.parametrize(
