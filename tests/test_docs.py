@@ -56,7 +56,7 @@ import homeward
 from homeward.diagnosis import Recording, diagnose
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.menu import MENU
-from homeward.diagnosis.synthetic import record
+from homeward.synthetic import record
 
 husky = homeward.load_robot("husky")
 lit = dataclasses.replace(husky, effects={"lamp": {"power_w": 40.0}})

@@ -14,8 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 import diagnose
-from homeward import Robot, load_robot
-from homeward.diagnosis import Recording, RecordingError, synthetic
+from homeward import Robot, load_robot, synthetic
+from homeward.diagnosis import Recording, RecordingError
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.residual_test import independent_blocks
 from homeward.diagnosis.fit.refit import refit
