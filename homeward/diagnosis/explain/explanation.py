@@ -65,7 +65,7 @@ def explain(
         return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
     naming, location = ask.without_what_motion_tells(naming, location)
     if not naming.named and location is None:
-        if ask.by_motion() < rules.TAKEN_UP:
+        if ask.by_motion() < rules.HALF:
             if in_time and untold(fit, runs):
                 return Explanation(naming, locate(in_time[0], runs), None)
             return Explanation(ask.instead_of_parameters(naming), None, None)
@@ -161,14 +161,14 @@ class _Question:
         if by_motion < rules.AS_WELL * first.held_out_gain and by_place < rules.TOLD_BY_PLACE * first.held_out_gain:
             return naming, location
         again = self.naming(varying=False)
-        if self.by(again) >= rules.WITHOUT_A_SCHEDULE * first.held_out_gain:
+        if self.by(again) >= rules.MOSTLY * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
         """Whether the named effects, or the first alone, explain most of what motion and its history tell."""
         share = self.by(naming)
-        if naming.named[0].held_out_gain >= rules.MOSTLY * by_motion or share >= rules.ADEQUATE * by_motion:
+        if naming.named[0].held_out_gain >= rules.MOSTLY * by_motion or share >= rules.AS_WELL * by_motion:
             return True
         if naming.corrected is None or share < rules.HALF * by_motion:
             return False

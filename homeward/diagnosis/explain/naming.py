@@ -210,7 +210,7 @@ def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     if bench.candidates[chosen].axis == "steady" or not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
-    return best if shares[best] >= rules.TOLD_BY_A_CHANNEL * shares[chosen] else chosen
+    return best if shares[best] >= rules.MOSTLY * shares[chosen] else chosen
 
 
 def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:

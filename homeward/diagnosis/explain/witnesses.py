@@ -328,8 +328,8 @@ def _in_step(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
         None if one is None else np.array([np.nanmean(one[runs.run == number]) for number in numbers])
         for one in (runs.observed, air)
     )
-    found = [battery.IN_STEP_WITH_LOAD] if spearmanr(rate, load).statistic > rules.IN_STEP else []
-    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.IN_STEP):
+    found = [battery.IN_STEP_WITH_LOAD] if spearmanr(rate, load).statistic > rules.ALIKE else []
+    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.ALIKE):
         found.append(battery.IN_STEP_WITH_COLD)
     return tuple(found)
 

@@ -79,7 +79,7 @@ def unrecorded(runs: Runs) -> list[Tells]:
 def lasts(left: Array, runs: Runs) -> bool:
     """Whether what a model leaves, shape (windows,), goes on from window to window, as no noise of power does."""
     together = runs.run[1:] == runs.run[:-1]
-    return float((left[1:] * left[:-1])[together].sum()) >= rules.LASTS * float(left @ left)
+    return float((left[1:] * left[:-1])[together].sum()) >= rules.ALIKE * float(left @ left)
 
 
 def untold(fit: Fitted, runs: Runs) -> bool:

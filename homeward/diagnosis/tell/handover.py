@@ -116,7 +116,7 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
 def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
     """Groups that look much like one of those chosen: they may have taken what that lacks."""
     columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
-    return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.ALIKE_COLUMNS).any(axis=1))
+    return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.HALF).any(axis=1))
 
 
 def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
