@@ -78,8 +78,23 @@ SELDOM = 4
 and what changes at moments that are unusual for it. Chosen on seeds 305 and 306 of benchmarks/concealed: causes outside
 the catalogue that took such names changed 6 to 43 times, showers at most 3."""
 
+COMES_BACK = 6
+"""Changes within runs of a load that comes and goes: on and off three times, so that there are two periods."""
+
 IN_SO_MANY_RUNS = 3
 """Runs in which a load comes on, for it to be one that comes and goes: as three times in one run."""
+
+CLEARLY_APART = 4.0
+"""Standard deviations of what is left between two levels with a gap: noise with memory has none. Chosen."""
+
+LEVEL_WORTH = 0.1
+"""Of what the levels so far explain, that a further one must add. Chosen."""
+
+CUSUM_CUTS = 4.0
+"""Squared departure of a CUSUM, studentised, from which a run is cut in two: two standard errors."""
+
+MET_AGAIN = 1.8
+"""Times its extent that a way is driven, from which places are told from times. Chosen: most of it there and back."""
 
 MUCH_BETTER = 0.6
 """Squared error of trees on unseen runs over that of what is named, from which they do much better: as AS_WELL."""
@@ -113,6 +128,17 @@ ENTWINED = 0.9
 """Correlation of two estimates from which only what they make together counts as determined: the error of each is
 then more than twice (1 / sqrt(1 - 0.9^2)) what it would be were the other known."""
 
+# --- Places: where something acts, in words ------------------------------------------------------------------------
+
+AT_WORK = 0.1
+"""Of its usual peak (the 0.99 quantile), beyond which an effect is at work. Chosen."""
+
+TELLING = 0.6
+"""Overlap (F1) with when an effect is at work, beyond which a condition tells it. Chosen."""
+
+EXCEPTION = 0.35
+"""Of the windows, below which one side of a split is the exception and the other the rule. Chosen."""
+
 # --- Parameters: what recordings determine ------------------------------------------------------------------------
 
 GAIN_ERROR = 0.005
@@ -139,6 +165,23 @@ GAUGE_ERROR = 0.05
 
 MEASURES = 0.1
 """Rise of the log-determinant of the information from which a drive is advised: a tenth is 5 % off one interval."""
+
+SEPARATES = 0.6931471805599453
+"""The same from which a drive tells effects apart: log 2, as the variance of what is least known is then halved."""
+
+# --- Runs: what can be used ----------------------------------------------------------------------------------------
+
+SHORTEST_RUN_S, FEWEST_SAMPLES = 5.0, 20
+"""Of a run that is used: ten averaging windows of two samples. Chosen."""
+
+MOST_MISSING = 0.5
+"""Share of the samples without motion or power, beyond which they are logged in rows of their own. Chosen."""
+
+TOO_FAST = 1.5
+"""Times the robot's top speed: beyond it is another robot or another unit. Chosen; km/h are 3.6 times m/s."""
+
+UNIT_RATIO = 3.0
+"""A ratio of recorded to expected power within this factor of 1000 is a wrong unit. Chosen: on a log scale half-way to ten."""
 
 # --- Instruments: what a recording's own channels say of their noise, lags and faults -----------------------------
 

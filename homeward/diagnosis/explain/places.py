@@ -6,6 +6,7 @@ from pathlib import PurePath
 
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.residual_test import TESTED, Dependence, TestedChannel
 from homeward.diagnosis.fit.replay import Runs
@@ -13,11 +14,8 @@ from homeward.diagnosis.read.channels import Array, Mask
 from homeward.diagnosis.result import Place
 
 WHOLE_RUN = "all of the run"
-_AT_WORK = 0.1  # of its usual peak
 _PAUSE_S = 2.0
 _DECIMALS = 6  # of a value: means of what is zero differ by rounding
-_TELLING = 0.6  # overlap (F1) of a condition with when an effect is at work
-_CLEAR_MINORITY = 0.35  # a side with less than this share of the windows is the exception, the other the rule
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
     high, total = low[-1] - low[:-1], low[-1]
     difference = (below[-1] - below[:-1]) / high - below[:-1] / low[:-1]
     k = int(np.argmax(low[:-1] * high * difference**2))
-    exception = min(low[k], high[k]) < _CLEAR_MINORITY * total
+    exception = min(low[k], high[k]) < rules.EXCEPTION * total
     return k + 1, bool(high[k] < low[k] if exception else difference[k] > 0.0)
 
 
@@ -130,7 +128,7 @@ def _when(start_s: float, end_s: float, runs: Runs, here: Mask) -> str:
 def _at_work(contribution: Array) -> Mask:
     """When an effect adds a good part of its usual peak, shape (windows,)."""
     size = np.abs(contribution)
-    return np.asarray(size > _AT_WORK * float(np.quantile(size, 0.99)))
+    return np.asarray(size > rules.AT_WORK * float(np.quantile(size, 0.99)))
 
 
 def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Mask | None = None) -> tuple[Place, ...]:
@@ -197,7 +195,7 @@ def _condition_of(channel: TestedChannel, contribution: Array, runs: Runs) -> st
         for side, meant in ((True, values > middle), (False, values < middle)):
             score = 2.0 * float((meant & inside).sum()) / float(meant.sum() + inside.sum())
             best, limit, above = max((best, limit, above), (score, middle, side), key=lambda one: one[0])
-    return _words(channel, above, limit) if best > _TELLING else None
+    return _words(channel, above, limit) if best > rules.TELLING else None
 
 
 def _words(channel: TestedChannel, above: bool, limit: float) -> str:

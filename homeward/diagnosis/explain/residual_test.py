@@ -26,7 +26,6 @@ _DRAWS = 8000
 _BINS = 10
 _FEWEST_BLOCKS_A_BIN = 5
 _FEWEST_A_BIN = 8  # windows
-_CUT_AT = 4.0  # a run is cut where its CUSUM is two standard errors off
 
 
 @dataclass(frozen=True)
@@ -228,7 +227,7 @@ def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
     cut = np.zeros(len(run), dtype=np.intp)
     for one in np.unique(look.family):
         largest = max(np.flatnonzero(look.family == one), key=lambda index: departure[index])
-        if departure[largest] >= _CUT_AT:
+        if departure[largest] >= rules.CUSUM_CUTS:
             cut += (chosen[largest] > 0.0)[block]
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
 

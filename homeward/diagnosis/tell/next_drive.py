@@ -27,8 +27,6 @@ from homeward.diagnosis.read.channels import Array, Mask
 GUIDE = "docs/recording_guide.md"
 """The page that says how to drive and record each drive of the menu."""
 
-_SEPARATES = np.log(2.0)  # of the determinant: the variance of what is least known is halved
-
 
 @dataclass(frozen=True)
 class SizedEffect:
@@ -101,7 +99,7 @@ def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequ
     """
     effects = [at_its_size(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, left, [one for one in effects if one.size != 0.0]))
-    worthwhile = gain >= (_SEPARATES if rivals else rules.MEASURES)
+    worthwhile = gain >= (rules.SEPARATES if rivals else rules.MEASURES)
     # Where a measurement has to tell: of a fault of the instrument before that of physics.
     measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
     advice = best.sentence if worthwhile else measured.measurement
