@@ -9,11 +9,11 @@ from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.explanation import Explanation, explain
+from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
-from homeward.diagnosis.explain.naming import Naming, shifted_in_time
+from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, products, profiled, recorded_range
@@ -146,9 +146,9 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     enough = int(block.max()) + 1 >= rules.FEWEST_BLOCKS
     progress("testing what remains")
     found = dependences(fitted, runs, blocks, fold, seed) if enough else []
-    told = explain(fitted, runs, found, block, fold, seed, progress) if found else Explanation(Naming(), None, None)
-    corrected = told.naming.corrected
-    if corrected is not None and any(one.term.axis == "time" for one in told.naming.named):
+    explanation = explain(fitted, runs, found, block, fold, seed, progress)
+    corrected = explanation.naming.corrected
+    if corrected is not None and any(one.term.axis == "time" for one in explanation.naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
     capacity, shown = witnesses(fitted, _as_drawn(runs, corrected), block, seed) if enough else (None, ())
@@ -156,17 +156,15 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     # A group that stays as the file has it because an effect makes up for it is confounded with the effect.
     named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
     plain, corrected = determined(fitted, corrected, runs, block)
-    left_open = (
-        None if corrected is None else profiled(holding(fitted, runs, corrected.groups.held), corrected, runs, block)
-    )
-    corrected = None if left_open is None else left_open.spanning
-    last = plain if corrected is None else corrected
-    predicted = _predictions(fitted, corrected, told.empirical, runs, fold, seed)
-    known = _known(named, last, runs, block)
     together: tuple[Product, ...] = ()
-    if corrected is not None and left_open is not None:
-        known = left_open.spanned(known, runs, block)
+    if corrected is None:
+        known = _known(named, plain, runs, block)
+    else:
+        left_open = profiled(holding(fitted, runs, corrected.groups.held), corrected, runs, block)
+        corrected = left_open.spanning
+        known = left_open.spanned(_known(named, corrected, runs, block), runs, block)
         together = (*products(corrected, runs, block), *left_open.products(runs, block))
+    predicted = _predictions(fitted, corrected, explanation.empirical, runs, fold, seed)
     evidence = Evidence(
         runs,
         fitted,
@@ -177,15 +175,15 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         predicted,
         known,
         tuple(found),
-        told.location,
-        told.naming,
+        explanation.location,
+        explanation.naming,
         corrected,
-        told.empirical,
+        explanation.empirical,
         capacity,
         shown,
-        told.left,
+        explanation.remains,
         together,
-        joint(last, runs, block),
+        joint(corrected or plain, runs, block),
     )
     arms = {name: score(one, runs, block, evidence.trip, seed) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)

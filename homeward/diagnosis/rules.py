@@ -181,7 +181,7 @@ TOO_FAST = 1.5
 """Times the robot's top speed: beyond it is another robot or another unit. Chosen; km/h are 3.6 times m/s."""
 
 UNIT_RATIO = 3.0
-"""A ratio of recorded to expected power within this factor of 1000 is a wrong unit. Chosen: on a log scale half-way to ten."""
+"""A ratio of recorded to expected power within this factor of 1000 is a wrong unit: half-way to ten."""
 
 # --- Instruments: what a recording's own channels say of their noise, lags and faults -----------------------------
 

@@ -5,7 +5,7 @@ a channel, predicts stretches not seen as well, its name would hide a cause that
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from homeward.diagnosis.read.channels import Index
 
 
 @dataclass(frozen=True)
-class Left:
+class Remains:
     """What the named effects leave, where it still depends on a channel."""
 
     channel: str
@@ -37,10 +37,10 @@ class Left:
 class Explanation:
     """What explains the mismatch, where it is, and what it leaves."""
 
-    naming: Naming
-    location: Location | None
-    empirical: Empirical | None  # the formula that the mismatch follows, where no effect is named
-    left: Left | None = None
+    naming: Naming = field(default_factory=Naming)
+    location: Location | None = None
+    empirical: Empirical | None = None  # the formula that the mismatch follows, where no effect is named
+    remains: Remains | None = None
 
 
 def explain(
@@ -52,23 +52,25 @@ def explain(
     seed: int,
     progress: Callable[[str], None],
 ) -> Explanation:
-    """Explain what a refit leaves, by `found`, on what its residuals depend, found ones first.
+    """Explain what a refit leaves, by `found`, on what its residuals depend, found ones first; nothing of none.
 
     Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
     """
+    if not found:
+        return Explanation()
     progress("locating")
     ask = _Question(fit, runs, found[0], block, fold, seed, progress)
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
     naming = ask.naming()
     if naming.told_by_no_channel(runs):
-        return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
+        return Explanation(replace(naming.nothing_named(), unrecorded=True))
     naming, location = ask.without_what_motion_tells(naming, location)
     if not naming.named and location is None:
         if ask.by_motion() < rules.HALF:
             if in_time and untold(fit, runs):
-                return Explanation(naming, locate(in_time[0], runs), None)
-            return Explanation(ask.instead_of_parameters(naming), None, None)
+                return Explanation(naming, locate(in_time[0], runs))
+            return Explanation(ask.instead_of_parameters(naming))
         if is_much(fit, runs):
             location = locate(most, runs)  # where most of what motion tells shows
     empirical = None
@@ -81,11 +83,11 @@ def explain(
             naming = naming.nothing_named()
         else:
             empirical = None
-    left = None if naming.corrected is None else ask.left(naming.corrected)
-    if left is not None and most.found and _of_another_channel(naming, left, most):
-        naming, left = naming.nothing_named(), None
+    remains = None if naming.corrected is None else ask.remains(naming.corrected)
+    if remains is not None and most.found and _of_another_channel(naming, remains, most):
+        naming, remains = naming.nothing_named(), None
         empirical = propose(fit, runs, block, fold, seed)
-    return Explanation(naming, location, empirical, left)
+    return Explanation(naming, location, empirical, remains)
 
 
 @dataclass(frozen=True)
@@ -117,14 +119,14 @@ class _Question:
         """Share of it that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
 
-    def left(self, corrected: Corrected) -> Left | None:
+    def remains(self, corrected: Corrected) -> Remains | None:
         """What the corrected model leaves, by the test that the refit was put to."""
         blocks = independent_blocks(corrected, self.runs)
         most = dependences(corrected, self.runs, blocks, self.by_run, self.seed)[0]
         if not most.found or most.channel.name == "time_s":
             return None
         formula = propose(corrected, self.runs, blocks.channels, self.by_run, self.seed)
-        return Left(most.channel.name, locate(most, self.runs), formula)
+        return Remains(most.channel.name, locate(most, self.runs), formula)
 
     def instead_of_parameters(self, naming: Naming) -> Naming:
         """What is named if groups that one effect would make up for stay as the robot file has them.
@@ -175,7 +177,7 @@ class _Question:
         return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.MUCH_BETTER)
 
 
-def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
+def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> bool:
     """Whether a channel that tells of nothing named explains more than what is named, and still does beside it.
 
     Which channel explains comes before which form: an effect that only takes up a part of what another channel does
@@ -184,5 +186,5 @@ def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     told = {channel for term in named for channel in term.hypothesis.channels}
     by_named = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
-    untold_channel = most.channel.name not in told and left.channel == most.channel.name
+    untold_channel = most.channel.name not in told and remains.channel == most.channel.name
     return untold_channel and most.held_out_gain > by_named
