@@ -21,7 +21,6 @@ from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
-from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
@@ -29,12 +28,11 @@ from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.columns import Columns
 from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
-from homeward.diagnosis.tell.corrected import of_capacity, range_change
 from homeward.diagnosis.tell.handover import determined, hand_over
 from homeward.diagnosis.tell.missing import missing_physics
 from homeward.diagnosis.tell.next_drive import next_experiment
 from homeward.diagnosis.tell.words import nothing_usable, summary
-from homeward.physics import Robot, load_robot
+from homeward.physics import Robot, d_max, load_robot
 
 Progress = Callable[[str], None]
 
@@ -103,14 +101,7 @@ def analyse(
         evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": handover.held_out})
         fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
     found = missing_physics(evidence)
-    corrected, handed = handover.robot, handover.handed
-    for one in evidence.witnessed:
-        corrected = with_effects_of(corrected, one.in_file)
-    if any(one.in_file for one in evidence.witnessed):
-        why = f"{handed.why}; beside that it holds what voltage or gauge show of the battery"
-        handed = dataclasses.replace(handed, why=why)
-    if evidence.capacity is not None and evidence.capacity.off and verdict != "unknown_physics":
-        corrected = of_capacity(corrected, evidence.capacity.fitted_j / evidence.capacity.assumed_j)
+    corrected = handover.robot
     where = evidence.location.places if evidence.location is not None else ()
     nominal = evidence.predictions.get("nominal")
     reach = None
@@ -121,7 +112,7 @@ def analyse(
         robot.name,
         infos,
         verdict,
-        summary(verdict, evidence, off, fit, findings, found, handed),
+        summary(verdict, evidence, off, fit, findings, found, handover.handed),
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
@@ -130,8 +121,8 @@ def analyse(
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
         range=reach,
-        range_change_m=range_change(robot, corrected) if of_range else None,
-        file=handed,
+        range_change_m=float(d_max(corrected) - d_max(robot)) if of_range else None,
+        file=handover.handed,
         next_experiment=next_experiment(evidence),
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)

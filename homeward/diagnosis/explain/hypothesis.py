@@ -227,7 +227,7 @@ def _response(one: Hypothesis, setting: Setting) -> Array:
 
 def _level_names(term: Term) -> list[tuple[str, str]]:
     switch, sizes = term.hypothesis.entry.switch, term.columns.shape[1]
-    if term.flexible:
+    if term.flexible and term.hypothesis.rises_with:
         unit = "1" if term.hypothesis.entry.kind == "battery" else "W"
         return [(f"step_{size + 1}", unit) for size in range(sizes)]
     return [(level_name(switch.name, size, sizes), switch.unit) for size in range(sizes)]

@@ -154,13 +154,9 @@ def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Inde
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:
     """The best form of each effect and of what its size depends on."""
-    best = [(bench.candidates[index], index) for index in _best_forms(bench, _shares(bench))]
+    best = [(bench.candidates[index], index) for index in _best_forms(bench, bench.shares)]
     ranked = [Ranked(term.effect, term.axis, bench.delta_bic(index), bench.share(index)) for term, index in best]
     return tuple(sorted(ranked, key=lambda one: -one.delta_bic))
-
-
-def _shares(bench: Bench) -> Array:
-    return np.array([bench.share(index) for index in range(len(bench.candidates))])
 
 
 def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
@@ -168,7 +164,7 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     the best pair; then the pair, where neither half is anything without the other; then the next best alone."""
     if not bench.candidates:
         return
-    shares = _shares(bench)
+    shares = bench.shares
     most = _best_forms(bench, shares)
     likely = max(most, key=bench.delta_bic)
     independent = bench.independent(likely)  # the same for all, so that shares decide

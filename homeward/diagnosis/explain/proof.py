@@ -169,6 +169,11 @@ class Bench:
         before, after = self.squared_error(*chosen), self._error_of(chosen, self._in_time(chosen))
         return 1.0 - after / before if before > 0.0 else 0.0
 
+    @cached_property
+    def shares(self) -> Array:
+        """That of each hypothesis alone, shape (hypotheses,)."""
+        return np.array([self.share(index) for index in range(len(self.candidates))])
+
     def squared_error(self, *chosen: int) -> float:
         """Held-out squared error of the base, on the folds that these hypotheses are tried on."""
         return self._error_of((), self._in_time(chosen))

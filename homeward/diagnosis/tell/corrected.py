@@ -13,7 +13,7 @@ from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Unit
-from homeward.physics import Robot, d_max
+from homeward.physics import Robot
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,3 @@ def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict
             how = held.get(field.name, "from the fitted ancillary power, shared out as before")
             changed[field.name] = f"fitted by diagnose.py ({how}); it was {old:.6g}"
     return changed
-
-
-def range_change(before: Robot, after: Robot) -> float:
-    """Change of d_max at each robot's optimal speed on level ground, m."""
-    return float(d_max(after) - d_max(before))

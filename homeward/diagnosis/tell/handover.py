@@ -6,7 +6,7 @@ what began once and stays, weather, faults of instruments, and the current at re
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -16,11 +16,12 @@ from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
+from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Handed, Verdict
-from homeward.diagnosis.tell.corrected import can_be_said, replayed, said, written
+from homeward.diagnosis.tell.corrected import can_be_said, of_capacity, replayed, said, written
 from homeward.physics import Robot
 
 Model = TypeVar("Model", Refit, Corrected)
@@ -124,9 +125,21 @@ def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> 
 
     The effects must predict what was held out better than the refit, and the energy (the charge) of trips no worse; the
     fitted parameters better than the file that was given. What a verdict does not ask for is not changed: a difference
-    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement. The
-    seed is that of a bootstrap over trips.
+    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement. What
+    voltage and gauge show of the battery is added. The seed is that of a bootstrap over trips.
     """
+    handover = _proven(robot, verdict, evidence, seed)
+    changed, handed, capacity = handover.robot, handover.handed, evidence.capacity
+    if shown := [one.in_file for one in evidence.witnessed if one.in_file]:
+        for numbers in shown:
+            changed = with_effects_of(changed, numbers)
+        handed = replace(handed, why=f"{handed.why}; beside that it holds what voltage or gauge show of the battery")
+    if capacity is not None and capacity.off and verdict != "unknown_physics":
+        changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
+    return replace(handover, robot=changed, handed=handed)
+
+
+def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
     runs, nominal = evidence.runs, evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
         why = "the recordings ask for no change that a robot file can hold"
