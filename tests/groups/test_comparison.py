@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import diagnose
-from homeward import Robot, load_robot, synthetic
+from homeward import Robot, synthetic
 from homeward.diagnosis import Recording, RecordingError
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.residual_test import independent_blocks
@@ -31,11 +31,6 @@ SIX = [name for name in "abcdef" for _ in range(3)]
 
 def of_values(labels: Sequence[str], values: Sequence[float] | NDArray[np.float64]) -> Any:
     return compare(labels, {POWER: np.array(values)})[1]
-
-
-@pytest.fixture(scope="module")
-def husky() -> Robot:
-    return load_robot("husky")
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from homeward.diagnosis.explain.motion import motion_gain
 from homeward.diagnosis.explain.proof import FOLDS, Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.explain.witnesses import not_contradicted
-from homeward.diagnosis.fit.doubt import doubted
+from homeward.diagnosis.fit.doubt import doubted, meter_error
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
@@ -232,7 +232,7 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     of_refit = explained / max(bench.refit_error, 1e-300)
     if delta_bic < rules.MUST_PAY or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
         return None
-    if explained < rules.SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
+    if explained < meter_error(bench.runs):
         return None
     if explained <= bench.doubted * _followed(bench, chosen):
         return None  # errors of the channels would do as much

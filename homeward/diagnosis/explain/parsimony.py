@@ -12,6 +12,7 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting
+from homeward.diagnosis.fit.doubt import meter_error
 from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
@@ -40,7 +41,7 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
     low, high = np.append(low, [one.low[0] for one in effects]), np.append(high, [one.high[0] for one in effects])
     left = runs.observed - fit.predicted
     independent = independent_windows(left, runs.run)
-    least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
+    least = meter_error(runs)
 
     def criterion(chosen: tuple[int, ...]) -> float:
         own = np.array(chosen, np.intp)

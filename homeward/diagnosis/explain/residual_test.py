@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.doubt import doubted
+from homeward.diagnosis.fit.doubt import doubted, meter_error
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
@@ -148,7 +148,7 @@ def _tested(
     """One family of looks, with the share of the held-out squared error that a step per bin explains."""
     residual = runs.observed - fit.predicted
     total = max(float(residual @ residual), 1e-300)
-    least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+    least = meter_error(runs)
     folds = bool(np.ptp(fold))
     before = (
         runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)

@@ -15,6 +15,7 @@ from scipy.stats import chi2
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
+from homeward.diagnosis.fit.doubt import meter_error
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
@@ -219,7 +220,7 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     left = runs.observed - best.predicted
     independent = independent_windows(left, runs.run)
     most = _error(best, runs) * float(np.exp(_AS_LIKELY / independent))
-    most = max(most, _error(best, runs) + rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed))
+    most = max(most, _error(best, runs) + meter_error(runs))
     alike = [one for one in found if _error(one, runs) <= most]
     if len(alike) < 3:
         return Open(best)  # a neighbour at most is as likely: the numbers are determined
