@@ -112,8 +112,8 @@ def written(robot: Robot, told: Said, unit: Unit) -> Robot:
     """
     *ancillary, rolling_kg, drag, mass_kg = told.theta.tolist()
     if told.effects:
-        rounded = {name: {key: _round(value) for key, value in one.items()} for name, one in told.effects.items()}
-        robot = with_effects_of(robot, rounded)
+        effects = {name: {key: rounded(value) for key, value in one.items()} for name, one in told.effects.items()}
+        robot = with_effects_of(robot, effects)
     if unit == "W":
         robot = with_ancillary(robot, *ancillary)
     elif thrust_n_per_a(robot) == 0.0:
@@ -136,10 +136,11 @@ def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
 
 
 def _unless_equal(before: float, after: float) -> float:
-    return before if abs(after - before) <= _ROUNDING * abs(before) else _round(after)
+    return before if abs(after - before) <= _ROUNDING * abs(before) else rounded(after)
 
 
-def _round(value: float) -> float:
+def rounded(value: float) -> float:
+    """A number as a robot file has it, to six digits."""
     return float(f"{value:.6g}")
 
 
@@ -148,7 +149,7 @@ _ROUNDING = 1e-9  # of a number: what arithmetic with a group that is held may l
 
 def of_capacity(robot: Robot, factor: float) -> Robot:
     """The robot with a battery that holds so many times what its file says."""
-    return dataclasses.replace(robot, rated_energy_j=_round(robot.rated_energy_j * factor))
+    return dataclasses.replace(robot, rated_energy_j=rounded(robot.rated_energy_j * factor))
 
 
 def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:

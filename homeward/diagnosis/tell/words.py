@@ -48,14 +48,11 @@ def summary(
 
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Tells]:
     """What was not recorded, where the best model leaves much that lasts; nothing where all was."""
-    best, model = (
-        fit.arms.get("corrected", fit.arms["refit"]),
-        evidence.predictions.get("corrected", evidence.predictions["refit"]),
-    )
-    lacks = evidence.naming.unrecorded
-    if best.r2 is None or (best.r2 > rules.EXPLAINS and not lacks):
+    best = "corrected" if "corrected" in fit.arms else "refit"
+    r2, left, lacks = fit.arms[best].r2, evidence.runs.observed - evidence.predictions[best], evidence.naming.unrecorded
+    if r2 is None or (r2 > rules.EXPLAINS and not lacks):
         return []
-    return unrecorded(evidence.runs) if lacks or lasts(evidence.runs.observed - model, evidence.runs) else []
+    return unrecorded(evidence.runs) if lacks or lasts(left, evidence.runs) else []
 
 
 def _excess(evidence: Evidence) -> float | None:
