@@ -9,9 +9,9 @@ from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.explain.proof import FOLDS

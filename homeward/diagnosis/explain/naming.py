@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 
 from homeward.diagnosis import rules
+from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.change_points import clearly_apart
-from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.motion import motion_gain

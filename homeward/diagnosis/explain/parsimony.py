@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.hypotheses import terms
+from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.fit.doubt import meter_error
 from homeward.diagnosis.fit.fitted import bounded

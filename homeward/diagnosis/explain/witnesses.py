@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import binom, norm, spearmanr
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.hypotheses import CATALOGUE, battery, instruments
+from homeward.diagnosis.explain.catalogue import CATALOGUE, battery, instruments
 from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.fit.folds import FEWEST_RUNS, per_block

@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import condition, total_share
 from homeward.diagnosis.read.signals import WINDOW_S

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from homeward import Robot
 from homeward.diagnosis import Recording
-from homeward.diagnosis.explain.hypotheses import terms
+from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from homeward.diagnosis.explain.hypotheses import ancillaries, battery, drivetrain, forces, instruments
+from homeward.diagnosis.explain.catalogue import ancillaries, battery, drivetrain, forces, instruments
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Setting, Term
 from homeward.physics.effects import EFFECTS
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from homeward.diagnosis.explain.hypotheses import (
+from homeward.diagnosis.explain.catalogue import (
     CATALOGUE,
     ancillaries,
     battery,
@@ -67,7 +67,7 @@ def test_an_effect_that_says_nothing_of_itself_is_tried_by_its_kind_and_channels
 
 def test_no_other_module_of_the_diagnosis_knows_an_effect_by_its_name(root: Path) -> None:
     folder = root / "homeward" / "diagnosis"
-    files = [file for file in folder.rglob("*.py") if file.parent.name != "hypotheses"]
+    files = [file for file in folder.rglob("*.py") if file.parent.name != "catalogue"]
     assert len(files) > 30
     wrong = [
         f"{file.relative_to(root)}:{node.lineno} says {node.value!r}"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.hypotheses.battery import share_of_the_drive
+from homeward.diagnosis.explain.catalogue.battery import share_of_the_drive
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.signals import usual_step_s
