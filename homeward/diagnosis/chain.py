@@ -198,10 +198,7 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple
     )
     for free, last, held in rows:
         if held and free.status in ("fitted", "at bound"):
-            mixed = free.mixed_with or effects
-            known.append(
-                dataclasses.replace(free, fitted=None, ci95=None, status="confounded", mixed_with=mixed, off=False)
-            )
+            known.append(free.confounded(free.mixed_with or effects))
         else:
             known.append(free if held or free.status == "confounded" else last)
     return tuple(known)

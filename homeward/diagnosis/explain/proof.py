@@ -86,36 +86,27 @@ class Bench:
 
     def _fold(self, held: Mask, axis: str) -> _Split:
         """Columns with the levels that a search without the held-out windows finds."""
-        found: dict[tuple[bool, bytes], list[Schedule]] = {}  # effects of one load are searched for once
-        columns = []
-        for term, key in zip(self.candidates, self._searches, strict=True):
-            if key is None or term.schedule is None or term.load is None or term.axis != axis:
-                columns.append(term.columns)
-                continue
-            if key not in found:
-                found[key] = term.hypothesis.search(
-                    term.schedule.axis, term.load, self.target, self.runs, ~held, self._shares[key]
-                )
-            columns.append(_as_searched(term, found[key]))
+        columns = [term.columns for term in self.candidates]
+        for searched, shares in self._searches:
+            first = self.candidates[searched[0]]
+            if first.axis == axis and first.schedule is not None and first.load is not None:
+                found = first.hypothesis.search(first.schedule.axis, first.load, self.target, self.runs, ~held, shares)
+                for index in searched:
+                    columns[index] = _as_searched(self.candidates[index], found)
         return self._split(held, columns)
 
     @cached_property
-    def _searches(self) -> tuple[tuple[bool, bytes] | None, ...]:
-        """What is searched for each hypothesis: its load, and whether sizes below the usual one are possible."""
-        return tuple(
-            None if one.schedule is None or one.load is None
-            else (one.hypothesis.signed, one.axis.encode() + one.load.tobytes())
-            for one in self.candidates
-        )  # fmt: skip
-
-    @cached_property
-    def _shares(self) -> dict[tuple[bool, bytes], list[float]]:
-        """Penalties of each search that some hypothesis came from, the largest first."""
-        shares: dict[tuple[bool, bytes], set[float]] = {}
-        for term, key in zip(self.candidates, self._searches, strict=True):
-            if key is not None and term.schedule is not None:
-                shares.setdefault(key, set()).add(term.schedule.share)
-        return {key: sorted(one, reverse=True) for key, one in shares.items()}
+    def _searches(self) -> list[tuple[list[int], list[float]]]:
+        """Hypotheses that one search found, as effects of one load are searched for once, and its penalties, the
+        largest first."""
+        found: dict[tuple[bool, str, bytes], tuple[list[int], set[float]]] = {}
+        for index, term in enumerate(self.candidates):
+            if term.schedule is not None and term.load is not None:
+                key = term.hypothesis.signed, term.axis, term.load.tobytes()
+                searched, shares = found.setdefault(key, ([], set()))
+                searched.append(index)
+                shares.add(term.schedule.share)
+        return [(searched, sorted(shares, reverse=True)) for searched, shares in found.values()]
 
     def _split(self, held: Mask, columns: Sequence[Array]) -> _Split:
         ends = np.cumsum([self.model.jacobian.shape[1], *(one.shape[1] for one in columns)])

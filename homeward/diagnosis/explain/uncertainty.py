@@ -178,7 +178,7 @@ class Open:
         for index, own in enumerate(found):
             values = [one[index].fitted for one in others]
             if own.ci95 is not None and any(v is None or not own.ci95[0] <= v <= own.ci95[1] for v in values):
-                own = replace(own, fitted=None, ci95=None, status="confounded", mixed_with=effects, off=False)
+                own = own.confounded(effects)
             result.append(own)
         return tuple(result)
 

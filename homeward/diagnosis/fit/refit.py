@@ -42,6 +42,10 @@ class Estimate:
     mixed_with: tuple[str, ...] = ()
     off: bool = False  # excludes what the robot file assumes, at 5 % over all groups together
 
+    def confounded(self, mixed_with: tuple[str, ...]) -> Estimate:
+        """The same where something stands in for it, so that nothing is known of it."""
+        return dataclasses.replace(self, fitted=None, ci95=None, status="confounded", mixed_with=mixed_with, off=False)
+
 
 @dataclass(frozen=True)
 class Refit:
