@@ -16,7 +16,7 @@ from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
-from homeward.diagnosis.explain.uncertainty import joint, products, profiled, recorded_range
+from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import cut_folds
@@ -154,7 +154,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         left_open = profiled(holding(fitted, runs, corrected.groups.held), corrected, runs, block)
         corrected = left_open.spanning
         known = left_open.spanned(_known(named, corrected, runs, block), runs, block)
-        together = (*products(corrected, runs, block), *left_open.products(runs, block))
+        together = left_open.products(runs, block)
     predicted = _predictions(fitted, corrected, explanation.empirical, runs, fold, seed)
     evidence = Evidence(
         runs,

@@ -58,17 +58,6 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     return Joint(tuple(names), tuple(units), np.array(values), found)
 
 
-def products(model: Corrected, runs: Runs, block: Index) -> tuple[Product, ...]:
-    """Products of which the recordings determine no factor alone.
-
-    A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two numbers
-    of one effect that stand in for each other: what is known is the power that they make together. Windows of
-    different `block`, shape (windows,), count as independent.
-    """
-    known = joint(model, runs, block)
-    return (*_with_groups(model, known, runs), *_powers(model, known, runs))
-
-
 def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
     problem, theta = model.parameters, model.theta
     found = []
@@ -183,16 +172,22 @@ class Open:
         return tuple(result)
 
     def products(self, runs: Runs, block: Index) -> tuple[Product, ...]:
-        """What is the same in all models while its parts are not: products of numbers, and sums of mean powers."""
-        if not self.others:
-            return ()
-        models = (self.model, *self.others)
+        """What the recordings determine no factor of alone.
+
+        A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two
+        numbers of one effect that stand in for each other: what is known is the power that they make together. And what
+        is the same in all models while its parts are not: products of numbers, and sums of mean powers. Windows of
+        different `block`, shape (windows,), count as independent.
+        """
         known = joint(self.model, runs, block)
+        found = [*_with_groups(self.model, known, runs), *_powers(self.model, known, runs)]
+        if not self.others:
+            return tuple(found)
+        models = (self.model, *self.others)
         error = dict(zip(known.names, np.sqrt(np.diag(known.covariance)) / np.abs(known.values), strict=True))
         units = dict(zip(known.names, known.units, strict=True))
         groups = {one.symbol for one in self.model.parameters.groups}
         numbers, powers = [_numbers(one, runs, block) for one in models], [_mean_powers(one, runs) for one in models]
-        found = []
         logs = [{name: float(np.log(value)) for name, value in one.items() if value > 0.0} for one in numbers]
         for sign, together in _SIGNS.items():
             for one, other in _constant(logs, 1.0, sign):
