@@ -25,14 +25,14 @@ from homeward import cli
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
 from homeward.diagnosis import Analysis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.chain import STAGES
-from homeward.diagnosis.compare.group_comparison import Comparison
-from homeward.diagnosis.compare.group_report import show_groups, write_groups
-from homeward.diagnosis.compare.group_runs import compare_driving, compare_standing
-from homeward.diagnosis.compare.standing import stands
 from homeward.diagnosis.read.bags import is_bag
 from homeward.diagnosis.tell import terminal
 from homeward.diagnosis.tell.report import check_writable, write_outputs
-from homeward.group_inputs import Grouped, grouped_runs
+from homeward.groups.comparison import Comparison
+from homeward.groups.inputs import Grouped, grouped_runs
+from homeward.groups.report import show_groups, write_groups
+from homeward.groups.runs import compare_driving, compare_standing
+from homeward.groups.standing import stands
 from homeward.physics import RobotError
 
 ASSUMED = "husky"

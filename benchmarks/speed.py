@@ -35,10 +35,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not s
 
 import homeward
 from homeward.diagnosis import Recording, analyse
-from homeward.diagnosis.synthetic import record
 from homeward.envs import IDS
 from homeward.envs.threads import Threads
 from homeward.physics import EFFECTS, Robot, load_robot, replay
+from homeward.synthetic import record
 
 SIZES = (4096, 256, 16)
 TARGETS = {"no effects": (1.5, 4.0, 5.0), "3 effects": (1.3, 3.0, 4.0), "all effects": (0.6, 2.0, 3.0)}

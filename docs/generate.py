@@ -24,7 +24,7 @@ from mkdocs.structure.files import File
 
 from docs import reference_scores as reference
 from homeward.agents.registry import AGENTS
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.menu import MENU, SAMPLES, Manoeuvre
 from homeward.diagnosis.read.channels import CHANNELS, Array
 from homeward.envs import IDS

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from docs import reference_scores as reference
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.menu import MENU
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.envs import IDS
@@ -54,9 +54,9 @@ import dataclasses
 
 import homeward
 from homeward.diagnosis import Recording, diagnose
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.menu import MENU
-from homeward.diagnosis.synthetic import record
+from homeward.synthetic import record
 
 husky = homeward.load_robot("husky")
 lit = dataclasses.replace(husky, effects={"lamp": {"power_w": 40.0}})

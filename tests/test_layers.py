@@ -18,7 +18,10 @@ FORBIDDEN = {
     },
     "homeward/estimation": {"homeward.envs", "homeward.agents", "homeward.diagnosis", "homeward.companion"},
     "homeward/companion": {"homeward.envs", "homeward.agents", "homeward.diagnosis"},
-    "homeward/diagnosis": {"homeward.envs", "homeward.agents", "homeward.estimation", "homeward.companion"},
+    "homeward/diagnosis": {
+        "homeward.envs", "homeward.agents", "homeward.estimation", "homeward.companion", "homeward.groups",
+    },
+    "homeward/groups": {"homeward.envs", "homeward.agents", "homeward.estimation", "homeward.companion"},
     "envs": {"homeward.agents", "homeward.diagnosis", "homeward.estimation", "homeward.companion"},
     "agents": {"homeward.diagnosis", "homeward.companion"},
 }  # fmt: skip

@@ -24,8 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not s
 
 import homeward
 from homeward.diagnosis import Recording, analyse
-from homeward.diagnosis.synthetic import record
 from homeward.physics import load_robot
+from homeward.synthetic import record
 
 STEP_S = 0.1
 CASES = {

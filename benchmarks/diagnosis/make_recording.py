@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from homeward.diagnosis.synthetic import record
 from homeward.physics import Robot, load_robot
+from homeward.synthetic import record
 
 __all__ = ["packed", "record", "true_robot"]
 

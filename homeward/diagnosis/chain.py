@@ -9,20 +9,18 @@ from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.describe import missing_physics, witnessed
-from homeward.diagnosis.explain.explanation import Explanation, explain
+from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
-from homeward.diagnosis.explain.naming import Naming, shifted_in_time
+from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
-from homeward.diagnosis.explain.uncertainty import joint, products, profiled, recorded_range
+from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
-from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
@@ -30,11 +28,11 @@ from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.columns import Columns
 from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
-from homeward.diagnosis.tell import words as wording
-from homeward.diagnosis.tell.corrected import of_capacity, range_change
 from homeward.diagnosis.tell.handover import determined, hand_over
-from homeward.diagnosis.tell.next_drive import next_experiment, to_tell_apart
-from homeward.physics import Robot, load_robot
+from homeward.diagnosis.tell.missing import missing_physics
+from homeward.diagnosis.tell.next_drive import next_experiment
+from homeward.diagnosis.tell.words import nothing_usable, summary
+from homeward.physics import Robot, d_max, load_robot
 
 Progress = Callable[[str], None]
 
@@ -92,42 +90,29 @@ def analyse(
         if one.name in used
     )
     if not usable:
-        untestable = Diagnosis(robot.name, infos, "not_testable", wording.nothing_usable(findings))
+        untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
     with threadpool_limits(1):  # the threads of many small products wait for each other busily
         evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
-    runs, named, refitted = evidence.runs, evidence.naming.named, evidence.fitted
     handover = hand_over(robot, verdict, evidence, seed)
     if handover.held_out is not None:
-        evidence, fit = _with_arm(evidence, fit, handover.held_out, seed)
-    found = tuple(witnessed(one, runs) for one in evidence.witnessed)
-    if evidence.corrected is not None:
-        drives = [to_tell_apart(refitted, runs, evidence.left, one.term, one.rivals) for one in named]
-        found = (*missing_physics(evidence.corrected, named, runs, drives), *found)
-    corrected, handed = handover.robot, handover.handed
-    for one in evidence.witnessed:
-        corrected = with_effects_of(corrected, one.in_file)
-    if any(one.in_file for one in evidence.witnessed):
-        why = f"{handed.why}; beside that it holds what voltage or gauge show of the battery"
-        handed = dataclasses.replace(handed, why=why)
-    if evidence.capacity is not None and evidence.capacity.off and verdict != "unknown_physics":
-        corrected = of_capacity(corrected, evidence.capacity.fitted_j / evidence.capacity.assumed_j)
+        arm = score(handover.held_out, evidence.runs, evidence.block, evidence.trip, seed)
+        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": handover.held_out})
+        fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
+    found = missing_physics(evidence)
+    corrected = handover.robot
     where = evidence.location.places if evidence.location is not None else ()
     nominal = evidence.predictions.get("nominal")
     reach = None
     if nominal is not None and handover.replayed is not None:
-        reach = recorded_range((robot, corrected), (nominal, handover.replayed), runs, seed)
-    of_range = runs.unit == "W" and verdict != "unknown_physics"
-    advice = next_experiment(
-        refitted, runs, evidence.left, evidence.estimates, [(one.term, one.rivals) for one in named],
-        evidence.location, enough=int(evidence.block.max()) + 1 >= rules.FEWEST_BLOCKS,
-    )  # fmt: skip
+        reach = recorded_range((robot, corrected), (nominal, handover.replayed), evidence.runs, seed)
+    of_range = evidence.runs.unit == "W" and verdict != "unknown_physics"
     diagnosis = Diagnosis(
         robot.name,
         infos,
         verdict,
-        wording.summary(verdict, evidence, off, fit, findings, found, handed),
+        summary(verdict, evidence, off, fit, findings, found, handover.handed),
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
@@ -136,9 +121,9 @@ def analyse(
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
         range=reach,
-        range_change_m=range_change(robot, corrected) if of_range else None,
-        file=handed,
-        next_experiment=advice,
+        range_change_m=float(d_max(corrected) - d_max(robot)) if of_range else None,
+        file=handover.handed,
+        next_experiment=next_experiment(evidence),
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
 
@@ -152,9 +137,9 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     enough = int(block.max()) + 1 >= rules.FEWEST_BLOCKS
     progress("testing what remains")
     found = dependences(fitted, runs, blocks, fold, seed) if enough else []
-    told = explain(fitted, runs, found, block, fold, seed, progress) if found else Explanation(Naming(), None, None)
-    corrected = told.naming.corrected
-    if corrected is not None and any(one.term.axis == "time" for one in told.naming.named):
+    explanation = explain(fitted, runs, found, block, fold, seed, progress)
+    corrected = explanation.naming.corrected
+    if corrected is not None and any(one.term.axis == "time" for one in explanation.naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
     capacity, shown = witnesses(fitted, _as_drawn(runs, corrected), block, seed) if enough else (None, ())
@@ -162,17 +147,15 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     # A group that stays as the file has it because an effect makes up for it is confounded with the effect.
     named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
     plain, corrected = determined(fitted, corrected, runs, block)
-    left_open = (
-        None if corrected is None else profiled(holding(fitted, runs, corrected.groups.held), corrected, runs, block)
-    )
-    corrected = None if left_open is None else left_open.spanning
-    last = plain if corrected is None else corrected
-    predicted = _predictions(fitted, corrected, told.empirical, runs, fold, seed)
-    known = _known(named, last, runs, block)
     together: tuple[Product, ...] = ()
-    if corrected is not None and left_open is not None:
-        known = left_open.spanned(known, runs, block)
-        together = (*products(corrected, runs, block), *left_open.products(runs, block))
+    if corrected is None:
+        known = _known(named, plain, runs, block)
+    else:
+        left_open = profiled(holding(fitted, runs, corrected.groups.held), corrected, runs, block)
+        corrected = left_open.spanning
+        known = left_open.spanned(_known(named, corrected, runs, block), runs, block)
+        together = left_open.products(runs, block)
+    predicted = _predictions(fitted, corrected, explanation.empirical, runs, fold, seed)
     evidence = Evidence(
         runs,
         fitted,
@@ -183,15 +166,15 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         predicted,
         known,
         tuple(found),
-        told.location,
-        told.naming,
+        explanation.location,
+        explanation.naming,
         corrected,
-        told.empirical,
+        explanation.empirical,
         capacity,
         shown,
-        told.left,
+        explanation.remains,
         together,
-        joint(last, runs, block),
+        joint(corrected or plain, runs, block),
     )
     arms = {name: score(one, runs, block, evidence.trip, seed) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
@@ -215,20 +198,10 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple
     )
     for free, last, held in rows:
         if held and free.status in ("fitted", "at bound"):
-            mixed = free.mixed_with or effects
-            known.append(
-                dataclasses.replace(free, fitted=None, ci95=None, status="confounded", mixed_with=mixed, off=False)
-            )
+            known.append(free.confounded(free.mixed_with or effects))
         else:
             known.append(free if held or free.status == "confounded" else last)
     return tuple(known)
-
-
-def _with_arm(evidence: Evidence, fit: Fit, predicted: Array, seed: int) -> tuple[Evidence, Fit]:
-    """Evidence and arms with what the file that is handed over predicts."""
-    arm = score(predicted, evidence.runs, evidence.block, evidence.trip, seed)
-    evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": predicted})
-    return evidence, dataclasses.replace(fit, arms={**fit.arms, "file": arm})
 
 
 def _predictions(
@@ -260,7 +233,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     capacity = evidence.capacity
     if capacity is not None and capacity.off:
         off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J"))
-    if int(evidence.block.max()) + 1 < rules.FEWEST_BLOCKS:
+    if evidence.blocks < rules.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.witnessed:
         return "missing_physics", off

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from homeward.diagnosis.explain.explanation import Left
+from homeward.diagnosis.explain.explanation import Remains
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.naming import Naming
@@ -44,7 +44,7 @@ class Evidence:
     empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
     capacity: Capacity | None  # of the battery, where its state of charge was recorded
     witnessed: tuple[Witnessed, ...]  # effects that other channels than power show
-    remains: Left | None  # what the named effects leave, where it still depends on a channel
+    remains: Remains | None  # what the named effects leave, where it still depends on a channel
     products: tuple[Product, ...]  # of which the recordings determine no factor alone
     joint: Joint  # covariance of everything that was fitted together
 
@@ -67,6 +67,11 @@ class Evidence:
         """Symbols of the groups that stay as the robot file has them."""
         groups = (self.plain if self.corrected is None else self.corrected).groups
         return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
+
+    @property
+    def blocks(self) -> int:
+        """Number of stretches that count as independent."""
+        return int(self.block.max()) + 1
 
     @property
     def trip(self) -> Index:

@@ -8,9 +8,6 @@ from dataclasses import dataclass, field
 from types import UnionType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from homeward.diagnosis.explain.places import Place
-from homeward.diagnosis.fit.held_out import Arm
-
 SCHEMA = 2
 
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
@@ -76,7 +73,18 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Place:
+    """One stretch of one recording under the located condition, as `where` of diagnosis.json has it."""
+
+    recording: str
+    start_s: float
+    end_s: float
+    condition: str
+    share_of_excess: float
+
+
+@dataclass(frozen=True)
+class Proof:
     """How strongly recordings speak for an effect."""
 
     delta_bic: float | None  # against the model without it; None where two readings are compared and no model is
@@ -95,7 +103,7 @@ class MissingPhysics:
     source: str
     parameters: dict[str, Value]
     where: tuple[Place, ...]
-    evidence: Evidence
+    evidence: Proof
     confused_with: tuple[str, ...]
     to_tell_apart: str
 
@@ -106,6 +114,19 @@ class Handed:
 
     holds: Literal["corrected", "refit", "nominal"]
     why: str
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Held-out errors of one model; `energy_error_pct` is None where only current was recorded.
+
+    `energy_error_pct` is the mean over held-out trips of |predicted - recorded| trip energy over the recorded one.
+    """
+
+    rmse: float
+    r2: float | None
+    energy_error_pct: float | None
+    rmse_ci95: tuple[float, float]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from plotly.subplots import make_subplots
 
 from homeward import quantities
-from homeward.diagnosis.tell.formats import CLEAR, labels, page, templates
+from homeward.diagnosis.tell.notation import CLEAR, labels, page, templates
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.watched import Watched

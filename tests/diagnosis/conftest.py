@@ -11,7 +11,7 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
-from homeward.diagnosis.synthetic import STEP_S, record
+from homeward.synthetic import STEP_S, record
 
 Drive = Callable[..., list[Recording]]
 

@@ -11,16 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from homeward.diagnosis import Diagnosis, RecordingError, diagnose
-from homeward.diagnosis.explain.places import Place
-from homeward.diagnosis.fit.held_out import Arm
 from homeward.diagnosis.result import (
     VERDICTS,
-    Evidence,
+    Arm,
     Fit,
     FittedGroup,
     Handed,
     MissingPhysics,
+    Place,
     Product,
+    Proof,
     Range,
     RecordingInfo,
     Value,
@@ -35,7 +35,7 @@ missing = st.builds(
     MissingPhysics, text, text, text, text, text,
     parameters=st.dictionaries(text, st.builds(Value, number, pair, text), max_size=2),
     where=st.lists(place, max_size=2).map(tuple),
-    evidence=st.builds(Evidence, optional, optional, optional),
+    evidence=st.builds(Proof, optional, optional, optional),
     confused_with=st.lists(text, max_size=2).map(tuple),
     to_tell_apart=text,
 )  # fmt: skip

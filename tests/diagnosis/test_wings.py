@@ -1,4 +1,4 @@
-"""The wings of the diagnosis build on each other one way: read, fit, explain, tell; groups are compared on top."""
+"""The wings of the diagnosis build on each other one way: read, fit, explain, tell."""
 
 import ast
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "homeward" / "diagnosis"
-WINGS = ("read", "fit", "explain", "tell", "compare")
+WINGS = ("read", "fit", "explain", "tell")
 
 
 def imported(file: Path) -> Iterator[str]:
@@ -28,4 +28,4 @@ def test_no_wing_knows_a_later_one(wing: str) -> None:
 
 def test_only_the_method_lies_beside_the_wings() -> None:
     beside = {file.stem for file in FOLDER.glob("*.py")}
-    assert beside == {"__init__", "chain", "evidence", "result", "rules", "synthetic"}
+    assert beside == {"__init__", "chain", "evidence", "result", "rules"}

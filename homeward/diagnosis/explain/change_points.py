@@ -32,12 +32,8 @@ _MOST_BLOCKS = 3000
 _FEWEST_BLOCKS = 8
 SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
 _MOST_LEVELS = 4
-_LEVEL_WORTH = 0.1  # of what the levels so far explain that a further one must add
 _PLACES = 150
 _KNOTS = (6, 12, 24)
-_PASSES = 1.8  # places are told from times only where the robot comes by again
-_COMES_BACK = 6  # changes: on and off three times, so that there are two periods
-_CLEARLY_APART = 4.0  # standard deviations
 _SAME = 0.02  # of the windows in which two schedules may differ and still be one
 
 
@@ -64,7 +60,7 @@ class Schedule:
 
 def clearly_apart(schedule: Schedule | None) -> bool:
     """Whether there are gaps between levels: noise with memory has none, however many changes follow it."""
-    return schedule is not None and schedule.apart > _CLEARLY_APART
+    return schedule is not None and schedule.apart > rules.CLEARLY_APART
 
 
 def profiles(runs: Runs) -> list[Array]:
@@ -89,7 +85,7 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
         comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
-        return comes_on >= rules.IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= _COMES_BACK
+        return comes_on >= rules.IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= rules.COMES_BACK
     speeds = np.abs(runs.context["speed_mps"])
     stood = []
     for run, changes in zip(np.unique(runs.run), within, strict=True):
@@ -107,7 +103,7 @@ def place_of(runs: Runs) -> Array | None:
         return None
     driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())
     extent_m = float(np.ptp(place_m))
-    return place_m if extent_m > 0.0 and driven_m >= _PASSES * extent_m else None
+    return place_m if extent_m > 0.0 and driven_m >= rules.MET_AGAIN * extent_m else None
 
 
 def search(
@@ -194,7 +190,7 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
         gain = left - remaining - explained
-        if gain <= penalty or gain < _LEVEL_WORTH * explained:
+        if gain <= penalty or gain < rules.LEVEL_WORTH * explained:
             break
         level, levels, explained = number, count, explained + gain
     if signed and levels > 1:  # the level met most is the usual one

@@ -5,18 +5,17 @@ a channel, predicts stretches not seen as well, its name would hide a cause that
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.describe import where_at_work
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.motion import explained, motion_gain, place_gain, trees_beat
 from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
-from homeward.diagnosis.explain.places import Location, locate
+from homeward.diagnosis.explain.places import Location, locate, where_at_work
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
 from homeward.diagnosis.fit.doubt import is_much, times_noise, untold
@@ -26,7 +25,7 @@ from homeward.diagnosis.read.channels import Index
 
 
 @dataclass(frozen=True)
-class Left:
+class Remains:
     """What the named effects leave, where it still depends on a channel."""
 
     channel: str
@@ -38,10 +37,10 @@ class Left:
 class Explanation:
     """What explains the mismatch, where it is, and what it leaves."""
 
-    naming: Naming
-    location: Location | None
-    empirical: Empirical | None  # the formula that the mismatch follows, where no effect is named
-    left: Left | None = None
+    naming: Naming = field(default_factory=Naming)
+    location: Location | None = None
+    empirical: Empirical | None = None  # the formula that the mismatch follows, where no effect is named
+    remains: Remains | None = None
 
 
 def explain(
@@ -53,23 +52,25 @@ def explain(
     seed: int,
     progress: Callable[[str], None],
 ) -> Explanation:
-    """Explain what a refit leaves, by `found`, on what its residuals depend, found ones first.
+    """Explain what a refit leaves, by `found`, on what its residuals depend, found ones first; nothing of none.
 
     Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
     """
+    if not found:
+        return Explanation()
     progress("locating")
     ask = _Question(fit, runs, found[0], block, fold, seed, progress)
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
     naming = ask.naming()
     if naming.told_by_no_channel(runs):
-        return Explanation(replace(naming.nothing_named(), unrecorded=True), None, None)
+        return Explanation(replace(naming.nothing_named(), unrecorded=True))
     naming, location = ask.without_what_motion_tells(naming, location)
     if not naming.named and location is None:
-        if ask.by_motion() < rules.TAKEN_UP:
+        if ask.by_motion() < rules.HALF:
             if in_time and untold(fit, runs):
-                return Explanation(naming, locate(in_time[0], runs), None)
-            return Explanation(ask.instead_of_parameters(naming), None, None)
+                return Explanation(naming, locate(in_time[0], runs))
+            return Explanation(ask.instead_of_parameters(naming))
         if is_much(fit, runs):
             location = locate(most, runs)  # where most of what motion tells shows
     empirical = None
@@ -82,11 +83,11 @@ def explain(
             naming = naming.nothing_named()
         else:
             empirical = None
-    left = None if naming.corrected is None else ask.left(naming.corrected)
-    if left is not None and most.found and _of_another_channel(naming, left, most):
-        naming, left = naming.nothing_named(), None
+    remains = None if naming.corrected is None else ask.remains(naming.corrected)
+    if remains is not None and most.found and _of_another_channel(naming, remains, most):
+        naming, remains = naming.nothing_named(), None
         empirical = propose(fit, runs, block, fold, seed)
-    return Explanation(naming, location, empirical, left)
+    return Explanation(naming, location, empirical, remains)
 
 
 @dataclass(frozen=True)
@@ -106,9 +107,9 @@ class _Question:
         """Stretches of all runs that are held out together, shape (windows,)."""
         return self.block % FOLDS
 
-    def naming(self, schedules: bool = True) -> Naming:
+    def naming(self, varying: bool = True) -> Naming:
         """What is named."""
-        return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, schedules)
+        return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, varying)
 
     def by_motion(self) -> float:
         """Share of what the refit leaves that motion tells."""
@@ -118,14 +119,14 @@ class _Question:
         """Share of it that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
 
-    def left(self, corrected: Corrected) -> Left | None:
+    def remains(self, corrected: Corrected) -> Remains | None:
         """What the corrected model leaves, by the test that the refit was put to."""
         blocks = independent_blocks(corrected, self.runs)
         most = dependences(corrected, self.runs, blocks, self.by_run, self.seed)[0]
         if not most.found or most.channel.name == "time_s":
             return None
         formula = propose(corrected, self.runs, blocks.channels, self.by_run, self.seed)
-        return Left(most.channel.name, locate(most, self.runs), formula)
+        return Remains(most.channel.name, locate(most, self.runs), formula)
 
     def instead_of_parameters(self, naming: Naming) -> Naming:
         """What is named if groups that one effect would make up for stay as the robot file has them.
@@ -137,7 +138,7 @@ class _Question:
         if held is None:
             return naming
         sparing = replace(self, fit=holding(self.fit, self.runs, held))
-        again = sparing.without_what_motion_tells(sparing.naming(schedules=False), None)[0]
+        again = sparing.without_what_motion_tells(sparing.naming(varying=False), None)[0]
         if not again.named or again.told_by_no_channel(self.runs):
             return naming
         return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
@@ -161,22 +162,22 @@ class _Question:
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
         if by_motion < rules.AS_WELL * first.held_out_gain and by_place < rules.TOLD_BY_PLACE * first.held_out_gain:
             return naming, location
-        again = self.naming(schedules=False)
-        if self.by(again) >= rules.WITHOUT_A_SCHEDULE * first.held_out_gain:
+        again = self.naming(varying=False)
+        if self.by(again) >= rules.MOSTLY * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
         """Whether the named effects, or the first alone, explain most of what motion and its history tell."""
         share = self.by(naming)
-        if naming.named[0].held_out_gain >= rules.MOSTLY * by_motion or share >= rules.ADEQUATE * by_motion:
+        if naming.named[0].held_out_gain >= rules.MOSTLY * by_motion or share >= rules.AS_WELL * by_motion:
             return True
         if naming.corrected is None or share < rules.HALF * by_motion:
             return False
         return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.MUCH_BETTER)
 
 
-def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
+def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> bool:
     """Whether a channel that tells of nothing named explains more than what is named, and still does beside it.
 
     Which channel explains comes before which form: an effect that only takes up a part of what another channel does
@@ -185,5 +186,5 @@ def _of_another_channel(naming: Naming, left: Left, most: Dependence) -> bool:
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     told = {channel for term in named for channel in term.hypothesis.channels}
     by_named = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
-    untold_channel = most.channel.name not in told and left.channel == most.channel.name
+    untold_channel = most.channel.name not in told and remains.channel == most.channel.name
     return untold_channel and most.held_out_gain > by_named

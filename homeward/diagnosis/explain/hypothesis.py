@@ -18,8 +18,9 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain import change_points
 from homeward.diagnosis.explain.change_points import Axis, Changes, Schedule
 from homeward.diagnosis.explain.menu import Drive
-from homeward.diagnosis.explain.residual_test import CHANNELS
+from homeward.diagnosis.explain.residual_test import TESTED
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters
+from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Mask
 from homeward.physics.effects import Effect, Parameter
@@ -119,6 +120,12 @@ class Setting:
     predicted: Array  # (windows,)
     residual: Array  # (windows,)
 
+    @classmethod
+    def of(cls, fit: Refit, runs: Runs, residual: Array | None = None) -> Setting:
+        """What a refit leaves, or another residual of it, shape (windows,)."""
+        left = runs.observed - fit.predicted if residual is None else residual
+        return cls(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, left)
+
     @property
     def rolling_kg(self) -> float:
         """C_rr m, of the robot file where a fit without rough ground takes it for none."""
@@ -151,7 +158,7 @@ def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     if not one.rises_with or values is None or not np.isfinite(values).all():
         return
     values = -values if one.rises_with.startswith("-") else values
-    values = np.abs(values) if any(of.magnitude for of in CHANNELS if of.name == one.rises_with) else values
+    values = np.abs(values) if any(of.magnitude for of in TESTED if of.name == one.rises_with) else values
     edges = np.unique(np.quantile(np.unique(np.round(values, 6)), np.linspace(0.0, 1.0, _PIECES + 1)))
     if len(edges) < 3:
         return  # two values tell no form
@@ -171,7 +178,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
     met_again = change_points.place_of(runs) is not None
     for axis in axes:
-        for schedule in one.schedules(
+        for schedule in one.search(
             axis, load, setting.residual, runs, np.ones(len(load), np.bool_), change_points.SHARES
         ):
             if one.changes == "repeatedly" and schedule.levels > 2:
@@ -220,7 +227,7 @@ def _response(one: Hypothesis, setting: Setting) -> Array:
 
 def _level_names(term: Term) -> list[tuple[str, str]]:
     switch, sizes = term.hypothesis.entry.switch, term.columns.shape[1]
-    if term.flexible:
+    if term.flexible and term.hypothesis.rises_with:
         unit = "1" if term.hypothesis.entry.kind == "battery" else "W"
         return [(f"step_{size + 1}", unit) for size in range(sizes)]
     return [(level_name(switch.name, size, sizes), switch.unit) for size in range(sizes)]
@@ -267,7 +274,7 @@ class Hypothesis:
         {},
         {},
     )  # what else a schedule shows
-    scheduled: Forms = levels  # forms whose size changes for no recorded reason
+    varying: Forms = levels  # forms whose size changes for no recorded reason
 
     bounds: tuple[float, float] | None = None  # of its size, where they are not those of its first parameter
     size_names: Callable[[Term], Sequence[tuple[str, str]]] = _level_names  # name and unit of each size
@@ -313,7 +320,7 @@ class Hypothesis:
     @property
     def channels(self) -> tuple[str, ...]:
         """Channels whose values say when it is at work, the most telling first."""
-        known = {channel.name for channel in CHANNELS}
+        known = {channel.name for channel in TESTED}
         return tuple(name for name in self.entry.needs if name in known) if self.shown_by is None else self.shown_by
 
     def limits(self, sizes: int, signed: bool = True) -> tuple[Array, Array]:
@@ -321,15 +328,15 @@ class Hypothesis:
         low, high = self.bounds or (self.entry.switch.low, self.entry.switch.high)
         return np.full(sizes, low if signed else 0.0), np.full(sizes, high)
 
-    def forms(self, setting: Setting, schedules: bool) -> Iterator[Term]:
+    def forms(self, setting: Setting, varying: bool) -> Iterator[Term]:
         """Every form that these runs allow, those whose size changes for no recorded reason only if asked for."""
         if self.steady is not None and not self.missing(setting.runs):
             yield from self.steady(self, setting)
             yield from rising(self, setting)
-        if schedules:
-            yield from self.scheduled(self, setting)
+        if varying:
+            yield from self.varying(self, setting)
 
-    def schedules(
+    def search(
         self, axis: Axis, load: Array, residual: Array, runs: Runs, told: Mask, shares: Sequence[float]
     ) -> list[Schedule]:
         """Schedules that a search in the windows that it is `told`, shape (windows,), finds, of few changes to many.

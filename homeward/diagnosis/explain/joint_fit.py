@@ -72,6 +72,12 @@ class Model:
                 found = term.hypothesis.within(term.hypothesis, found, {**term.shape, **mine}, runs)
         return found
 
+    def setting(self, runs: Runs, theta: Array, values: Array) -> Setting:
+        """What these parameters and values predict by the terms of the replay, and what that leaves."""
+        within = self.within(runs, values)
+        alone = self.parameters.predict(runs, theta, within)
+        return Setting(runs, self.parameters, theta, within, alone, runs.observed - alone)
+
 
 @dataclass(frozen=True)
 class Corrected:
@@ -91,7 +97,7 @@ class Corrected:
 
     @property
     def theta(self) -> Array:
-        """Values of the parameters, shape (5,)."""
+        """Values of the parameters, shape (groups,)."""
         return self.groups.theta
 
     @property
@@ -191,10 +197,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
 
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     """The model with terms per unit of the load that these parameters draw, and no longer those of the refit."""
-    within = model.within(runs, values)
-    alone = model.parameters.predict(runs, theta, within)
-    setting = Setting(runs, model.parameters, theta, within, alone, runs.observed - alone)
-    terms = []
+    setting, terms = model.setting(runs, theta, values), []
     for term in model.terms:
         load = None if term.at_work is None else term.hypothesis.load(term.hypothesis, setting)
         if load is not None and term.at_work is not None:
@@ -243,8 +246,7 @@ def immaterial(fit: Refit, runs: Runs) -> Mask:
 
     The mass on level ground is in the force of turning too, and would trade against it.
     """
-    active = fit.parameters.active()
-    size = np.maximum(np.abs(fit.theta[active]) / fit.parameters.scale[active], 1.0)
+    size = np.maximum(np.abs(fit.theta) / fit.parameters.scale, 1.0)
     return ~excited(fit, runs, rules.MATTERS / size)
 
 
@@ -303,7 +305,7 @@ def _linearised(model: Model, runs: Runs, theta: Array, values: Array, moving: M
 def _stepped(at: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> tuple[Array, Array, Array]:
     """Best physical step from a fit and values, and the parameters and values after it."""
     step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, *_bounds(at, model, values))
-    groups = len(model.parameters.active())
+    groups = len(model.parameters.groups)
     return step, at.moved(step[:groups]), np.clip(values + step[groups:], *model.bounds)
 
 

@@ -14,18 +14,18 @@ from itertools import combinations
 import numpy as np
 
 from homeward.diagnosis import rules
+from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.change_points import clearly_apart
-from homeward.diagnosis.explain.hypotheses import terms
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.motion import motion_gain
-from homeward.diagnosis.explain.proof import FOLDS, Base, Bench
+from homeward.diagnosis.explain.proof import FOLDS, Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.explain.witnesses import not_contradicted
-from homeward.diagnosis.fit.doubt import doubted
+from homeward.diagnosis.fit.doubt import doubted, meter_error
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
-from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
 
 _TRIED = 6  # hypotheses that are put to the proof, the best first
@@ -76,13 +76,12 @@ class Naming:
 
 
 def name_missing(
-    fit: Refit, runs: Runs, block: Index, seed: int, progress: Callable[[str], None], schedules: bool = True
+    fit: Refit, runs: Runs, block: Index, seed: int, progress: Callable[[str], None], varying: bool = True
 ) -> Naming:
     """Name the effects that the recordings ask for beyond the refit; windows of one block, (windows,), depend on each
-    other. Effects whose size changes for no recorded reason are named only if `schedules` are asked for."""
+    other. Effects whose size changes for no recorded reason are named only if `varying` ones are asked for."""
     fold = np.asarray(block % FOLDS)
-    base = Base(fit.jacobian, *fit.freedom())
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
+    setting = Setting.of(fit, runs)
     material = holding(fit, runs, immaterial(fit, runs))
     in_doubt = doubted(fit, runs)
     refit_error = float(setting.residual @ setting.residual)
@@ -93,9 +92,10 @@ def name_missing(
     by_motion: Callable[[], float] = float
     while len(named) < rules.MOST_EFFECTS:
         progress("naming")
-        candidates = terms(setting, tuple(one.term.effect for one in named), schedules)
-        candidates = not_contradicted(candidates, base.columns, setting, block, seed)
-        bench = Bench(base, tuple(candidates), setting, block, doubted=in_doubt, refit_error=refit_error)
+        candidates = terms(setting, tuple(one.term.effect for one in named), varying)
+        model = corrected or fit
+        candidates = not_contradicted(candidates, model.jacobian, setting, block, seed)
+        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, in_doubt)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, seed):
@@ -103,22 +103,15 @@ def name_missing(
                 continue
             found, fitted = _fitted(material, (*named, *found), runs, block)
             found = found[len(named) :]
-            if (
-                fitted.all_at_work()
-                and _draws_energy(fitted, runs)
-                and _replays(fitted, corrected or fit, runs, fold, seed)
-            ):
+            if fitted.all_at_work() and _draws_energy(fitted, runs) and _replays(fitted, model, runs, fold, seed):
                 break
         else:
             break  # nothing passes that is, replayed beside the others, sure to be at work
         named += found
         corrected = fitted
         by_motion = cache(partial(motion_gain, fitted, runs, fold, seed))
-        base = Base(corrected.jacobian, *corrected.freedom())
-        within = corrected.model.within(runs, corrected.values)
-        theta = corrected.groups.theta
-        alone = fit.parameters.predict(runs, theta, within)
-        setting = Setting(runs, fit.parameters, theta, within, alone, runs.observed - corrected.predicted)
+        setting = corrected.model.setting(runs, corrected.theta, corrected.values)
+        setting = replace(setting, residual=runs.observed - corrected.predicted)
     return Naming(tuple(named), corrected, ranking, absorbed)
 
 
@@ -161,13 +154,9 @@ def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Inde
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:
     """The best form of each effect and of what its size depends on."""
-    best = [(bench.candidates[index], index) for index in _best_forms(bench, _shares(bench))]
+    best = [(bench.candidates[index], index) for index in _best_forms(bench, bench.shares)]
     ranked = [Ranked(term.effect, term.axis, bench.delta_bic(index), bench.share(index)) for term, index in best]
     return tuple(sorted(ranked, key=lambda one: -one.delta_bic))
-
-
-def _shares(bench: Bench) -> Array:
-    return np.array([bench.share(index) for index in range(len(bench.candidates))])
 
 
 def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
@@ -175,7 +164,7 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     the best pair; then the pair, where neither half is anything without the other; then the next best alone."""
     if not bench.candidates:
         return
-    shares = _shares(bench)
+    shares = bench.shares
     most = _best_forms(bench, shares)
     likely = max(most, key=bench.delta_bic)
     independent = bench.independent(likely)  # the same for all, so that shares decide
@@ -217,7 +206,7 @@ def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     if bench.candidates[chosen].axis == "steady" or not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
-    return best if shares[best] >= rules.TOLD_BY_A_CHANNEL * shares[chosen] else chosen
+    return best if shares[best] >= rules.MOSTLY * shares[chosen] else chosen
 
 
 def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
@@ -243,7 +232,7 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     of_refit = explained / max(bench.refit_error, 1e-300)
     if delta_bic < rules.MUST_PAY or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
         return None
-    if explained < rules.SMALLEST_SHARE**2 * float(bench.runs.observed @ bench.runs.observed):
+    if explained < meter_error(bench.runs):
         return None
     if explained <= bench.doubted * _followed(bench, chosen):
         return None  # errors of the channels would do as much

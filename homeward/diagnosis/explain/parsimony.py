@@ -10,13 +10,14 @@ from itertools import combinations
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.hypotheses import terms
+from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting
+from homeward.diagnosis.fit.doubt import meter_error
 from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import Refit
-from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Mask
 
 
@@ -25,19 +26,22 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
 
     The refit leaves nothing that an effect would explain.
     """
-    problem, active = fit.parameters, fit.parameters.active()
-    start = (problem.start - fit.theta)[active] / problem.scale[active]
+    problem = fit.parameters
+    start = (problem.start - fit.theta) / problem.scale
     target = runs.observed - fit.predicted - fit.jacobian @ start
-    setting = Setting(runs, problem, fit.theta, WithEffects(), fit.predicted, target)
-    effects = [one for one in terms(setting, schedules=False) if one.columns.shape[1] == 1 and one.hypothesis.physical]
+    effects = [
+        one
+        for one in terms(Setting.of(fit, runs, target), varying=False)
+        if one.columns.shape[1] == 1 and one.hypothesis.physical
+    ]
     numbers = _numbers_of_a_file(fit)
     columns = np.column_stack([fit.jacobian @ numbers.T, *(one.columns for one in effects), target])
     gram = columns.T @ columns
-    low, high = ((bound - problem.start)[active] / problem.scale[active] for bound in (problem.low, problem.high))
+    low, high = ((bound - problem.start) / problem.scale for bound in (problem.low, problem.high))
     low, high = np.append(low, [one.low[0] for one in effects]), np.append(high, [one.high[0] for one in effects])
     left = runs.observed - fit.predicted
     independent = independent_windows(left, runs.run)
-    least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)  # what the meter is off by anyway
+    least = meter_error(runs)
 
     def criterion(chosen: tuple[int, ...]) -> float:
         own = np.array(chosen, np.intp)
@@ -59,9 +63,7 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
 
 def _numbers_of_a_file(fit: Refit) -> Array:
     """Steps of the groups, in units of `scale`, by each number of a robot file alone, shape (numbers, groups)."""
-    problem, active = fit.parameters, fit.parameters.active().tolist()
-    numbers = np.eye(len(active))
-    mass, rolling = active.index(MASS), active.index(ROLLING)
+    problem, numbers = fit.parameters, np.eye(len(fit.theta))
     per_mass = problem.start[ROLLING] / problem.start[MASS] * problem.scale[MASS] / problem.scale[ROLLING]
-    numbers[mass, rolling] = per_mass
+    numbers[MASS, ROLLING] = per_mass
     return numbers

@@ -1,31 +1,21 @@
-"""Where a mismatch sits: the values of a channel, in plain words, that hold most of the excess."""
+"""Where a mismatch sits and an effect is at work: stretches of the recordings, under a condition in plain words."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 
 import numpy as np
 
-from homeward.diagnosis.explain.residual_test import Channel, Dependence
+from homeward.diagnosis import rules
+from homeward.diagnosis.explain.hypothesis import Term
+from homeward.diagnosis.explain.residual_test import TESTED, Dependence, TestedChannel
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Mask
+from homeward.diagnosis.result import Place
 
 WHOLE_RUN = "all of the run"
-_AT_WORK = 0.1  # of its usual peak
 _PAUSE_S = 2.0
 _DECIMALS = 6  # of a value: means of what is zero differ by rounding
-_TELLING = 0.6  # overlap (F1) of a condition with when an effect is at work
-_CLEAR_MINORITY = 0.35  # a side with less than this share of the windows is the exception, the other the rule
-
-
-@dataclass(frozen=True)
-class Place:
-    """One stretch of one recording under the located condition, as `where` of diagnosis.json has it."""
-
-    recording: str
-    start_s: float
-    end_s: float
-    condition: str
-    share_of_excess: float
 
 
 @dataclass(frozen=True)
@@ -73,7 +63,7 @@ def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
     high, total = low[-1] - low[:-1], low[-1]
     difference = (below[-1] - below[:-1]) / high - below[:-1] / low[:-1]
     k = int(np.argmax(low[:-1] * high * difference**2))
-    exception = min(low[k], high[k]) < _CLEAR_MINORITY * total
+    exception = min(low[k], high[k]) < rules.EXCEPTION * total
     return k + 1, bool(high[k] < low[k] if exception else difference[k] > 0.0)
 
 
@@ -135,10 +125,10 @@ def _when(start_s: float, end_s: float, runs: Runs, here: Mask) -> str:
     return f"after {start} s" if time_s[-1] - end_s <= edge_s else f"from {start} to {end} s"
 
 
-def at_work(contribution: Array) -> Mask:
+def _at_work(contribution: Array) -> Mask:
     """When an effect adds a good part of its usual peak, shape (windows,)."""
     size = np.abs(contribution)
-    return np.asarray(size > _AT_WORK * float(np.quantile(size, 0.99)))
+    return np.asarray(size > rules.AT_WORK * float(np.quantile(size, 0.99)))
 
 
 def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Mask | None = None) -> tuple[Place, ...]:
@@ -147,17 +137,54 @@ def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Ma
     Without a condition in words, the words say when in its run a stretch lies; without `inside`, shape (windows,), the
     effect is at work where its contribution, shape (windows,), is a good part of its usual peak.
     """
-    inside = at_work(contribution) if inside is None else inside
+    inside = _at_work(contribution) if inside is None else inside
     return _cut(inside, _shares(contribution, runs), runs, condition, _PAUSE_S, edge=1.0)
 
 
-def condition_of(channel: Channel, contribution: Array, runs: Runs) -> str | None:
+def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
+    """Where an effect was at work, stretch by stretch, each with its condition in plain words."""
+    if term.axis == "time":
+        on = None if term.schedule is None else term.schedule.level > 0
+        return places_of(contribution, runs, None, on)
+    channels = {channel.name: channel for channel in TESTED}
+    told = (_condition_of(channels[name], contribution, runs) for name in term.hypothesis.channels)
+    return places_of(contribution, runs, next(filter(None, told), term.hypothesis.otherwise))
+
+
+def where_at_work(term: Term, contribution: Array, runs: Runs) -> Location:
+    """Where something was at work whose name does not hold: the same stretches, as a location."""
+    found = places(term, contribution, runs)
+    return Location("in some stretches of time", _at_work(contribution), contribution, found)
+
+
+def condition(found: Sequence[Place]) -> str:
+    """One phrase for all the places of an effect."""
+    if not found:
+        return "nowhere"
+    return found[0].condition if len({place.condition for place in found}) == 1 else largest(found)
+
+
+def largest(found: Sequence[Place]) -> str:
+    """The place that holds most, and how many more there are."""
+    first, more = max(found, key=lambda place: place.share_of_excess), len(found) - 1
+    name = PurePath(first.recording).name
+    start = f"all through {name}" if first.condition == WHOLE_RUN else f"{first.condition} in {name}"
+    return start + (f" and in {more} more stretch{'es' if more > 1 else ''} of time" if more else "")
+
+
+def total_share(contribution: Array, runs: Runs) -> float:
+    """Energy (or charge) of an effect over all that was recorded."""
+    drawn = float(np.abs(runs.observed * runs.duration_s).sum())
+    return float(np.abs(contribution * runs.duration_s).sum()) / drawn if drawn > 0.0 else 0.0
+
+
+def _condition_of(channel: TestedChannel, contribution: Array, runs: Runs) -> str | None:
     """The values of a channel at which an effect is at work, in words; None if the channel does not tell."""
     values = runs.context.get(channel.name)
     if values is None:
         return None
     values = np.abs(values) if channel.magnitude else values
-    inside = at_work(contribution)
+    inside = _at_work(contribution)
     known = np.isfinite(values)
     if inside[known].all() or not inside[known].any():
         return None
@@ -168,8 +195,8 @@ def condition_of(channel: Channel, contribution: Array, runs: Runs) -> str | Non
         for side, meant in ((True, values > middle), (False, values < middle)):
             score = 2.0 * float((meant & inside).sum()) / float(meant.sum() + inside.sum())
             best, limit, above = max((best, limit, above), (score, middle, side), key=lambda one: one[0])
-    return _words(channel, above, limit) if best > _TELLING else None
+    return _words(channel, above, limit) if best > rules.TELLING else None
 
 
-def _words(channel: Channel, above: bool, limit: float) -> str:
+def _words(channel: TestedChannel, above: bool, limit: float) -> str:
     return f"{channel.above if above else channel.below} {_plain(limit)} {channel.unit}".strip()

@@ -21,8 +21,8 @@ from itertools import pairwise
 import numpy as np
 
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
-from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.fit.fitted import bounded
+from homeward.diagnosis.explain.hypothesis import Term
+from homeward.diagnosis.fit.fitted import Fitted, bounded
 from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of, per_block
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
@@ -36,15 +36,6 @@ _AS_GOOD = 3  # placebos that decide against a search
 _AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is looked for (change_points)
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
 _RIDGE = 1e-9  # of a column's norm
-
-
-@dataclass(frozen=True)
-class Base:
-    """What hypotheses are tried beside: columns, and bounds of their steps."""
-
-    columns: Array  # (windows, base columns)
-    low: Array
-    high: Array
 
 
 @dataclass(frozen=True)
@@ -62,23 +53,14 @@ class _Split:
 class Bench:
     """Hypotheses and what they are tried beside and on."""
 
-    base: Base
+    model: Fitted  # whose numbers move too
     candidates: tuple[Term, ...]
-    setting: Setting  # its residual is what is to be explained
+    runs: Runs
+    target: Array  # what is to be explained, (windows,)
     block: Index
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
     refit_error: float = 0.0  # squared error that the refit leaves, without any effect
     doubted: float = 0.0  # squared error that the errors of the channels account for
-
-    @property
-    def runs(self) -> Runs:
-        """The runs."""
-        return self.setting.runs
-
-    @property
-    def target(self) -> Array:
-        """What is to be explained, shape (windows,)."""
-        return self.setting.residual
 
     def with_base(self, other: int) -> Bench:
         """The same with a hypothesis in the base."""
@@ -104,40 +86,31 @@ class Bench:
 
     def _fold(self, held: Mask, axis: str) -> _Split:
         """Columns with the levels that a search without the held-out windows finds."""
-        found: dict[tuple[bool, bytes], list[Schedule]] = {}  # effects of one load are searched for once
-        columns = []
-        for term, key in zip(self.candidates, self._searches, strict=True):
-            if key is None or term.schedule is None or term.load is None or term.axis != axis:
-                columns.append(term.columns)
-                continue
-            if key not in found:
-                found[key] = term.hypothesis.schedules(
-                    term.schedule.axis, term.load, self.target, self.runs, ~held, self._shares[key]
-                )
-            columns.append(_as_searched(term, found[key]))
+        columns = [term.columns for term in self.candidates]
+        for searched, shares in self._searches:
+            first = self.candidates[searched[0]]
+            if first.axis == axis and first.schedule is not None and first.load is not None:
+                found = first.hypothesis.search(first.schedule.axis, first.load, self.target, self.runs, ~held, shares)
+                for index in searched:
+                    columns[index] = _as_searched(self.candidates[index], found)
         return self._split(held, columns)
 
     @cached_property
-    def _searches(self) -> tuple[tuple[bool, bytes] | None, ...]:
-        """What is searched for each hypothesis: its load, and whether sizes below the usual one are possible."""
-        return tuple(
-            None if one.schedule is None or one.load is None
-            else (one.hypothesis.signed, one.axis.encode() + one.load.tobytes())
-            for one in self.candidates
-        )  # fmt: skip
-
-    @cached_property
-    def _shares(self) -> dict[tuple[bool, bytes], list[float]]:
-        """Penalties of each search that some hypothesis came from, the largest first."""
-        shares: dict[tuple[bool, bytes], set[float]] = {}
-        for term, key in zip(self.candidates, self._searches, strict=True):
-            if key is not None and term.schedule is not None:
-                shares.setdefault(key, set()).add(term.schedule.share)
-        return {key: sorted(one, reverse=True) for key, one in shares.items()}
+    def _searches(self) -> list[tuple[list[int], list[float]]]:
+        """Hypotheses that one search found, as effects of one load are searched for once, and its penalties, the
+        largest first."""
+        found: dict[tuple[bool, str, bytes], tuple[list[int], set[float]]] = {}
+        for index, term in enumerate(self.candidates):
+            if term.schedule is not None and term.load is not None:
+                key = term.hypothesis.signed, term.axis, term.load.tobytes()
+                searched, shares = found.setdefault(key, ([], set()))
+                searched.append(index)
+                shares.add(term.schedule.share)
+        return [(searched, sorted(shares, reverse=True)) for searched, shares in found.values()]
 
     def _split(self, held: Mask, columns: Sequence[Array]) -> _Split:
-        ends = np.cumsum([self.base.columns.shape[1], *(one.shape[1] for one in columns)])
-        everything = np.column_stack([self.base.columns, *columns, self.target])
+        ends = np.cumsum([self.model.jacobian.shape[1], *(one.shape[1] for one in columns)])
+        everything = np.column_stack([self.model.jacobian, *columns, self.target])
         test = everything[held]
         tested = test.T @ test
         return _Split(
@@ -150,7 +123,7 @@ class Bench:
 
     def _chosen(self, split: _Split, chosen: tuple[int, ...]) -> Index:
         return np.concatenate([
-            np.arange(self.base.columns.shape[1]), *(split.own[one] for one in (*self.beside, *chosen))
+            np.arange(self.model.jacobian.shape[1]), *(split.own[one] for one in (*self.beside, *chosen))
         ])  # fmt: skip
 
     def _in_time(self, chosen: tuple[int, ...]) -> bool:
@@ -166,11 +139,8 @@ class Bench:
         return bounded(split.fitted[np.ix_(columns, columns)], split.fitted[columns, -1], low, high)
 
     def _limits(self, chosen: tuple[int, ...]) -> tuple[Array, Array]:
-        terms = [self.candidates[one] for one in (*self.beside, *chosen)]
-        return (
-            np.concatenate([self.base.low, *(term.low for term in terms)]),
-            np.concatenate([self.base.high, *(term.high for term in terms)]),
-        )
+        terms, (low, high) = [self.candidates[one] for one in (*self.beside, *chosen)], self.model.freedom()
+        return np.concatenate([low, *(one.low for one in terms)]), np.concatenate([high, *(one.high for one in terms)])
 
     def _error(self, chosen: tuple[int, ...], in_time: bool) -> float:
         total = 0.0
@@ -189,6 +159,11 @@ class Bench:
         """Share of the base's held-out squared error that these hypotheses explain."""
         before, after = self.squared_error(*chosen), self._error_of(chosen, self._in_time(chosen))
         return 1.0 - after / before if before > 0.0 else 0.0
+
+    @cached_property
+    def shares(self) -> Array:
+        """That of each hypothesis alone, shape (hypotheses,)."""
+        return np.array([self.share(index) for index in range(len(self.candidates))])
 
     def squared_error(self, *chosen: int) -> float:
         """Held-out squared error of the base, on the folds that these hypotheses are tried on."""
@@ -225,7 +200,7 @@ class Bench:
 
     def absorbed(self) -> dict[str, float]:
         """Share of each effect that the refit takes up: of several forms, the one that shows most counts."""
-        gram, base = self._whole.fitted, np.arange(self.base.columns.shape[1])
+        gram, base = self._whole.fitted, np.arange(self.model.jacobian.shape[1])
         inverse = np.linalg.pinv(gram[np.ix_(base, base)], rcond=1e-10)
         shares: dict[str, float] = {}
         for own, term in zip(self._whole.own, self.candidates, strict=True):
@@ -301,7 +276,7 @@ class Bench:
         """Score of the best schedule of an effect that a search in this target finds, each fold searched by itself."""
         kind = (term.effect, term.axis)
         rivals = [one for one in self.candidates if one.schedule is not None and (one.effect, one.axis) == kind]
-        small = replace(self, candidates=tuple(rivals), setting=replace(self.setting, residual=target), beside=())
+        small = replace(self, candidates=tuple(rivals), target=target, beside=())
         return max(small.score(small.share(one), small.independent(one), one) for one in range(len(rivals)))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.doubt import doubted
+from homeward.diagnosis.fit.doubt import doubted, meter_error
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
@@ -26,11 +26,10 @@ _DRAWS = 8000
 _BINS = 10
 _FEWEST_BLOCKS_A_BIN = 5
 _FEWEST_A_BIN = 8  # windows
-_CUT_AT = 4.0  # a run is cut where its CUSUM is two standard errors off
 
 
 @dataclass(frozen=True)
-class Channel:
+class TestedChannel:
     """A channel that residuals are tested against: `magnitude` where only its size matters."""
 
     name: str
@@ -42,33 +41,33 @@ class Channel:
     scales: bool = False  # may also change what driving costs
 
 
-CHANNELS = (
-    Channel("yaw_rate_radps", "turning rate", "rad/s", "turning faster than", "turning slower than", True),
-    Channel("wheel_difference_mps", "wheel speed difference", "m/s", "wheel speeds further apart than",
+TESTED = (
+    TestedChannel("yaw_rate_radps", "turning rate", "rad/s", "turning faster than", "turning slower than", True),
+    TestedChannel("wheel_difference_mps", "wheel speed difference", "m/s", "wheel speeds further apart than",
             "wheel speeds closer together than", True),
-    Channel("speed_mps", "speed", "m/s", "driving faster than", "driving slower than"),
-    Channel("accel_mps2", "acceleration", "m/s^2", "acceleration above", "acceleration below"),
-    Channel("grade_rad", "grade", "rad", "grade above", "grade below"),
-    Channel("heading_rad", "heading", "rad", "heading above", "heading below", scales=True),
-    Channel("sensing_hz", "sensing rate", "Hz", "sensing faster than", "sensing slower than"),
-    Channel("temperature_c", "ambient temperature", "degC", "ambient above", "ambient below", scales=True),
-    Channel("payload_kg", "payload mass", "kg", "payload above", "payload below", scales=True),
-    Channel("soc", "state of charge", "", "state of charge above", "state of charge below", scales=True),
-    Channel("base_distance_m", "distance from base", "m", "further from base than", "closer to base than"),
+    TestedChannel("speed_mps", "speed", "m/s", "driving faster than", "driving slower than"),
+    TestedChannel("accel_mps2", "acceleration", "m/s^2", "acceleration above", "acceleration below"),
+    TestedChannel("grade_rad", "grade", "rad", "grade above", "grade below"),
+    TestedChannel("heading_rad", "heading", "rad", "heading above", "heading below", scales=True),
+    TestedChannel("sensing_hz", "sensing rate", "Hz", "sensing faster than", "sensing slower than"),
+    TestedChannel("temperature_c", "ambient temperature", "degC", "ambient above", "ambient below", scales=True),
+    TestedChannel("payload_kg", "payload mass", "kg", "payload above", "payload below", scales=True),
+    TestedChannel("soc", "state of charge", "", "state of charge above", "state of charge below", scales=True),
+    TestedChannel("base_distance_m", "distance from base", "m", "further from base than", "closer to base than"),
 )  # fmt: skip
 """What residuals are tested against, beside time; a channel that no run has is left out.
 
 Battery voltage is not among them: it sags with the load, so every surge of power would seem to depend on it.
 """
 
-_TIME = Channel("time_s", "time in the run", "s", "after", "before")
+_TIME = TestedChannel("time_s", "time in the run", "s", "after", "before")
 
 
 @dataclass(frozen=True)
 class Dependence:
     """How residuals depend on a channel; arrays of shape (bins,)."""
 
-    channel: Channel
+    channel: TestedChannel
     scaled: bool  # the excess is a share of the drive's load, not a load of its own
     p_value: float  # corrected for the number of looks; 1 where errors of the channels explain as much
     held_out_gain: float  # share of the held-out squared error that the dependence explains
@@ -92,8 +91,8 @@ class _Look(NamedTuple):
     family: Index  # (sets,): only the largest counts of sets with one number, such as the cuts of one run
 
 
-class _Candidate(NamedTuple):
-    channel: Channel
+class _Test(NamedTuple):
+    channel: TestedChannel
     scaled: bool
     weight: Array  # (windows,)
     values: Array  # (windows,)
@@ -144,20 +143,20 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int =
 
 
 def _tested(
-    fit: Fitted, runs: Runs, candidates: Sequence[_Candidate], block: Index, fold: Index, seed: int
+    fit: Fitted, runs: Runs, tests: Sequence[_Test], block: Index, fold: Index, seed: int
 ) -> Iterator[Dependence]:
     """One family of looks, with the share of the held-out squared error that a step per bin explains."""
     residual = runs.observed - fit.predicted
     total = max(float(residual @ residual), 1e-300)
-    least = rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+    least = meter_error(runs)
     folds = bool(np.ptp(fold))
     before = (
         runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)
         if folds
         else residual
     )
-    p_values = _family_p_values(fit, residual, block, [one.looks for one in candidates], seed)
-    for one, p_value in zip(candidates, p_values.tolist(), strict=True):
+    p_values = _family_p_values(fit, residual, block, [one.looks for one in tests], seed)
+    for one, p_value in zip(tests, p_values.tolist(), strict=True):
         design = np.column_stack([fit.jacobian, _indicators(one.bin, one.weight)])
         after, gain = residual, 0.0
         if folds and before.any():
@@ -182,7 +181,7 @@ def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
     return [(False, even), (True, load / mean)] if float(load.std()) > 0.1 * mean > 0.0 else [(False, even)]
 
 
-def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Candidate]:
+def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
     """Bins that enough blocks reach into, and a trend over the channel's centred rank: few effects are not monotone."""
     weights = _weights(fit, runs)
     for channel, values, number in _binned(runs):
@@ -201,10 +200,10 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
                 _Look(per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
                 for one in (bins, slope)
             )
-            yield _Candidate(channel, scaled, weight, values, number, tuple(looks))
+            yield _Test(channel, scaled, weight, values, number, tuple(looks))
 
 
-def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Candidate]:
+def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
     """Sums from the start of a run to each of its blocks, and from there to its end: a CUSUM test for a change."""
     run_of_block = runs.run[np.unique(block, return_index=True)[1]]
     for scaled, weight in _weights(fit, runs):
@@ -219,7 +218,7 @@ def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator
         sums = per_block((weight * residual)[:, None], block) * chosen.T
         columns = chosen @ per_block(weight[:, None] * fit.jacobian, block)
         look = _Look(sums, columns, np.array([run for run, _ in sets], dtype=np.intp))
-        yield _Candidate(_TIME, scaled, weight, runs.time_s, _stretches(look, chosen, runs.run, block), (look,))
+        yield _Test(_TIME, scaled, weight, runs.time_s, _stretches(look, chosen, runs.run, block), (look,))
 
 
 def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
@@ -228,14 +227,14 @@ def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
     cut = np.zeros(len(run), dtype=np.intp)
     for one in np.unique(look.family):
         largest = max(np.flatnonzero(look.family == one), key=lambda index: departure[index])
-        if departure[largest] >= _CUT_AT:
+        if departure[largest] >= rules.CUSUM_CUTS:
             cut += (chosen[largest] > 0.0)[block]
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
 
 
-def _binned(runs: Runs) -> Iterator[tuple[Channel, Array, Index]]:
+def _binned(runs: Runs) -> Iterator[tuple[TestedChannel, Array, Index]]:
     """Each channel that has several values, with these and the bin of each window."""
-    for channel in CHANNELS:
+    for channel in TESTED:
         values = runs.context.get(channel.name)
         if values is None or not np.isfinite(values).any():
             continue
@@ -278,9 +277,7 @@ def _studentised(draws: Array, sums: Array) -> Array:
     return np.asarray((draws / np.where(spread > 0.0, spread, np.inf)) ** 2)
 
 
-def _family_p_values(
-    fit: Fitted, residual: Array, block: Index, candidates: Sequence[Sequence[_Look]], seed: int
-) -> Array:
+def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence[Sequence[_Look]], seed: int) -> Array:
     """P-value of each candidate, corrected for all looks by the bootstrap distribution of the smallest."""
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
     signs[0] = 1.0  # what was recorded
@@ -288,7 +285,7 @@ def _family_p_values(
     scores = per_block(fit.jacobian * residual[:, None], block)
     refitted = (signs @ scores) @ bread  # (draws, groups): what the refit would take up of each draw
     single = np.array([
-        np.min([_p_values(signs, refitted, look) for look in looks], axis=0) for looks in candidates
+        np.min([_p_values(signs, refitted, look) for look in looks], axis=0) for looks in tests
     ]).reshape(-1, _DRAWS)  # fmt: skip
     smallest = single.min(axis=0, initial=1.0)
     return np.array([(smallest <= p[0]).mean() for p in single])

@@ -15,10 +15,11 @@ from scipy.stats import chi2
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
+from homeward.diagnosis.fit.doubt import meter_error
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
-from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.result import Product, Range, Together, Value
 from homeward.physics import Robot, d_max
@@ -43,13 +44,13 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,); held groups are left out."""
     groups, problem = model.groups, model.parameters
     free = np.flatnonzero(~groups.held)
-    active, to_group = problem.active()[free], problem.to_group[free]
+    to_group = problem.to_group[free]
     columns = np.column_stack([groups.jacobian[:, free], model.beside])
-    unit = np.concatenate([problem.scale[active] * to_group, np.ones(model.beside.shape[1])])
+    unit = np.concatenate([problem.scale[free] * to_group, np.ones(model.beside.shape[1])])
     found = covariance(columns, runs.observed - model.predicted, block) * np.outer(unit, unit)
     names = [problem.groups[index].symbol for index in free]
     units = [problem.groups[index].unit for index in free]
-    values = (model.theta[active] * to_group).tolist()
+    values = (model.theta[free] * to_group).tolist()
     if isinstance(model, Corrected):
         names += [f"{one.effect} {one.parameter}" for one in model.model.unknowns]
         units += [one.unit for one in model.model.unknowns]
@@ -57,24 +58,12 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     return Joint(tuple(names), tuple(units), np.array(values), found)
 
 
-def products(model: Corrected, runs: Runs, block: Index) -> tuple[Product, ...]:
-    """Products of which the recordings determine no factor alone.
-
-    A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two numbers
-    of one effect that stand in for each other: what is known is the power that they make together. Windows of
-    different `block`, shape (windows,), count as independent.
-    """
-    known = joint(model, runs, block)
-    return (*_with_groups(model, known, runs), *_powers(model, known, runs))
-
-
 def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
     problem, theta = model.parameters, model.theta
     found = []
     for index in np.flatnonzero(model.groups.held):
-        group, at = problem.groups[index], problem.active()[index]
-        larger = theta.copy()
-        larger[at] *= 1.0 + _STEP
+        group, larger = problem.groups[index], theta.copy()
+        larger[index] *= 1.0 + _STEP
         with_more = model.model.predict(runs, larger, model.values)
         column = with_more - model.predicted
         for number, one in enumerate(model.model.unknowns):
@@ -84,7 +73,7 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
             if cosine > rules.ENTWINED and scales > rules.ENTWINED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
-                assumed, at_joint = float(theta[at] * problem.to_group[index]), known.names.index(name)
+                assumed, at_joint = float(theta[index] * problem.to_group[index]), known.names.index(name)
                 wide = 1.96 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
                 unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
                 found.append(_product((group.symbol, name), assumed * float(model.values[number]), wide, unit))
@@ -178,21 +167,27 @@ class Open:
         for index, own in enumerate(found):
             values = [one[index].fitted for one in others]
             if own.ci95 is not None and any(v is None or not own.ci95[0] <= v <= own.ci95[1] for v in values):
-                own = replace(own, fitted=None, ci95=None, status="confounded", mixed_with=effects, off=False)
+                own = own.confounded(effects)
             result.append(own)
         return tuple(result)
 
     def products(self, runs: Runs, block: Index) -> tuple[Product, ...]:
-        """What is the same in all models while its parts are not: products of numbers, and sums of mean powers."""
-        if not self.others:
-            return ()
-        models = (self.model, *self.others)
+        """What the recordings determine no factor of alone.
+
+        A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two
+        numbers of one effect that stand in for each other: what is known is the power that they make together. And what
+        is the same in all models while its parts are not: products of numbers, and sums of mean powers. Windows of
+        different `block`, shape (windows,), count as independent.
+        """
         known = joint(self.model, runs, block)
+        found = [*_with_groups(self.model, known, runs), *_powers(self.model, known, runs)]
+        if not self.others:
+            return tuple(found)
+        models = (self.model, *self.others)
         error = dict(zip(known.names, np.sqrt(np.diag(known.covariance)) / np.abs(known.values), strict=True))
         units = dict(zip(known.names, known.units, strict=True))
         groups = {one.symbol for one in self.model.parameters.groups}
         numbers, powers = [_numbers(one, runs, block) for one in models], [_mean_powers(one, runs) for one in models]
-        found = []
         logs = [{name: float(np.log(value)) for name, value in one.items() if value > 0.0} for one in numbers]
         for sign, together in _SIGNS.items():
             for one, other in _constant(logs, 1.0, sign):
@@ -220,7 +215,7 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     left = runs.observed - best.predicted
     independent = independent_windows(left, runs.run)
     most = _error(best, runs) * float(np.exp(_AS_LIKELY / independent))
-    most = max(most, _error(best, runs) + rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed))
+    most = max(most, _error(best, runs) + meter_error(runs))
     alike = [one for one in found if _error(one, runs) <= most]
     if len(alike) < 3:
         return Open(best)  # a neighbour at most is as likely: the numbers are determined
@@ -235,7 +230,7 @@ def _error(model: Corrected, runs: Runs) -> float:
 
 def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list[Term]]:
     """The terms with another value of one of their numbers."""
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
+    setting = Setting.of(fit, runs)
     for index, term in enumerate(terms):
         one = term.hypothesis
         if term.axis != "steady" or term.fixed or not one.physical or one.of_the_day:
@@ -260,8 +255,8 @@ def _numbers(model: Corrected, runs: Runs, block: Index) -> dict[str, float]:
 
 def _mean_powers(model: Corrected, runs: Runs) -> dict[str, float]:
     """Mean power of each group that is fitted and of each effect, by name."""
-    problem, active = model.parameters, model.parameters.active()
-    of_groups = model.groups.jacobian.mean(axis=0) * model.theta[active] / problem.scale[active]
+    problem = model.parameters
+    of_groups = model.groups.jacobian.mean(axis=0) * model.theta / problem.scale
     free = {problem.groups[index].symbol: float(of_groups[index]) for index in np.flatnonzero(~model.groups.held)}
     effects = zip(model.model.terms, model.contribution, strict=True)
     return free | {term.effect: float(contribution.mean()) for term, contribution in effects}

@@ -18,16 +18,16 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import binom, norm, spearmanr
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.hypotheses import CATALOGUE, battery, instruments
+from homeward.diagnosis.explain.catalogue import CATALOGUE, battery, instruments
 from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term
 from homeward.diagnosis.explain.proof import FOLDS
-from homeward.diagnosis.fit.folds import per_block
-from homeward.diagnosis.fit.held_out import evidence, gain, held_out
+from homeward.diagnosis.fit.folds import FEWEST_RUNS, per_block
+from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.refit import Refit, standard_errors
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.signals import ODOMETER_PARTS
-from homeward.diagnosis.result import Evidence, Value
+from homeward.diagnosis.result import Proof, Value
 from homeward.physics import Robot
 from homeward.physics.terminals import lost_inside
 
@@ -35,7 +35,6 @@ USABLE_ENERGY = "usable energy"
 """Name of the parameter that the state of charge determines."""
 
 _DRAWS = 1999
-_FEWEST_RUNS = 3
 _GAP = 1.5  # windows
 _SEARCHED = 3.0  # times the size that a linear response says
 
@@ -47,7 +46,7 @@ class Witnessed:
     hypothesis: Hypothesis
     parameters: Mapping[str, Value]
     contribution: Array  # (windows,), W
-    proof: Evidence  # in the channel that shows it
+    proof: Proof  # in the channel that shows it
     rivals: tuple[str, ...]  # what that channel cannot tell from it
     told: str  # how it shows, in a sentence
 
@@ -78,7 +77,7 @@ def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity
     return capacity, tuple(one for one in found if one is not None)
 
 
-class _Channel:
+class _Reading:
     """A channel that is to be explained, where it is known, less its mean over stretches without a gap.
 
     What was drawn in a gap is not known. Columns have shape (known windows, columns).
@@ -109,7 +108,7 @@ class _Channel:
         found = _fit(columns, self.target)
         return found, standard_errors(columns, self.target - columns @ found, self.block)
 
-    def proof(self, base: Array, added: Array, tried: Sequence[Array] = ()) -> Evidence | None:
+    def proof(self, base: Array, added: Array, tried: Sequence[Array] = ()) -> Proof | None:
         """Proof, if there is one, that the best of all columns tried explain the channel beside the base."""
         design = np.column_stack([base, added])
         before, after = (
@@ -117,11 +116,11 @@ class _Channel:
             for of in (base, design)
         )
         gained = gain(self.target, before, after, self.block, self.seed)
-        delta_bic = evidence(self.target, before, after, self.run, added.shape[1])
-        if delta_bic < rules.MUST_PAY or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        pays = delta_bic(self.target, before, after, self.run, added.shape[1])
+        if pays < rules.MUST_PAY or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             return None
         p_value = self._p_value(base, added, np.column_stack([added, *tried]))
-        return None if p_value > rules.FALSE_ALARM_RATE else Evidence(delta_bic, gained.share, p_value)
+        return None if p_value > rules.FALSE_ALARM_RATE else Proof(pays, gained.share, p_value)
 
     def _p_value(self, base: Array, added: Array, tried: Array) -> float:
         """How often random signs of blocks make some column tried explain as much as the best of those added."""
@@ -134,7 +133,7 @@ class _Channel:
         return float((1 + np.sum(np.abs(signs @ sums).max(axis=1, initial=0.0) >= reached)) / (_DRAWS + 1))
 
 
-def _gained(proof: Evidence) -> float:
+def _gained(proof: Proof) -> float:
     """Share of the held-out error that it takes away; 0 where no model was compared."""
     return proof.held_out_gain or 0.0
 
@@ -157,7 +156,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     entry = battery.INTERNAL_RESISTANCE.entry
     in_file_ohm = robot.effects.get(entry.id, {}).get(entry.switch.name, 0.0)
     current_a = np.where(known, runs.observed / np.where(known, voltage_v, 1.0), 0.0)
-    channel = _Channel(np.where(known, voltage_v + in_file_ohm * current_a, np.nan), runs, block, seed)
+    channel = _Reading(np.where(known, voltage_v + in_file_ohm * current_a, np.nan), runs, block, seed)
     base, drawn = channel.summed(current_a)[:, None], -channel.within(current_a)[:, None]
     found, errors = channel.fit(np.column_stack([base, drawn]))
     ohm, wide = float(found[-1]), 1.96 * float(errors[-1])
@@ -185,12 +184,12 @@ def _gauge(
     of_run = pd.Series(soc).groupby(runs.run)  # NaN of a run that lacks it
     if float((of_run.max() - of_run.min()).sum()) < rules.LEAST_FALL:
         return None, None
-    channel = _Channel(-soc, runs, block, seed)
+    channel = _Reading(-soc, runs, block, seed)
     drawn = channel.summed((runs.observed + inside_w) / robot.usable_energy_j)[:, None]
     (rate,), (error,) = channel.fit(drawn)
     if rate <= 0.0:
         return None, None
-    off = abs(rate - 1.0) > max(rules.GAUGE_ERROR, float(norm.ppf(1.0 - rules.CLEARLY_OFF / 2.0)) * error)
+    off = abs(rate - 1.0) > max(rules.GAUGE_ERROR, float(norm.ppf(1.0 - rules.FALSE_ALARM_RATE / 2.0)) * error)
     low, high = (robot.usable_energy_j / max(rate + sign * 1.96 * error, 1e-9) for sign in (1.0, -1.0))
     capacity = Capacity(
         robot.usable_energy_j, float(robot.usable_energy_j / rate), (float(low), float(high)), bool(off)
@@ -216,7 +215,7 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     misread = [term for term in candidates if term.misread]
     if soc is None or runs.unit != "W" or not misread or not np.isfinite(soc).any():
         return list(candidates)
-    channel = _Channel(-soc, runs, block, seed)
+    channel = _Reading(-soc, runs, block, seed)
     drawn = channel.summed(runs.observed)[:, None]
     as_read = drawn @ _fit(drawn, channel.target)
     speaks: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
@@ -225,7 +224,7 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
         design = np.column_stack([base, term.columns])
         weights = _fit(design, setting.residual)
         true = channel.summed(runs.observed - term.columns @ weights[base.shape[1] :])[:, None]
-        speaks[id(term)] = evidence(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
+        speaks[id(term)] = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
         left[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
     best = min(left, key=lambda one: left[one])
     return [
@@ -235,9 +234,9 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     ]
 
 
-def _lost(fit: Refit, runs: Runs, channel: _Channel, drawn: Array) -> Witnessed | None:
+def _lost(fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> Witnessed | None:
     """An effect of the battery that makes the gauge fall faster at some loads or temperatures than at others."""
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
+    setting = Setting.of(fit, runs)
     robot = fit.parameters.nominal
 
     def fallen(one: Hypothesis, shape: Numbers, size: float) -> Array:
@@ -290,10 +289,10 @@ def _loss_w(one: Hypothesis, shape: Numbers, size: float, runs: Runs, robot: Rob
     return np.nan_to_num(np.asarray(added, dtype=np.float64))
 
 
-def _fading(channel: _Channel, runs: Runs, drawn: Array) -> Witnessed | None:
+def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
     """A capacity that shrinks from run to run."""
     numbers = np.unique(channel.run)
-    if len(numbers) < _FEWEST_RUNS:
+    if len(numbers) < FEWEST_RUNS:
         return None
     per_run = drawn * (channel.run[:, None] == numbers)
     rate, errors = channel.fit(per_run)
@@ -329,8 +328,8 @@ def _in_step(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
         None if one is None else np.array([np.nanmean(one[runs.run == number]) for number in numbers])
         for one in (runs.observed, air)
     )
-    found = [battery.IN_STEP_WITH_LOAD] if spearmanr(rate, load).statistic > rules.IN_STEP else []
-    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.IN_STEP):
+    found = [battery.IN_STEP_WITH_LOAD] if spearmanr(rate, load).statistic > rules.ALIKE else []
+    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.ALIKE):
         found.append(battery.IN_STEP_WITH_COLD)
     return tuple(found)
 
@@ -351,6 +350,6 @@ def _odometer(fit: Refit, runs: Runs) -> Witnessed | None:
     value = Value(float(np.mean(of)), (float(of.min()), float(of.max())), one.entry.switch.unit)
     many = "all runs" if scales.all() else f"{len(of)} of {len(scales)} runs"
     return Witnessed(
-        one, {one.entry.switch.name: value}, added, Evidence(None, None, p_value), (),
+        one, {one.entry.switch.name: value}, added, Proof(None, None, p_value), (),
         f"In {many} the speed adds up to {1.0 + value.value:.3g} times the recorded distance: it is set right by that.",
     )  # fmt: skip

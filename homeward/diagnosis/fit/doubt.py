@@ -45,6 +45,11 @@ def _moved(runs: Runs, name: str, sign: float) -> Runs:
     return dataclasses.replace(runs, signals=moved)
 
 
+def meter_error(runs: Runs) -> float:
+    """Sum over windows of the squared error that a power meter makes anyway."""
+    return rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+
+
 def reliability(name: str, runs: Runs) -> float:
     """Share of the variance of a channel over windows that is known, 1 where it was not smoothed."""
     if name not in runs.context:
@@ -79,7 +84,7 @@ def unrecorded(runs: Runs) -> list[Tells]:
 def lasts(left: Array, runs: Runs) -> bool:
     """Whether what a model leaves, shape (windows,), goes on from window to window, as no noise of power does."""
     together = runs.run[1:] == runs.run[:-1]
-    return float((left[1:] * left[:-1])[together].sum()) >= rules.LASTS * float(left @ left)
+    return float((left[1:] * left[:-1])[together].sum()) >= rules.ALIKE * float(left @ left)
 
 
 def untold(fit: Fitted, runs: Runs) -> bool:

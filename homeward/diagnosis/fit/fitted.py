@@ -31,7 +31,7 @@ class Fitted(Protocol):
     @property
     def beside(self) -> Array: ...  # (windows, sizes), derivative of the prediction by the sizes of effects
     @property
-    def theta(self) -> Array: ...  # (5,), values of the parameters
+    def theta(self) -> Array: ...  # (groups,), values of the parameters
     @property
     def predicted(self) -> Array: ...  # (windows,), for the windows it was fitted to
     @property

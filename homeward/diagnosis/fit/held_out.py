@@ -11,23 +11,11 @@ from threadpoolctl import threadpool_limits
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
+from homeward.diagnosis.result import Arm
 
 _DRAWS = 2000
 _FEWEST_FOR_TREES = 60  # twice the smallest leaf: a split
 _MOST_FOR_TREES = 20_000
-
-
-@dataclass(frozen=True)
-class Arm:
-    """Held-out errors of one model; `energy_error_pct` is None where only current was recorded.
-
-    `energy_error_pct` is the mean over held-out trips of |predicted - recorded| trip energy over the recorded one.
-    """
-
-    rmse: float
-    r2: float | None
-    energy_error_pct: float | None
-    rmse_ci95: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -87,7 +75,7 @@ def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) 
     return Gain(1.0 - float(sums[1].sum() / max(sums[0].sum(), 1e-300)), interval)
 
 
-def evidence(observed: Array, before: Array, after: Array, run: Index, freedom: int = 1) -> float:
+def delta_bic(observed: Array, before: Array, after: Array, run: Index, freedom: int = 1) -> float:
     """Difference of BIC by held-out predictions; what a wrong model leaves has memory, and counts for less."""
     without, with_it = (max(float(((observed - one) ** 2).sum()), 1e-300) for one in (before, after))
     independent = independent_windows(observed - after, run)

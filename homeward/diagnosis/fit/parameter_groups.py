@@ -14,12 +14,12 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
-from homeward.diagnosis.read.channels import Array, Index
+from homeward.diagnosis.read.channels import Array
 from homeward.physics import Robot
 from homeward.physics.model import rolling_force
 
-IDLE, SAMPLE, ROLLING, DRAG, MASS = range(5)
-"""Indices of theta."""
+AT_REST, ROLLING, DRAG, MASS = 0, -3, -2, -1
+"""Indices of theta, of power and of motor current."""
 
 _IDLE_PARTS = ("sensing_idle_w", "communication_w", "controller_w")
 _SAMPLE_PARTS = ("sensing_j_per_sample", "computer_j_per_sample")
@@ -57,8 +57,8 @@ GROUPS = {
 class Parameters:
     """The fitted parameters of a problem: a vector theta, how it becomes a robot, and its physical bounds.
 
-    theta is (idle power W or rest current A, energy per sample J, C_rr m kg, c N s^2/m^2, m kg), with the losses (and
-    the thrust per ampere) as assumed. Per-sample energy has no influence on motor current.
+    theta is (idle power W, energy per sample J, C_rr m kg, c N s^2/m^2, m kg) or, of motor current, (current at rest A,
+    C_rr m, c, m), with the losses (and the thrust per ampere) as assumed. Arrays have shape (groups,).
     """
 
     nominal: Robot
@@ -72,22 +72,18 @@ class Parameters:
 
     def robot(self, theta: Array) -> Robot:
         """The robot with these parameters."""
-        idle, sample, rolling, drag, mass = theta.tolist()
+        *ancillary, rolling, drag, mass = theta.tolist()
         resistance = float(np.clip(rolling / mass, 1e-9, 1.0))
         robot = dataclasses.replace(self.nominal, mass_kg=mass, rolling_resistance=resistance, drag_ns2_per_m2=drag)
-        return robot if len(self.groups) == 4 else with_ancillary(robot, idle, sample)
+        return with_ancillary(robot, *ancillary) if len(ancillary) == 2 else robot
 
     def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:
         """What these parameters predict, shape (windows,), with effects if any are given."""
         robot, extra = self.robot(theta), with_effects or WithEffects()
         if extra.effects:
             robot = with_effects_of(robot, extra.effects)
-        rest_current_a = float(theta[0]) if runs.unit == "A" else 0.0
+        rest_current_a = float(theta[AT_REST]) if runs.unit == "A" else 0.0
         return predict(runs, robot, rest_current_a, extra)
-
-    def active(self) -> Index:
-        """Indices of theta that the groups stand for."""
-        return np.array([0, 2, 3, 4] if len(self.groups) == 4 else [0, 1, 2, 3, 4])
 
 
 def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) -> Robot:
@@ -131,13 +127,17 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     most_drag = rules.MOST_TIMES * robot.drag_ns2_per_m2 or 10.0 * most_force / top_speed**2
     most = max(most, 2.0 * idle, 1e-6)
     most_sample = max(most / fastest_hz, 2.0 * sample)
-    rolling = robot.rolling_resistance * robot.mass_kg
-    start = np.array([idle, sample, rolling, robot.drag_ns2_per_m2, robot.mass_kg])
-    scale = np.array([
-        idle or most / 10, sample or most_sample / 10, rolling, robot.drag_ns2_per_m2 or most_drag / 100, robot.mass_kg
-    ])  # fmt: skip
-    low = np.array([0.0, 0.0, 1e-3 * rolling, 0.0, robot.mass_kg / rules.MOST_TIMES])
-    high = np.array([most, most_sample, robot.mass_kg, most_drag, robot.mass_kg * rules.MOST_TIMES])
+    rolling, drag, mass = robot.rolling_resistance * robot.mass_kg, robot.drag_ns2_per_m2, robot.mass_kg
+    ancillary = [
+        (idle, 0.0, most, idle or most / 10),
+        (sample, 0.0, most_sample, sample or most_sample / 10),
+    ]
+    start, low, high, scale = np.array([
+        *(ancillary if runs.unit == "W" else ancillary[:1]),
+        (rolling, 1e-3 * rolling, mass, rolling),
+        (drag, 0.0, most_drag, drag or most_drag / 100),
+        (mass, mass / rules.MOST_TIMES, mass * rules.MOST_TIMES, mass),
+    ]).T  # fmt: skip
     groups = GROUPS[runs.unit]
     to_group = np.where([group.measured for group in groups], 1.0 / per, 1.0)
     return Parameters(robot, groups, start, low, high, scale, to_group, known)
@@ -149,7 +149,7 @@ def derivatives(problem: Parameters, theta: Array, predicted: Array, predict: Ca
     There it gives `predicted`, shape (windows,).
     """
     columns = []
-    for index in problem.active():
+    for index in range(len(theta)):
         step = 1e-4 * problem.scale[index]
         if theta[index] + step > problem.high[index]:
             step = -step

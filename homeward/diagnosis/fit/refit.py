@@ -42,13 +42,17 @@ class Estimate:
     mixed_with: tuple[str, ...] = ()
     off: bool = False  # excludes what the robot file assumes, at 5 % over all groups together
 
+    def confounded(self, mixed_with: tuple[str, ...]) -> Estimate:
+        """The same where something stands in for it, so that nothing is known of it."""
+        return dataclasses.replace(self, fitted=None, ci95=None, status="confounded", mixed_with=mixed_with, off=False)
+
 
 @dataclass(frozen=True)
 class Refit:
     """A fit with what it takes to redo it on a part of the windows: at theta, predicted and its Jacobian."""
 
     parameters: Parameters
-    theta: Array  # (5,)
+    theta: Array  # (groups,)
     predicted: Array  # (windows,)
     jacobian: Array  # (windows, groups), per unit of `scale`; 0 for groups that are held
     held: Mask  # (groups,): those that stay as the robot file has them
@@ -71,32 +75,25 @@ class Refit:
     @property
     def at_bound(self) -> Mask:
         """Groups at a bound of what is physical, shape (groups,); a power or drag of zero is a value like any other."""
-        problem, active = self.parameters, self.parameters.active()
-        theta, scale = self.theta[active], 1e-9 * self.parameters.scale[active]
-        low, high = problem.low[active], problem.high[active]
-        return np.asarray((theta >= high - scale) | ((theta <= low + scale) & (low > 0.0)))
+        low, high, margin = self.parameters.low, self.parameters.high, 1e-9 * self.parameters.scale
+        return np.asarray((self.theta >= high - margin) | ((self.theta <= low + margin) & (low > 0.0)))
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest step from theta that is physical, in units of `scale`, each of shape (groups,)."""
-        problem, active = self.parameters, self.parameters.active()
-        scale = problem.scale[active]
-        return (problem.low - self.theta)[active] / scale - 1e-12, (problem.high - self.theta)[active] / scale + 1e-12
+        low, high = ((end - self.theta) / self.parameters.scale for end in (self.parameters.low, self.parameters.high))
+        return low - 1e-12, high + 1e-12
 
     def moved(self, step: Array) -> Array:
         """Theta after a step in units of `scale`, within its bounds."""
-        problem, active = self.parameters, self.parameters.active()
-        theta = self.theta.copy()
-        theta[active] += step * problem.scale[active]
-        return np.clip(theta, problem.low, problem.high)
+        return np.clip(self.theta + step * self.parameters.scale, self.parameters.low, self.parameters.high)
 
     def step(self, jacobian: Array, residual: Array) -> Array:
         """Best step of theta in units of `scale`, within the bounds, for these windows."""
-        problem, active = self.parameters, self.parameters.active()
         # Normal equations through a triangle: a few rows whatever the length of the recording.
         triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
         weak = _WEAK_PRIOR * max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
-        start = (problem.start - self.theta)[active] / problem.scale[active]
-        matrix = np.vstack([triangle[:, :-1], weak * np.eye(len(active))])
+        start = (self.parameters.start - self.theta) / self.parameters.scale
+        matrix = np.vstack([triangle[:, :-1], weak * np.eye(len(start))])
         target = np.concatenate([triangle[:, -1], weak * start])
         return np.asarray(lsq_linear(matrix, target, self.freedom(), method="bvls").x)
 
@@ -117,7 +114,7 @@ class Refit:
 def refit(runs: Runs, robot: Robot) -> Refit:
     """Fit the groups to all windows within physical bounds, by Gauss-Newton through the replay."""
     problem = parameters(runs, robot)
-    return _fit(problem, runs, np.zeros(len(problem.active()), np.bool_))
+    return _fit(problem, runs, np.zeros(len(problem.groups), np.bool_))
 
 
 def holding(fit: Refit, runs: Runs, held: Mask) -> Refit:
@@ -147,22 +144,21 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     independent."""
     fit, beside = model.groups, model.beside
     problem, jacobian = fit.parameters, fit.jacobian
-    active = problem.active()
     moving = excited(fit, runs)
-    errors = np.full(len(active), np.inf)
+    errors = np.full(len(problem.groups), np.inf)
     columns = np.column_stack([jacobian[:, moving], beside])
     errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
-    errors *= problem.scale[active]
+    errors *= problem.scale
     freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
-    errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(fit.theta[active]))
+    errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(fit.theta))
     widths = float(student.ppf(0.975, freedom)) * errors
-    wide = float(student.ppf(1.0 - 0.025 / len(active), freedom)) * errors
+    wide = float(student.ppf(1.0 - 0.025 / len(problem.groups), freedom)) * errors
     result = []
-    for j, (index, group) in enumerate(zip(active, problem.groups, strict=True)):
-        assumed = problem.start[index] * problem.to_group[j]
+    for j, group in enumerate(problem.groups):
+        assumed = problem.start[j] * problem.to_group[j]
         known = assumed if runs.unit == "W" or (problem.current_known and group.name != "rest_current") else None
         status, mixed = _status(fit, runs, j, moving)
-        fitted, width = fit.theta[index] * problem.to_group[j], widths[j] * problem.to_group[j]
+        fitted, width = fit.theta[j] * problem.to_group[j], widths[j] * problem.to_group[j]
         if status == "fitted" and (
             width > max(abs(assumed), abs(fitted)) or reliability(_RESTS_ON.get(group.name, ""), runs) < rules.RELIABLE
         ):

@@ -16,12 +16,7 @@ from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.signals import Signals, gaps, known, signals, usual_step_s
 from homeward.physics import Robot
 
-_SHORTEST_RUN_S = 5.0
-_FEWEST_SAMPLES = 20
-_MOST_MISSING = 0.5
 _STANDS_MPS = 0.01
-_FAST = 1.5  # times the robot's top speed
-_UNIT_RATIO = 3.0  # a ratio within this factor of 1000 is taken for a wrong unit
 
 
 @dataclass(frozen=True)
@@ -116,12 +111,12 @@ def _lacks(recording: Recording) -> str | None:
     if lacks := lacking(recording.channels):
         return f"has no {lacks}"
     missing = 1.0 - float(known(recording).mean())
-    if missing > _MOST_MISSING:
+    if missing > rules.MOST_MISSING:
         return (
             f"motion or power is missing in {missing:.0%} of the samples; where they are logged in rows of their own, "
             "put both into each row (pandas.merge_asof does)"
         )
-    if len(recording) < _FEWEST_SAMPLES or recording.duration_s < _SHORTEST_RUN_S:
+    if len(recording) < rules.FEWEST_SAMPLES or recording.duration_s < rules.SHORTEST_RUN_S:
         return f"is too short ({len(recording)} samples over {recording.duration_s:.3g} s)"
     return None
 
@@ -130,7 +125,7 @@ def fault_of(run: Signals, robot: Robot) -> str | None:
     """Why a run of a robot cannot be used, in a phrase: it is too short, or in another unit; None where it can."""
     if len(run.time_s) == 0:
         return "holds nothing but charging"
-    if len(run.time_s) < _FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < _SHORTEST_RUN_S:
+    if len(run.time_s) < rules.FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < rules.SHORTEST_RUN_S:
         return f"is too short ({len(run.time_s)} samples of driving over {np.ptp(run.time_s):.3g} s)"
     if not run.observed.any():
         return "the recorded power or current is zero throughout; was the sensor connected?"
@@ -140,7 +135,7 @@ def fault_of(run: Signals, robot: Robot) -> str | None:
     if run.unit == "W" and len(driving) and float(driving.mean()) < 0.0:
         return "power is negative while it drives: power drawn must be positive (factor -1 in a mapping file)"
     quick = float(np.quantile(np.abs(run.speed_mps), 0.99))
-    if quick > _FAST * robot.max_speed_mps:
+    if quick > rules.TOO_FAST * robot.max_speed_mps:
         guess = "; km/h?" if quick / 3.6 <= 1.2 * robot.max_speed_mps else ""
         return (
             f"drives at {quick:.3g} m/s, while {robot.name} reaches {robot.max_speed_mps:g} m/s: "
@@ -148,7 +143,7 @@ def fault_of(run: Signals, robot: Robot) -> str | None:
         )
     ratio = _over_expected([run], robot)
     for factor, unit in ((1e3, "milliwatts or milliamperes"), (1e-3, "kilowatts or kiloamperes")):
-        if ratio > 0.0 and abs(np.log(ratio / factor)) < np.log(_UNIT_RATIO):
+        if ratio > 0.0 and abs(np.log(ratio / factor)) < np.log(rules.UNIT_RATIO):
             return f"draws {ratio:.3g} times what {robot.name} should: this looks like {unit}"
     return None
 

@@ -8,19 +8,19 @@ import numpy as np
 
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.fit.parameter_groups import IDLE, ROLLING, with_ancillary, with_effects_of
+from homeward.diagnosis.fit.parameter_groups import AT_REST, ROLLING, with_ancillary, with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Unit
-from homeward.physics import Robot, d_max
+from homeward.physics import Robot
 
 
 @dataclass(frozen=True)
 class Said:
     """What a robot file says of a fit, and what only these drives or their instruments add to it."""
 
-    theta: Array  # (5,)
+    theta: Array  # (groups,)
     effects: Mapping[str, Mapping[str, float]]
     met: WithEffects  # ground of these drives, lag and scale of their instruments
     reading: Array | float = 0.0  # what instruments add, (windows,)
@@ -58,7 +58,8 @@ def said(model: Refit | Corrected, runs: Runs) -> Said:
     for index, term in enumerate(terms):
         if _is_ground(term):
             smoothest, gain, roughness = _ground(model, index, runs)
-            theta = np.where(np.arange(len(theta)) == ROLLING, smoothest * theta, theta)
+            theta = theta.copy()
+            theta[ROLLING] *= smoothest
             usual = float(np.average(roughness, weights=np.abs(runs.context["speed_mps"]) * runs.duration_s))
             of_gain, of_usual = term.hypothesis.entry.parameters
             effects[term.effect] = {of_gain.name: gain, of_usual.name: usual}
@@ -109,12 +110,12 @@ def written(robot: Robot, told: Said, unit: Unit) -> Robot:
 
     Groups that the fit holds stay as they are, and ancillary power where motor current was recorded.
     """
-    idle_w, sample_j, rolling_kg, drag, mass_kg = told.theta.tolist()
+    *ancillary, rolling_kg, drag, mass_kg = told.theta.tolist()
     if told.effects:
-        rounded = {name: {key: _round(value) for key, value in one.items()} for name, one in told.effects.items()}
-        robot = with_effects_of(robot, rounded)
+        effects = {name: {key: rounded(value) for key, value in one.items()} for name, one in told.effects.items()}
+        robot = with_effects_of(robot, effects)
     if unit == "W":
-        robot = with_ancillary(robot, idle_w, sample_j)
+        robot = with_ancillary(robot, *ancillary)
     elif thrust_n_per_a(robot) == 0.0:
         return robot
     return dataclasses.replace(
@@ -130,15 +131,16 @@ def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
 
     They are on the ground that they met, read by their instruments, with the current at rest that no file holds.
     """
-    rest_current_a = float(told.theta[IDLE]) if runs.unit == "A" else 0.0
+    rest_current_a = float(told.theta[AT_REST]) if runs.unit == "A" else 0.0
     return told.reading + predict(runs, robot, rest_current_a, told.met)
 
 
 def _unless_equal(before: float, after: float) -> float:
-    return before if abs(after - before) <= _ROUNDING * abs(before) else _round(after)
+    return before if abs(after - before) <= _ROUNDING * abs(before) else rounded(after)
 
 
-def _round(value: float) -> float:
+def rounded(value: float) -> float:
+    """A number as a robot file has it, to six digits."""
     return float(f"{value:.6g}")
 
 
@@ -147,7 +149,7 @@ _ROUNDING = 1e-9  # of a number: what arithmetic with a group that is held may l
 
 def of_capacity(robot: Robot, factor: float) -> Robot:
     """The robot with a battery that holds so many times what its file says."""
-    return dataclasses.replace(robot, rated_energy_j=_round(robot.rated_energy_j * factor))
+    return dataclasses.replace(robot, rated_energy_j=rounded(robot.rated_energy_j * factor))
 
 
 def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:
@@ -166,8 +168,3 @@ def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict
             how = held.get(field.name, "from the fitted ancillary power, shared out as before")
             changed[field.name] = f"fitted by diagnose.py ({how}); it was {old:.6g}"
     return changed
-
-
-def range_change(before: Robot, after: Robot) -> float:
-    """Change of d_max at each robot's optimal speed on level ground, m."""
-    return float(d_max(after) - d_max(before))

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.tell.formats import CLEAR
+from homeward.diagnosis.tell.notation import CLEAR
 
 _MOST_RUNS = 12  # in the time plot
 _MOST_POINTS = 2000  # of a line
@@ -164,7 +164,7 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
 def _telling(effect: str, evidence: Evidence) -> int | None:
     """Index of the dependence on the channel that shows an effect best; time for what comes and goes."""
     scheduled = any(
-        one.term.effect == effect and one.term.schedule is not None and one.term.schedule.axis == "time"
+        one.term.effect == effect and one.term.schedule is not None and one.term.axis == "time"
         for one in evidence.naming.named
     )
     tested = [one.channel.name for one in evidence.dependences]

@@ -6,21 +6,23 @@ what began once and stays, weather, faults of instruments, and the current at re
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Evidence
+from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
+from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Handed, Verdict
-from homeward.diagnosis.tell.corrected import can_be_said, replayed, said, written
+from homeward.diagnosis.tell.corrected import can_be_said, of_capacity, replayed, said, written
 from homeward.physics import Robot
 
 Model = TypeVar("Model", Refit, Corrected)
@@ -64,34 +66,21 @@ def sayable(
     if corrected is None:
         return None
     terms = corrected.model.terms
-    kept = [
-        form
-        for form, one in zip([term.plain or term for term in terms], named, strict=True)
-        if (can_be_said(form) or not form.hypothesis.physical) and not _may_be_misread(one)
-    ]
+    forms = [term.plain or term for term in terms]
+    kept = [form for form, one in zip(forms, named, strict=True) if not _unsaid(one, form)]
     if [id(one) for one in kept] == [id(one) for one in terms]:
         return corrected
     return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
 
 
-def unsaid(named: Sequence[Named]) -> str:
-    """Why a robot file does not hold what is named, effect by effect; nothing of faults of instruments."""
-    reasons = []
-    for one in named:
-        hypothesis = one.term.hypothesis
-        if _may_be_misread(one):
-            reasons.append(f"{hypothesis.name} may be the robot's or its meter's")
-        elif hypothesis.of_the_day:
-            reasons.append(f"{hypothesis.name} is weather")
-        elif hypothesis.physical and not can_be_said(one.term.plain or one.term):
-            reasons.append(f"a robot file cannot say when {hypothesis.name} is at work")
-    return "; ".join(reasons)
-
-
-def _may_be_misread(named: Named) -> bool:
-    """Whether the recordings leave open if the robot draws it or its meter reads it."""
-    meant = (named.term, *named.rivals)
-    return any(one.misread for one in meant) and any(one.hypothesis.physical for one in meant)
+def _unsaid(named: Named, form: Term) -> str:
+    """Why a robot file does not hold what is named, nothing where it does or a fault of an instrument is named."""
+    one, meant = form.hypothesis, (named.term, *named.rivals)
+    if any(term.misread for term in meant) and any(term.hypothesis.physical for term in meant):
+        return f"{one.name} may be the robot's or its meter's"
+    if one.of_the_day:
+        return f"{one.name} is weather"
+    return f"a robot file cannot say when {one.name} is at work" if one.physical and not can_be_said(form) else ""
 
 
 def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, block: Index) -> Model:
@@ -116,7 +105,7 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
 def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
     """Groups that look much like one of those chosen: they may have taken what that lacks."""
     columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
-    return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.ALIKE_COLUMNS).any(axis=1))
+    return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.HALF).any(axis=1))
 
 
 def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
@@ -124,9 +113,21 @@ def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> 
 
     The effects must predict what was held out better than the refit, and the energy (the charge) of trips no worse; the
     fitted parameters better than the file that was given. What a verdict does not ask for is not changed: a difference
-    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement. The
-    seed is that of a bootstrap over trips.
+    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement. What
+    voltage and gauge show of the battery is added. The seed is that of a bootstrap over trips.
     """
+    handover = _proven(robot, verdict, evidence, seed)
+    changed, handed, capacity = handover.robot, handover.handed, evidence.capacity
+    if shown := [one.in_file for one in evidence.witnessed if one.in_file]:
+        for numbers in shown:
+            changed = with_effects_of(changed, numbers)
+        handed = replace(handed, why=f"{handed.why}; beside that it holds what voltage or gauge show of the battery")
+    if capacity is not None and capacity.off and verdict != "unknown_physics":
+        changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
+    return replace(handover, robot=changed, handed=handed)
+
+
+def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
     runs, nominal = evidence.runs, evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
         why = "the recordings ask for no change that a robot file can hold"
@@ -134,7 +135,7 @@ def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> 
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, None, Handed("nominal", why))
-    reason = unsaid(evidence.naming.named)
+    reason = "; ".join(filter(None, (_unsaid(one, one.term.plain or one.term) for one in evidence.naming.named)))
     told = f"{reason}; " if reason else ""
     if verdict == "unknown_physics":
         told = "its parameters make up for what is unknown, as far as they can, and are no measurement; "

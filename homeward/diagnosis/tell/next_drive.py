@@ -1,9 +1,9 @@
-"""The next experiment: the drive of the menu after which the candidates would be told apart best.
+"""The next experiment: the drive of the menu after which the effects would be told apart best.
 
-The information of the recordings at hand is a matrix for the groups of the refit and the size of each candidate; each
-drive of the menu would add its own, from what the kernel says that the candidates would add there. The groups are a
-nuisance, so the determinant of what is left for the candidates counts (D_s-optimality: Atkinson & Donev, Optimum
-Experimental Designs, 1992). Before anything is recorded a candidate is known to within its fitted size, a group to
+The information of the recordings at hand is a matrix for the groups of the refit and the size of each effect; each
+drive of the menu would add its own, from what the kernel says that the effects would add there. The groups are a
+nuisance, so the determinant of what is left for the effects counts (D_s-optimality: Atkinson & Donev, Optimum
+Experimental Designs, 1992). Before anything is recorded an effect is known to within its fitted size, a group to
 within a plausible change.
 """
 
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from homeward.diagnosis import rules
+from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.menu import MENU, Drive, Manoeuvre
 from homeward.diagnosis.explain.places import Location
@@ -26,11 +27,9 @@ from homeward.diagnosis.read.channels import Array, Mask
 GUIDE = "docs/recording_guide.md"
 """The page that says how to drive and record each drive of the menu."""
 
-_SEPARATES = np.log(2.0)  # of the determinant: the variance of what is least known is halved
-
 
 @dataclass(frozen=True)
-class Candidate:
+class SizedEffect:
     """An effect at the size that the recordings give it; `column` is what it adds there, shape (windows,)."""
 
     hypothesis: Hypothesis
@@ -39,8 +38,8 @@ class Candidate:
     column: Array
 
 
-def candidate(fit: Refit, runs: Runs, term: Term) -> Candidate:
-    """A hypothesis at its fitted size; of several sizes (levels, places) the one that adds most."""
+def at_its_size(fit: Refit, runs: Runs, term: Term) -> SizedEffect:
+    """An effect at its fitted size; of several sizes (levels, places) the one that adds most."""
     term = term.plain or term
     columns = np.column_stack([fit.jacobian, term.columns])
     low, high = fit.freedom()
@@ -53,26 +52,26 @@ def candidate(fit: Refit, runs: Runs, term: Term) -> Candidate:
     largest = int(np.argmax(np.abs(weights) * np.linalg.norm(term.columns, axis=0)))
     of_one = term.axis == "steady" and len(weights) > 1  # its sizes are the components of one
     size = float(np.linalg.norm(weights) if of_one else weights[largest])
-    return Candidate(term.hypothesis, size, term.shape, term.columns @ weights)
+    return SizedEffect(term.hypothesis, size, term.shape, term.columns @ weights)
 
 
 def gains(
-    fit: Refit, runs: Runs, left: Array, candidates: Sequence[Candidate], groups: Sequence[str] = ()
+    fit: Refit, runs: Runs, left: Array, effects: Sequence[SizedEffect], groups: Sequence[str] = ()
 ) -> dict[str, float]:
-    """Rise of the log-determinant of the information on candidates and named groups by each drive of the menu.
+    """Rise of the log-determinant of the information on effects and named groups by each drive of the menu.
 
     `left` is what the best model leaves, shape (windows,); groups that are not named are a nuisance.
     """
     names = [group.name for group in fit.parameters.groups]
-    of_interest = np.array([name in groups for name in names] + [True] * len(candidates))
+    of_interest = np.array([name in groups for name in names] + [True] * len(effects))
     noise_w = max(noise_of(left, runs.run).long_run, 1e-6 * float(np.abs(runs.observed).max()))
-    known = np.column_stack([fit.jacobian, *(one.column for one in candidates)]) / noise_w
+    known = np.column_stack([fit.jacobian, *(one.column for one in effects)]) / noise_w
     before = known.T @ known + np.eye(known.shape[1])
     windows_a_second = 1.0 / float(np.median(runs.duration_s))
     found = {}
     for manoeuvre in MENU:
-        added = responses(fit, runs, manoeuvre, candidates) / noise_w
-        if candidates and not added[:, len(names) :].any():
+        added = responses(fit, runs, manoeuvre, effects) / noise_w
+        if effects and not added[:, len(names) :].any():
             added = 0.0 * added  # it may settle the groups, but nobody would call a drive without the effect a test
         after = before + windows_a_second * added.T @ added
         found[manoeuvre.id] = _determinant(after, of_interest) - _determinant(before, of_interest)
@@ -85,11 +84,11 @@ def _determinant(information: Array, of_interest: Mask) -> float:
     return float(whole - np.linalg.slogdet(information[np.ix_(~of_interest, ~of_interest)])[1])
 
 
-def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, candidates: Sequence[Candidate]) -> Array:
-    """What the groups (per unit of `scale`) and the candidates add on a drive, shape (samples, groups + candidates)."""
+def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, effects: Sequence[SizedEffect]) -> Array:
+    """What the groups (per unit of `scale`) and the effects add on a drive, shape (samples, groups + effects)."""
     usual_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
     drive = Drive(fit, manoeuvre, runs.unit, usual_c)
-    added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in candidates]
+    added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in effects]
     return np.column_stack([*derivatives(fit.parameters, fit.theta, drive.plain, drive.predict), *added])
 
 
@@ -98,9 +97,9 @@ def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequ
 
     Without rivals: the drive that would determine its size best. `left` is what the best model leaves, (windows,).
     """
-    candidates = [candidate(fit, runs, term) for term in (first, *rivals)]
-    best, gain = _best(gains(fit, runs, left, [one for one in candidates if one.size != 0.0]))
-    worthwhile = gain >= (_SEPARATES if rivals else rules.MEASURES)
+    effects = [at_its_size(fit, runs, term) for term in (first, *rivals)]
+    best, gain = _best(gains(fit, runs, left, [one for one in effects if one.size != 0.0]))
+    worthwhile = gain >= (rules.SEPARATES if rivals else rules.MEASURES)
     # Where a measurement has to tell: of a fault of the instrument before that of physics.
     measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
     advice = best.sentence if worthwhile else measured.measurement
@@ -116,31 +115,29 @@ def _best(found: Mapping[str, float]) -> tuple[Manoeuvre, float]:
     return best, found[best.id]
 
 
-def next_experiment(
-    fit: Refit,
-    runs: Runs,
-    left: Array,
-    estimates: Sequence[Estimate],
-    named: Sequence[tuple[Term, Sequence[Term]]],
-    unexplained: Location | None,
-    enough: bool,
-) -> str | None:
-    """The one thing to do next, or None where nothing is open.
+def next_experiment(evidence: Evidence) -> str | None:
+    """The one thing to do next, or None where nothing is open."""
+    fit, runs, left, named = evidence.fitted, evidence.runs, evidence.left, evidence.naming.named
+    if rivalled := next((one for one in named if one.rivals), None):
+        return to_tell_apart(fit, runs, left, rivalled.term, rivalled.rivals)
+    if evidence.location is not None and not named:
+        return repeat(evidence.location)
+    return to_determine(fit, runs, left, evidence.estimates, evidence.blocks >= rules.FEWEST_BLOCKS)
 
-    `left` is what the best model leaves, shape (windows,); each effect that is `named` comes with its rivals; the
-    mismatch sits where it is `unexplained`; and there is `enough` where the recordings are long enough for a test.
+
+def to_determine(
+    fit: Refit, runs: Runs, left: Array, estimates: Sequence[Estimate], long_enough: bool = True
+) -> str | None:
+    """The drive that determines the groups which recordings leave open, or a longer one if they are too short to test.
+
+    `left` is what the best model leaves, shape (windows,).
     """
-    for first, rivals in named:
-        if rivals:
-            return to_tell_apart(fit, runs, left, first, rivals)
-    if unexplained is not None and not named:
-        return repeat(unexplained)
     open_groups = [one.group for one in estimates if one.fitted is None]
     best, gain = _best(gains(fit, runs, left, [], [group.name for group in open_groups]))
     if open_groups and gain >= rules.MEASURES:
-        longer = "" if enough else ", for five minutes or more"
+        longer = "" if long_enough else ", for five minutes or more"
         return f"To determine {', '.join(group.symbol for group in open_groups)}, {best.sentence}{longer}."
-    return None if enough else "Record the same drive for longer, at least five minutes."
+    return None if long_enough else "Record the same drive for longer, at least five minutes."
 
 
 def repeat(location: Location) -> str:

@@ -16,6 +16,7 @@ from homeward.diagnosis.fit.replay import wheels_mps
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.read.signals import usual_step_s
+from homeward.diagnosis.tell.corrected import rounded
 from homeward.physics.uncertainty import Uncertainty
 
 FittedTo = Literal["nothing", "others", "all"]
@@ -53,25 +54,19 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     fitted_to: FittedTo = "others" if evidence.held_out_by == "run" else "all"
     if handed.holds == "nominal":
         fitted_to = "nothing"
+    at_rest = [one.fitted or one.assumed or 0.0 for one in evidence.estimates if one.group.name == "rest_current"]
     count = len(runs.signals)
     return Uncertainty(
         source=f"diagnose.py, {count} run{'s' if count > 1 else ''}, what was held out by {evidence.held_out_by}",
         fitted=fitted,
         covariance=covariance,
         between_runs=between_runs(left, predicted, runs.run, fitted_to),
-        unexplained=_round(rest_w / mean_w),
-        unexplained_m=_round(correlated_m),
+        unexplained=rounded(rest_w / mean_w),
+        unexplained_m=rounded(correlated_m),
         instruments=_instruments(evidence, mean_w) if runs.unit == "W" else (),
         of="energy" if runs.unit == "W" else "charge",
-        rest_current_a=_rest_current_a(evidence),
+        rest_current_a=rounded(max([0.0, *at_rest])),
     )
-
-
-def _rest_current_a(evidence: Evidence) -> float:
-    for one in evidence.estimates:
-        if one.group.name == "rest_current":
-            return _round(max(one.fitted or one.assumed or 0.0, 0.0))
-    return 0.0
 
 
 def within_runs(left: Array, run: Index) -> tuple[float, float]:
@@ -114,7 +109,7 @@ def between_runs(left: Array, predicted: Array, run: Index, fitted_to: FittedTo)
     wider = float(student.ppf(_COVERED, freedom) / norm.ppf(_COVERED))
     rest, windows = within_runs(left, run)
     within = rest**2 * windows * float(np.mean(1.0 / count))
-    return _round(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(said**2))))
+    return rounded(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(said**2))))
 
 
 def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
@@ -129,7 +124,7 @@ def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tupl
         names = [*names, "capacity"]
         matrix = np.pad(matrix, (0, 1))
         matrix[-1, -1] = sd**2
-    rows = tuple(tuple(_round(value) for value in row) for row in matrix.tolist())
+    rows = tuple(tuple(rounded(value) for value in row) for row in matrix.tolist())
     return tuple(names), rows
 
 
@@ -161,9 +156,5 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
         found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
         found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(one) for one in charges]))
     return tuple(
-        (name, _round(value if name == "reading_s" else min(value, _MOST_INSTRUMENT))) for name, value in found.items()
+        (name, rounded(value if name == "reading_s" else min(value, _MOST_INSTRUMENT))) for name, value in found.items()
     )
-
-
-def _round(value: float) -> float:
-    return float(f"{value:.6g}")

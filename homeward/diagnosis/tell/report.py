@@ -14,17 +14,17 @@ from markupsafe import Markup
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.describe import condition, total_share
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.naming import Naming
-from homeward.diagnosis.explain.places import Place
+from homeward.diagnosis.explain.places import condition, total_share
 from homeward.diagnosis.read.signals import WINDOW_S
-from homeward.diagnosis.tell import words as wording
+from homeward.diagnosis.result import Place
 from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
-from homeward.diagnosis.tell.formats import labels, page, templates
 from homeward.diagnosis.tell.next_drive import GUIDE
+from homeward.diagnosis.tell.notation import labels, page, templates
 from homeward.diagnosis.tell.own_uncertainty import uncertainty_of
+from homeward.diagnosis.tell.words import why_open
 from homeward.files import write_whole
 
 _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
@@ -71,7 +71,7 @@ def corrected_toml(analysis: Analysis) -> str:
     head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
     if not changed:
         head.append("# Nothing was changed.")
-    open_groups = [f"{one.group.symbol} ({wording.why_open(one)})" for one in known if one.fitted is None]
+    open_groups = [f"{one.group.symbol} ({why_open(one)})" for one in known if one.fitted is None]
     if open_groups:
         head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
     if analysis.evidence is not None and analysis.evidence.held:
@@ -106,7 +106,7 @@ def report_html(analysis: Analysis) -> str:
             "shown_runs": shown_runs,
             "conditions": conditions(analysis, evidence),
             "ranking": ranking(evidence.naming),
-            "why_open": wording.why_open,
+            "why_open": why_open,
             "visible": visible,
             "invisible": invisible,
             "window_s": WINDOW_S,

@@ -5,13 +5,13 @@ from pathlib import PurePath
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Evidence
-from homeward.diagnosis.explain.describe import condition, largest, total_share
+from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
 from homeward.diagnosis.fit.doubt import Tells, lasts, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
-from homeward.diagnosis.tell.formats import templates
+from homeward.diagnosis.tell.notation import templates
 
 
 def nothing_usable(findings: Sequence[Finding]) -> str:
@@ -40,7 +40,7 @@ def summary(
             why_open=why_open, place=_place(evidence), excess=_excess(evidence),
             shares=[total_share(added, evidence.runs) for added in evidence.contributions],
             refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-            blocks=int(evidence.block.max()) + 1, usable_energy=USABLE_ENERGY,
+            usable_energy=USABLE_ENERGY,
         )
     )  # fmt: skip
     return " ".join(text.split())
@@ -48,14 +48,11 @@ def summary(
 
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Tells]:
     """What was not recorded, where the best model leaves much that lasts; nothing where all was."""
-    best, model = (
-        fit.arms.get("corrected", fit.arms["refit"]),
-        evidence.predictions.get("corrected", evidence.predictions["refit"]),
-    )
-    lacks = evidence.naming.unrecorded
-    if best.r2 is None or (best.r2 > rules.EXPLAINS and not lacks):
+    best = "corrected" if "corrected" in fit.arms else "refit"
+    r2, left, lacks = fit.arms[best].r2, evidence.runs.observed - evidence.predictions[best], evidence.naming.unrecorded
+    if r2 is None or (r2 > rules.EXPLAINS and not lacks):
         return []
-    return unrecorded(evidence.runs) if lacks or lasts(evidence.runs.observed - model, evidence.runs) else []
+    return unrecorded(evidence.runs) if lacks or lasts(left, evidence.runs) else []
 
 
 def _excess(evidence: Evidence) -> float | None:

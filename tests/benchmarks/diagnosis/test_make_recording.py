@@ -8,7 +8,7 @@ import pandas as pd
 
 from benchmarks.diagnosis.make_recording import packed, record, true_robot
 from homeward.datasets import shipped_recording
-from homeward.diagnosis.synthetic import RESOLUTION
+from homeward.synthetic import RESOLUTION
 
 
 def test_the_shipped_recording_is_what_its_script_makes() -> None:

@@ -8,8 +8,7 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Recording, analyse
-from homeward.diagnosis.explain.dimensionless import candidates
-from homeward.diagnosis.explain.formula import Empirical, Search, propose
+from homeward.diagnosis.explain.formula import Empirical, Search, candidates, propose
 from homeward.diagnosis.explain.residual_test import independent_blocks
 from homeward.diagnosis.fit.fitted import with_columns
 from homeward.diagnosis.fit.folds import cut_folds

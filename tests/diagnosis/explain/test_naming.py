@@ -13,13 +13,13 @@ import pytest
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.change_points import search
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import fit_model
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
-from homeward.diagnosis.fit.replay import WithEffects, average
+from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from tests.diagnosis.tell.test_handover import replay_equals_fit
@@ -125,7 +125,7 @@ def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     runs = average(usable_runs(three, husky)[0])
     fit = refit(runs, husky)
     left = runs.observed - fit.predicted
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, left)
+    setting = Setting.of(fit, runs, left)
     found = search("time", np.ones(len(left)), left, runs, signed=False)
     assert max(one.levels for one in found) > 2
     levels = {one.schedule.levels for one in CATALOGUE["intermittent_load"].forms(setting, True) if one.schedule}
@@ -301,7 +301,7 @@ def test_ground_that_changes_all_the_time_in_places_that_are_met_again_is_no_hyp
         runs = average(usable_runs(recordings, husky)[0])
         fit = refit(runs, husky)
         left = runs.observed - fit.predicted
-        setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, left)
+        setting = Setting.of(fit, runs, left)
         forms = CATALOGUE["surface"].forms(setting, True)
         return {one.schedule.changes for one in forms if one.schedule is not None and one.axis == "time"}
 
@@ -313,7 +313,7 @@ def test_a_size_at_the_bound_of_what_is_physical_is_not_at_work(short_drive: Dri
     heavy = short_drive(husky, effects={"turning": {"scrub": 0.3}})
     runs = average(usable_runs(heavy, husky)[0])
     fit = refit(runs, husky)
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, runs.observed - fit.predicted)
+    setting = Setting.of(fit, runs)
     term = next(one for one in CATALOGUE["turning"].forms(setting, False) if not one.flexible)
     block = cut_blocks(runs.run)
     assert fit_model(fit, [term], runs, block).all_at_work()

@@ -9,12 +9,12 @@ from scipy.signal import lfilter
 
 from homeward import Robot
 from homeward.diagnosis import Recording
-from homeward.diagnosis.explain.hypotheses import terms
+from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting
-from homeward.diagnosis.explain.proof import Base, Bench
+from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import Refit, refit
-from homeward.diagnosis.fit.replay import Runs, WithEffects, average
+from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.rules import FALSE_ALARM_RATE
 
@@ -31,9 +31,8 @@ def fit(drive: Drive, husky: Robot) -> tuple[Refit, Runs]:
 def bench_of(fit: tuple[Refit, Runs], residual: np.ndarray, only: str = "") -> Bench:
     """Hypotheses on a residual of one's own."""
     refitted, runs = fit
-    setting = Setting(runs, refitted.parameters, refitted.theta, WithEffects(), refitted.predicted, residual)
-    found = [one for one in terms(setting) if only in ("", one.axis)]
-    return Bench(Base(refitted.jacobian, *refitted.freedom()), tuple(found), setting, cut_blocks(runs.run, residual))
+    found = [one for one in terms(Setting.of(refitted, runs, residual)) if only in ("", one.axis)]
+    return Bench(refitted, tuple(found), runs, residual, cut_blocks(runs.run, residual))
 
 
 def slow_noise(fit: tuple[Refit, Runs], seed: int, kept: float = 0.8) -> np.ndarray:
@@ -98,8 +97,6 @@ def test_a_base_that_holds_a_hypothesis_leaves_nothing_for_it(fit: tuple[Refit, 
     bench = bench_of(fit, slow_noise(fit, 1), "steady")
     turning = next(index for index, one in enumerate(bench.candidates) if one.effect == "turning")
     column = bench.candidates[turning].columns[:, 0]
-    bench = dataclasses.replace(
-        bench, setting=dataclasses.replace(bench.setting, residual=bench.target + 10.0 * column / np.std(column))
-    )
+    bench = dataclasses.replace(bench, target=bench.target + 10.0 * column / np.std(column))
     assert bench.share(turning) > 0.5
     assert abs(bench.with_base(turning).share(turning)) < 0.01

@@ -8,7 +8,7 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Recording
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.folds import cut_blocks
@@ -86,7 +86,7 @@ def joint_fit(
     """The groups fitted together with that form of an effect which explains most of those that a file can say."""
     fit = refit(runs, robot)
     left = runs.observed - fit.predicted
-    setting = Setting(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, left)
+    setting = Setting.of(fit, runs, left)
     forms = [
         one for one in CATALOGUE[effect].forms(setting, True) if can_be_said(one) and like(one) and one.columns.any()
     ]

@@ -8,14 +8,14 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording
-from homeward.diagnosis.explain.hypotheses import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.menu import MENU, SAMPLES
 from homeward.diagnosis.explain.residual_test import independent_blocks
 from homeward.diagnosis.fit.refit import Refit, estimates, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.tell.next_drive import Candidate, candidate, gains, next_experiment, responses, to_tell_apart
+from homeward.diagnosis.tell.next_drive import SizedEffect, at_its_size, gains, responses, to_determine, to_tell_apart
 from homeward.physics import preset_names, replay
 
 Drive = Callable[..., list[Recording]]
@@ -40,11 +40,11 @@ def known(drive: Drive) -> tuple[Refit, Runs, np.ndarray]:
     return fit, runs, runs.observed - fit.predicted
 
 
-def alike(known: tuple[Refit, Runs, np.ndarray], **sizes: float) -> list[Candidate]:
+def alike(known: tuple[Refit, Runs, np.ndarray], **sizes: float) -> list[SizedEffect]:
     """Effects that the recordings at hand see only together: the same load in the second half of each."""
     _, runs, _ = known
     column = np.where(runs.time_s > 240.0, 20.0, 0.0)
-    return [Candidate(CATALOGUE[effect], size, {}, column) for effect, size in sizes.items()]
+    return [SizedEffect(CATALOGUE[effect], size, {}, column) for effect, size in sizes.items()]
 
 
 def best(found: Mapping[str, float]) -> str:
@@ -68,7 +68,7 @@ def test_every_robot_can_drive_every_manoeuvre(name: str) -> None:
 @pytest.mark.parametrize("effect", BEST)
 def test_an_effect_is_measured_by_the_drive_that_excites_it(effect: str, known: tuple[Refit, Runs, np.ndarray]) -> None:
     manoeuvre, size, shape = BEST[effect]
-    found = gains(*known, [Candidate(CATALOGUE[effect], size, shape, np.zeros_like(known[1].observed))])
+    found = gains(*known, [SizedEffect(CATALOGUE[effect], size, shape, np.zeros_like(known[1].observed))])
     assert best(found) == manoeuvre
     others = [gain for name, gain in found.items() if name != manoeuvre]
     assert found[manoeuvre] > max(others) >= 0.0
@@ -131,7 +131,7 @@ def test_advice_without_rivals_is_the_drive_that_measures_best(known: tuple[Refi
     column = np.where(runs.time_s > 240.0, 30.0, 0.0)
     term = Term(CATALOGUE["standby"], column[:, None] / 30.0, np.array([0.0]), np.array([100.0]), 1)
     observed = dataclasses.replace(runs, observed=runs.observed + column)
-    assert candidate(fit, observed, term).size == pytest.approx(30.0, rel=0.1)
+    assert at_its_size(fit, observed, term).size == pytest.approx(30.0, rel=0.1)
     told = to_tell_apart(fit, observed, left, term, [])
     assert told.startswith("To measure standby better, ") and told.endswith(".")
 
@@ -150,7 +150,7 @@ def test_a_mass_that_level_ground_does_not_show_asks_for_a_slope(drive: Drive, h
     assert "mass" in [one.group.name for one in known if one.fitted is None]
     found = gains(fit, runs, left, [], ["mass"])
     assert best(found) in ("slope", "known_mass")
-    told = next_experiment(fit, runs, left, known, [], None, enough=True)
+    told = to_determine(fit, runs, left, known)
     assert told is not None and "m / Gamma" in told.split(", drive ")[0]
 
 
@@ -167,6 +167,6 @@ def test_motor_current_has_drives_too(husky: Robot) -> None:
     runs = average(usable_runs([Recording("run", "0", channels)], husky)[0])
     fit = refit(runs, husky)
     found = gains(
-        fit, runs, runs.observed - fit.predicted, [Candidate(CATALOGUE["turning"], 0.2, {}, np.zeros(len(runs.run)))]
+        fit, runs, runs.observed - fit.predicted, [SizedEffect(CATALOGUE["turning"], 0.2, {}, np.zeros(len(runs.run)))]
     )
     assert best(found) == "on_the_spot"

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from homeward.diagnosis.explain.hypotheses import ancillaries, battery, drivetrain, forces, instruments
+from homeward.diagnosis.explain.catalogue import ancillaries, battery, drivetrain, forces, instruments
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Setting, Term
 from homeward.physics.effects import EFFECTS
 
@@ -21,14 +21,14 @@ CATALOGUE: Mapping[str, Hypothesis] = {
 """Every hypothesis, by id."""
 
 
-def terms(setting: Setting, leave_out: tuple[str, ...] = (), schedules: bool = True) -> list[Term]:
+def terms(setting: Setting, leave_out: tuple[str, ...] = (), varying: bool = True) -> list[Term]:
     """Every form of every hypothesis that the channels of these runs allow, without effects that are in the model.
 
-    Those whose size changes for no recorded reason are among them only if `schedules` are asked for.
+    Those whose size changes for no recorded reason are among them only if `varying` ones are asked for.
     """
     found: list[Term] = []
     for effect, one in CATALOGUE.items():
         if effect not in leave_out and (setting.runs.unit == "W" or one.of_current):
-            forms = one.forms(setting, schedules)
+            forms = one.forms(setting, varying)
             found += [term for term in forms if np.isfinite(term.columns).all() and term.columns.any()]
     return found

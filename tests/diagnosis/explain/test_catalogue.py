@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from homeward.diagnosis.explain.hypotheses import (
+from homeward.diagnosis.explain.catalogue import (
     CATALOGUE,
     ancillaries,
     battery,
@@ -14,7 +14,7 @@ from homeward.diagnosis.explain.hypotheses import (
     instruments,
 )
 from homeward.diagnosis.explain.hypothesis import CHECKS, Hypothesis
-from homeward.diagnosis.explain.residual_test import CHANNELS
+from homeward.diagnosis.explain.residual_test import TESTED
 from homeward.physics.effects import EFFECTS, Effect, Parameter
 
 NEW = Effect(
@@ -34,7 +34,7 @@ def test_every_hypothesis_has_words_a_check_and_channels_that_are_tested(effect:
     one = CATALOGUE[effect]
     assert one.id == effect and one.entry.sentence.endswith(".") and one.otherwise
     assert one.measurement[0].islower() and "{" not in one.measurement and not one.measurement.endswith(".")
-    assert set(one.channels) <= {channel.name for channel in CHANNELS} | {"wheel_difference_mps"}
+    assert set(one.channels) <= {channel.name for channel in TESTED} | {"wheel_difference_mps"}
     assert one.steady is not None or one.changes is not None
     assert set(one.entry.confused_with) <= set(CATALOGUE)
 
@@ -67,7 +67,7 @@ def test_an_effect_that_says_nothing_of_itself_is_tried_by_its_kind_and_channels
 
 def test_no_other_module_of_the_diagnosis_knows_an_effect_by_its_name(root: Path) -> None:
     folder = root / "homeward" / "diagnosis"
-    files = [file for file in folder.rglob("*.py") if file.parent.name != "hypotheses"]
+    files = [file for file in folder.rglob("*.py") if file.parent.name != "catalogue"]
     assert len(files) > 30
     wrong = [
         f"{file.relative_to(root)}:{node.lineno} says {node.value!r}"

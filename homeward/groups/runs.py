@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from homeward.diagnosis.compare.group_comparison import Comparison, Difference, Quantity, compare, comparison_of
-from homeward.diagnosis.compare.standing import StandingRun, mean_interval, standing_run
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.fit.refit import estimates, standard_errors
 from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.recordings import Recording, RecordingError
-from homeward.diagnosis.tell.formats import interval, number
+from homeward.diagnosis.tell.notation import interval, number
 from homeward.diagnosis.tell.words import why_open
+from homeward.groups.comparison import Comparison, Difference, Quantity, compare, comparison_of
+from homeward.groups.standing import StandingRun, mean_interval, standing_run
 
 _OWN = 0.01  # of a column in a run: with less the run cannot tell it from the others
 _TOO_UNCERTAIN = 0.5  # a standard error of a run's value, over what all runs say or a plausible change
@@ -74,11 +74,11 @@ def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
     runs, fit, effects = evidence.runs, evidence.fitted, _steady_effects(evidence)
     told = estimates(fit, runs, evidence.block)
     index = np.array([j for j, one in enumerate(told) if one.status not in _OPEN], dtype=np.intp)
-    problem, active = fit.parameters, fit.parameters.active()[index]
-    per_step = problem.scale[active] * problem.to_group[index]
+    problem = fit.parameters
+    per_step = (problem.scale * problem.to_group)[index]
     quantities = [Quantity(problem.groups[j].symbol, problem.groups[j].unit) for j in index]
     quantities += [Quantity(f"{name}, relative", "1") for name in effects]
-    centres = np.append(fit.theta[active] * problem.to_group[index], np.zeros(len(effects)))
+    centres = np.append((fit.theta * problem.to_group)[index], np.zeros(len(effects)))
     per_step = np.append(per_step, np.ones(len(effects)))
     sizes = np.maximum(np.abs(centres / per_step), 1.0)
     table = np.column_stack([*fit.jacobian[:, index].T, *effects.values()])

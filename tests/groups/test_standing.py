@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from homeward.datasets import DATASETS, fetch
 from homeward.diagnosis import Recording, RecordingError, load_columns, read_recording
-from homeward.diagnosis.compare.standing import mean_interval, standing_run, stands
+from homeward.groups.standing import mean_interval, standing_run, stands
 
 Array = NDArray[np.float64]
 

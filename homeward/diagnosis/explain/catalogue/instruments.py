@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.hypotheses.battery import share_of_the_drive
+from homeward.diagnosis.explain.catalogue.battery import share_of_the_drive
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.read.signals import usual_step_s
@@ -95,7 +95,7 @@ HYPOTHESES = (
         changes="once",
         signed=True,
         load=everywhere,
-        scheduled=_also_creeping,
+        varying=_also_creeping,
         check="read a clamp meter on the battery lead with the robot switched off: the log must show the same",
         on_drive=lambda one, drive, size, shape: np.full(len(drive.plain), size),  # also when everything is off
     ),

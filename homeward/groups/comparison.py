@@ -16,10 +16,10 @@ from typing import Literal
 import numpy as np
 from scipy.stats import t as student
 
-from homeward.diagnosis.compare.standing import mean_interval
 from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.tell.formats import interval, number
+from homeward.diagnosis.tell.notation import interval, number
+from homeward.groups.standing import mean_interval
 
 SCHEMA = 1
 LEVEL = 0.05

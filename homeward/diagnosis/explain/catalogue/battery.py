@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term, level_name, temperatures
+from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term, temperatures
 from homeward.diagnosis.explain.menu import Drive
 from homeward.diagnosis.read.channels import Array
 from homeward.physics.effects import ageing, breakaway, cold_battery, internal_resistance, rate_capacity
@@ -36,11 +36,6 @@ def _starts(one: Hypothesis, setting: Setting) -> Iterator[Term]:
             moved[:windows] = 0.0
             later[:, step] += moved / (end - start)
     yield Term(one, later, *one.limits(len(_ENDS) - 1, signed=False), fixed=True, flexible=True)
-
-
-def _start_names(term: Term) -> list[tuple[str, str]]:
-    sizes = term.columns.shape[1]
-    return [(level_name(_START_J.name, size, sizes), _START_J.unit) for size in range(sizes)]
 
 
 def share_of_the_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
@@ -81,7 +76,6 @@ HYPOTHESES = (
     Hypothesis(
         breakaway.EFFECT,
         steady=_starts,
-        size_names=_start_names,
         shown_by=(),
         otherwise="at every start from standstill",
         check="pull the robot with a spring balance until it starts to roll",

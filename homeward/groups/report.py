@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from homeward.diagnosis.compare.group_comparison import Comparison
 from homeward.diagnosis.tell.figures import embedded
-from homeward.diagnosis.tell.formats import interval, number, page, templates
+from homeward.diagnosis.tell.notation import interval, number, page, templates
 from homeward.diagnosis.tell.report import write_texts
 from homeward.diagnosis.tell.terminal import plain, say
+from homeward.groups.comparison import Comparison
 
 
 def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
@@ -64,7 +64,7 @@ def _page(comparison: Comparison) -> str:
     quantities = dict.fromkeys((one.quantity, one.unit) for one in comparison.levels)
     figures = [(*one, _figure(comparison, one[0], f"group-{i}")) for i, one in enumerate(quantities)]
     return page(
-        templates(), "groups.html", comparison=comparison, figures=figures,
+        templates(package="homeward.groups"), "groups.html", comparison=comparison, figures=figures,
         verdict=comparison.verdict.replace("_", " ").capitalize(),
         plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
     )  # fmt: skip

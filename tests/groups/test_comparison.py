@@ -14,16 +14,16 @@ import pytest
 from numpy.typing import NDArray
 
 import diagnose
-from homeward import Robot
-from homeward.diagnosis import Recording, RecordingError, synthetic
-from homeward.diagnosis.compare.group_comparison import Quantity, compare
-from homeward.diagnosis.compare.group_runs import compare_standing, values_of_runs
+from homeward import Robot, synthetic
+from homeward.diagnosis import Recording, RecordingError
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.residual_test import independent_blocks
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
-from tests.diagnosis.compare.test_standing import noise, standing
+from homeward.groups.comparison import Quantity, compare
+from homeward.groups.runs import compare_standing, values_of_runs
+from tests.groups.test_standing import noise, standing
 
 POWER = Quantity("P_anc", "W")
 SIX = [name for name in "abcdef" for _ in range(3)]

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
-from homeward.diagnosis.read.channels import Array
 from homeward.physics import Robot, replay
+
+Array = NDArray[np.float64]
 
 STEP_S = 0.1
 SAMPLES = 4800

@@ -1,1 +1,0 @@
-"""Groups of runs and robots that stand: what differs between them."""
