@@ -1,8 +1,9 @@
 """Say which physics a robot's simulator lacks, from recordings of the robot.
 
 `homeward diagnose RUN... --robot PRESET_OR_TOML [--columns MAP] --out DIR`, in a checkout also `python diagnose.py`,
-writes DIR/diagnosis.json, DIR/report.html and DIR/corrected.toml. RUN is a table or a ROS bag, read without ROS.
-Without RUN it diagnoses the recording that ships with the project.
+writes DIR/diagnosis.json, DIR/report.html, DIR/corrected.toml, and recorded and predicted power over time as
+DIR/series.parquet and DIR/series.mcap. RUN is a table, a ROS bag, read without ROS, or a log of PX4, ArduPilot or VESC
+Tool. Without RUN it diagnoses the recording that ships with the project.
 
 `--group NAME=RUNS --group NAME=RUNS` says which parameter or effect differs between groups of runs and writes
 DIR/groups.json and DIR/groups.html.
@@ -28,11 +29,13 @@ from homeward.diagnosis.chain import STAGES
 from homeward.diagnosis.read.bags import is_bag
 from homeward.diagnosis.tell import terminal
 from homeward.diagnosis.tell.report import check_writable, write_outputs
+from homeward.diagnosis.tell.series import MCAP
 from homeward.groups.comparison import Comparison
 from homeward.groups.inputs import Grouped, grouped_runs
 from homeward.groups.report import show_groups, write_groups
 from homeward.groups.runs import compare_driving, compare_standing
 from homeward.groups.standing import stands
+from homeward.installed import advice
 from homeward.physics import RobotError
 
 ASSUMED = "husky"
@@ -46,8 +49,8 @@ class Args:
     """What to diagnose."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each; none:
-    the one that ships with the project."""
+    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a ROS 2 bag), one run
+    each; none: the one that ships with the project."""
     group: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """NAME=RUNS: a group to compare with others, given once per group or run. RUNS are paths or patterns with commas
     between them, or a group of a data set, such as EE2=turtlebot3_tactics/EE2."""
@@ -61,7 +64,7 @@ class Args:
     dataset: str | None = None
     """Public data set to fetch instead of RUN, or a group of it, such as husky_borealtc/FLOORING."""
     out: Path = Path("runs/diagnosis")
-    """Folder for diagnosis.json, report.html and corrected.toml; of groups also groups.json and groups.html."""
+    """Folder for diagnosis.json, report.html, corrected.toml and series; of groups also groups.json and groups.html."""
     seed: int = 0
     """Seed of the bootstrap draws."""
 
@@ -174,6 +177,8 @@ def _print(analysis: Analysis, recordings: list[Recording], written: list[Path])
             print(cli.printable(f"{Path(one.recording).name}: {one.text}"), file=sys.stderr)
     console = cli.Terminal()
     terminal.show(analysis, console)
+    if analysis.evidence is not None and not any(path.name == MCAP for path in written):
+        print(f"no {MCAP}, which needs rosbags: {advice('logs', 'rosbags')}", file=sys.stderr)
     report = next(path for path in written if path.suffix == ".html")
     console.print(f"Report: {report}", soft_wrap=True)
 

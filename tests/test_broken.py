@@ -29,6 +29,7 @@ LOADERS: dict[str, tuple[Callable[[Path], Any], type[Exception]]] = {
     "parquet": (read_recording, RecordingError),
     "ros1": (read_recording, RecordingError),
     "ros2": (read_recording, RecordingError),
+    "ardupilot": (read_recording, RecordingError),
     "columns": (load_columns, RecordingError),
     "topics": (load_topics, RecordingError),
     "proposal": (propose, RecordingError),

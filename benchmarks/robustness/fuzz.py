@@ -140,6 +140,9 @@ def targets() -> dict[str, Target]:
         "bag MCAP": Target(read_recording, ".mcap", recording, lambda: _bag_seeds("mcap")),
         "bag ROS 1": Target(read_recording, ".bag", recording, lambda: _bag_seeds("ros1")),
         "bag sqlite3": Target(read_recording, ".db3", recording, lambda: _bag_seeds("sqlite3")),
+        "log PX4": Target(read_recording, ".ulg", recording, lambda: [_flight_seeds()[0]]),
+        "log ArduPilot": Target(read_recording, ".bin", recording, lambda: [_flight_seeds()[1]]),
+        "log VESC Tool": Target(read_recording, ".csv", recording, lambda: [_vesc_tool()]),
         "mapping of columns": Target(load_columns, ".toml", recording, lambda: _files(f"{maps}/maps/*.toml"), True),
         "mapping of topics": Target(load_topics, ".toml", recording, lambda: _files(f"{maps}/bags/maps/*.toml"), True),
         "proposal of a mapping": Target(propose, ".csv", recording, lambda: [*_recording_seeds(), *_foreign_seeds()]),
@@ -220,6 +223,31 @@ def _bag_seeds(form: str) -> list[bytes]:
             files = [bag] if bag.is_file() else [one for one in bag.iterdir() if one.suffix in (".mcap", ".db3")]
             seeds += [one.read_bytes() for one in files]
     return seeds
+
+
+def _flight_seeds() -> tuple[bytes, bytes]:
+    """Logs of PX4 and of ArduPilot."""
+    from tests.diagnosis.read.flight_writer import write_dataflash, write_ulog
+
+    time_s = np.arange(0.0, 8.0, 0.5)
+    speed, current = 0.5 + 0.1 * np.sin(time_s), 3.0 + time_s
+    battery = {"voltage_v": 24.0, "current_a": current, "remaining": 0.9}
+    position = {"vx": speed, "vy": 0.0, "z": 1.0, "heading": 0.0, "v_xy_valid": True, "z_valid": True}
+    attitude = {"q[0]": 1.0, "q[1]": 0.0, "q[2]": 0.0, "q[3]": 0.0}
+    px4 = {"battery_status": battery, "vehicle_local_position": position, "vehicle_attitude": attitude}
+    ardupilot = {"BAT": {"Volt": 24.0, "Curr": current}, "THR": {"Speed": speed}, "ATT": {"Pitch": speed}}
+    with tempfile.TemporaryDirectory() as folder:
+        paths = (
+            write_ulog(Path(folder) / "run.ulg", {name: (time_s, one) for name, one in px4.items()}),
+            write_dataflash(Path(folder) / "run.bin", [(name, time_s, one) for name, one in ardupilot.items()]),
+        )
+        return paths[0].read_bytes(), paths[1].read_bytes()
+
+
+def _vesc_tool() -> bytes:
+    """What is read of a log of VESC Tool."""
+    names = b"ms_today;input_voltage;current_motor;current_in_setup;speed_meters_per_sec;num_vescs;\n"
+    return names + b"".join(b"%d;38.1;20.5;4.1;%.2f;2;\n" % (68209883 + 50 * i, 1.5 - 0.01 * i) for i in range(60))
 
 
 _BREAK = b"\n--policy--\n"

@@ -29,7 +29,7 @@ from rich.table import Table
 from homeward import cli, installed, quantities
 from homeward.companion import CompanionError
 from homeward.diagnosis import RecordingError, read_recording
-from homeward.diagnosis.tell.report import check_writable, write_texts
+from homeward.diagnosis.tell.report import check_writable, write_files
 from homeward.physics import RobotError, load_robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.live import LiveView
@@ -43,8 +43,8 @@ class Args:
     """What to watch."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Recordings (.csv, .csv.gz, .tsv, .txt, .parquet, .bag, .mcap, .db3 or the folder of a ROS 2 bag), one run each;
-    none with --ros2."""
+    """Recordings (.csv, .csv.gz, .tsv, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a ROS 2 bag), one
+    run each; none with --ros2."""
     robot: str
     """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
     columns: str | None = None
@@ -102,7 +102,7 @@ def main(args: Args) -> list[Watched]:
     for text in runs[0].rests_on:
         console.print(Padding(text, (0, 0, 0, 2)), style="dim")
     texts = {"watch.html": watch_html(runs, robot), "watch.csv": moments_of(runs).to_csv(index=False)}
-    page = write_texts(args.out, texts)[0]
+    page = write_files(args.out, texts)[0]
     console.print(f"Page: {page}", soft_wrap=True)
     return runs
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from homeward.diagnosis.tell.figures import embedded
 from homeward.diagnosis.tell.notation import interval, number, page, templates
-from homeward.diagnosis.tell.report import write_texts
+from homeward.diagnosis.tell.report import write_files
 from homeward.diagnosis.tell.terminal import plain, say
 from homeward.groups.comparison import Comparison
 
@@ -22,7 +22,7 @@ def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
     Raises:
         OSError: The folder cannot be written to.
     """
-    return write_texts(folder, {"groups.json": comparison.to_json(), "groups.html": _page(comparison)})
+    return write_files(folder, {"groups.json": comparison.to_json(), "groups.html": _page(comparison)})
 
 
 def show_groups(comparison: Comparison, console: Console) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -14,6 +14,8 @@ import pandas as pd
 
 from homeward.diagnosis.read.channels import CHANNELS
 from homeward.files import STANDARD_INPUT, read_toml
+
+_MAPS = files("homeward.diagnosis.read") / "maps"
 
 
 class RecordingError(ValueError):
@@ -48,6 +50,8 @@ class Columns:
     header: tuple[str, ...] = ()  # names of the columns of files without a line of names
     sample_hz: float | None = None  # of files without time stamps
     stamp: str | None = None  # column of time stamps that repeat within a second
+    known_by_columns: bool = False  # whether a table that has them all needs no one to name the mapping
+    unknown_if_zero: tuple[str, ...] = ()  # channels that a file lacks where they are 0 throughout
 
     def file_columns(self) -> list[str]:
         """Names of the columns that are read from the file."""
@@ -68,7 +72,9 @@ class Columns:
             channels["time_s"] = table.index.to_series() / self.sample_hz
         for channel, source in self.sources.items():
             of_stamps = channel == "time_s" and self.stamp is not None
-            channels[channel] = _spread(table[self.stamp]) if of_stamps else source.of(table)
+            values = _spread(table[self.stamp]) if of_stamps else source.of(table)
+            if channel not in self.unknown_if_zero or values.any():
+                channels[channel] = values
         return pd.DataFrame(channels).assign(**self.constants)
 
 
@@ -138,7 +144,8 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     lacks and that did not vary; and optionally `separator` and `decimal`, which the file shows otherwise. `header`, a
     list of names, is for files without a line of names: their broken lines are left out. `sample_hz` stands for time
     stamps that a file lacks. `time_s = { column = NAME, whole_seconds = true }` is for stamps of whole seconds, numbers
-    or HH:MM:SS: the samples of a second are spread evenly over it.
+    or HH:MM:SS: the samples of a second are spread evenly over it. `unknown_if_zero` lists channels that a file lacks
+    where they are zero throughout. `known_by_columns = true` is for mappings that ship, see `known_columns`.
 
     Raises:
         RecordingError: Unknown name, unreadable file or a wrong entry.
@@ -148,8 +155,17 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     """
     if isinstance(mapping, Columns):
         return mapping
-    known = {"columns", "constants", "separator", "decimal", "header", "sample_hz"}
-    data = read_mapping("mapping", mapping, files("homeward.diagnosis.read") / "maps", known)
+    known = {
+        "columns",
+        "constants",
+        "separator",
+        "decimal",
+        "header",
+        "sample_hz",
+        "known_by_columns",
+        "unknown_if_zero",
+    }
+    data = read_mapping("mapping", mapping, _MAPS, known)
     name, columns, constants = str(mapping), data.get("columns"), data.get("constants", {})
     header, sample_hz = data.get("header", []), data.get("sample_hz")
     if sample_hz is not None and not _is_number(sample_hz):
@@ -160,6 +176,9 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         raise RecordingError(f"{name}: needs a table [columns] with at least time_s, or with sample_hz instead of it")
     if not isinstance(header, list) or not all(isinstance(one, str) for one in header) or len({*header}) < len(header):
         raise RecordingError(f"{name}: header = {header!r} is not a list of different names")
+    unknown_if_zero = data.get("unknown_if_zero", [])
+    if not isinstance(unknown_if_zero, list) or not {*map(str, unknown_if_zero)} <= {*columns}:
+        raise RecordingError(f"{name}: unknown_if_zero = {unknown_if_zero!r} is not a list of channels in [columns]")
     separator, decimal = data.get("separator"), data.get("decimal")
     if separator is not None and not (isinstance(separator, str) and len(separator) == 1 and separator not in '\r\n"'):
         raise RecordingError(f'{name}: separator = {separator!r} is not one character, such as ";"')
@@ -188,7 +207,16 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
             entry, stamp = column, column["column"] if spread else stamp
         sources[channel] = source_of(where, entry, "column")
     numbers = {channel: float(value) for channel, value in constants.items()}
-    return Columns(name, sources, numbers, separator, decimal, tuple(header), sample_hz, stamp)
+    alone = data.get("known_by_columns") is True
+    return Columns(
+        name, sources, numbers, separator, decimal, tuple(header), sample_hz, stamp, alone, tuple(unknown_if_zero)
+    )
+
+
+def known_columns(header: Collection[str]) -> Columns | None:
+    """The mapping that ships for the program that writes tables with these columns; None where there is none."""
+    mappings = map(load_columns, shipped(_MAPS))
+    return next((one for one in mappings if one.known_by_columns and {*one.file_columns()} <= {*header}), None)
 
 
 def numeric(column: pd.Series[Any]) -> pd.Series[Any]:

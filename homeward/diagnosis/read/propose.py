@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from homeward.diagnosis.read import tables
 from homeward.diagnosis.read.channels import CHANNELS, Array
-from homeward.diagnosis.read.columns import RecordingError, numeric
+from homeward.diagnosis.read.columns import RecordingError, known_columns, numeric
 from homeward.diagnosis.read.times import from_iso, from_time_of_day
 from homeward.files import open_regular
 
@@ -132,7 +132,9 @@ def propose(path: str | Path) -> Proposal:
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     try:
-        offered = [guess for name in header for guess in _guesses(name, table[name], units.get(name, ""))]
+        offered = _by_program(header, table) or [
+            guess for name in header for guess in _guesses(name, table[name], units.get(name, ""))
+        ]
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     chosen: dict[str, Guess] = {}
@@ -168,6 +170,18 @@ def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], di
     pieces = text.pieces(names)
     units = dict(zip(text.header, text.units, strict=False))
     return names, next(pieces, pd.DataFrame(columns=names)).iloc[:_ROWS], text.notes, units
+
+
+def _by_program(header: list[str], table: pd.DataFrame) -> list[Guess]:
+    """The columns of the program that wrote the table, where its mapping ships."""
+    if (mapping := known_columns(header)) is None:
+        return []
+    return [
+        Guess(column, channel, factor, source.offset, 0, f"the mapping {mapping.name} that ships")
+        for channel, source in mapping.sources.items()
+        for column, factor in source.terms
+        if channel not in mapping.unknown_if_zero or table[column].any()
+    ]
 
 
 def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:

@@ -16,9 +16,9 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from homeward.diagnosis.read import tables
-from homeward.diagnosis.read.bags import is_bag, sha256, storage_files
+from homeward.diagnosis.read.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
 from homeward.diagnosis.read.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
-from homeward.diagnosis.read.columns import Columns, RecordingError, load_columns, numeric
+from homeward.diagnosis.read.columns import Columns, RecordingError, known_columns, load_columns, numeric
 from homeward.diagnosis.read.times import LONGEST_STEP_S, from_epoch, from_iso, from_time_of_day
 from homeward.files import STANDARD_INPUT, open_regular
 from homeward.installed import advice
@@ -43,13 +43,15 @@ class Recording:
     """One run of one robot.
 
     `channels` maps names of the schema to float64 arrays of shape (n,) in SI units; a value that was not recorded is
-    NaN. `notes` says what reading left out.
+    NaN. `notes` says what reading left out. `start_s` is what `time_s` lacks of the time since 1970, s; 0 where that is
+    not known.
     """
 
     name: str
     sha256: str
     channels: Mapping[str, Array]
     notes: tuple[str, ...] = ()
+    start_s: float = 0.0
 
     def __len__(self) -> int:
         return len(self.channels["time_s"])
@@ -67,10 +69,11 @@ def read_recording(
     """Read a recording in the project's schema, or a foreign one through a mapping.
 
     Args:
-        path: A .csv, .csv.gz, .tsv, .txt or .parquet file, or a bag: .bag, .mcap, .db3, or the folder of a ROS 2 bag.
-            One file or folder is one run. "-" is standard input.
-        columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag it names topics, see
+        path: A .csv, .csv.gz, .tsv, .txt or .parquet file, a bag (.bag, .mcap, .db3, or the folder of a ROS 2 bag) or a
+            log of an autopilot (.ulg, .bin). One file or folder is one run. "-" is standard input.
+        columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag or log it names topics, see
             `homeward.diagnosis.read.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
+            A table that VESC Tool wrote needs none.
         standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
 
     Raises:
@@ -83,8 +86,8 @@ def read_recording(
     bag = path.exists() and is_bag(path)
     mapping = None if bag or columns is None else load_columns(columns)
     try:
-        table, notes = _read_bag(path, columns) if bag else _read_table(path, mapping, standing)
-        return Recording(str(path), sha256(path), _checked(table, notes), tuple(notes))
+        table, notes, start_s = _read_bag(path, columns) if bag else (*_read_table(path, mapping, standing), 0.0)
+        return Recording(str(path), sha256(path), _checked(table, notes), tuple(notes), start_s)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
     except RecordingError as error:
@@ -109,7 +112,7 @@ def _read_standard_input(columns: str | Path | Columns | None, standing: bool) -
             raise RecordingError(str(error).replace(str(path), "standard input")) from None
 
 
-def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.DataFrame, list[str]]:
+def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.DataFrame, list[str], float]:
     if not all(file.is_file() for file in storage_files(path)):
         raise RecordingError("is a pipe or device; a bag is a file")
     if isinstance(mapping, Columns):
@@ -130,7 +133,9 @@ def _read_table(path: Path, mapping: Columns | None, standing: bool) -> tuple[pd
     if not path.is_file():
         raise RecordingError("is a pipe or device; give a file, or - for standard input")
     if suffix is None:
-        raise RecordingError(f"unknown kind of file; a recording is {', '.join(_SUFFIXES)} or a bag")
+        raise RecordingError(
+            f"unknown kind of file; a recording is {', '.join((*_SUFFIXES, *FLIGHT_SUFFIXES))} or a bag"
+        )
     if path.stat().st_size == 0:
         raise RecordingError("is empty")
     notes: list[str] = []
@@ -140,7 +145,6 @@ def _read_table(path: Path, mapping: Columns | None, standing: bool) -> tuple[pd
         table = _read_without_header(path, mapping, notes)
     else:
         table = _read_csv(path, mapping, standing, notes)
-    table = table if mapping is None else mapping.apply(table)
     if standing and not first_set(MOTION, [*map(str, table.columns)]):
         table = table.assign(speed_mps=0.0)
     return table, notes
@@ -170,7 +174,7 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
         raise RecordingError(f"{broken} of {count} lines do not hold {meant}")
     if broken:
         notes.append(f"{broken} broken lines are left out")
-    return pd.DataFrame(whole, index=numbers)
+    return mapping.apply(pd.DataFrame(whole, index=numbers))
 
 
 def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> list[float | str] | None:
@@ -185,12 +189,14 @@ def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> l
 def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
     told = mapping or Columns("", {}, {})
     table = tables.sniff(path, told.separator, told.decimal)
+    if mapping is None and (mapping := known_columns(table.header)) is not None:
+        notes.append(f"mapping {mapping.name}, known by the names of the columns")
     wanted = _wanted(table.header, mapping, standing)
     dated: list[str] = []
     pieces = [_in_numbers(piece, mapping, dated) for piece in table.pieces(wanted)]
     if how := (*table.notes, *dict.fromkeys(dated)):
         notes.append(f"read with {', '.join(how)}")
-    return pd.concat(pieces) if pieces else pd.DataFrame(columns=wanted, dtype=np.float64)
+    return _joined(pieces, wanted, mapping)
 
 
 def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
@@ -207,7 +213,13 @@ def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: li
         message = (str(error).splitlines() or [""])[0][:200]
         raise RecordingError(f"is not a whole Parquet file ({message}); copy or record it again") from error
     notes += [f"read with {one}" for one in dict.fromkeys(dated)]
-    return pd.concat(pieces) if pieces else pd.DataFrame(columns=wanted, dtype=np.float64)
+    return _joined(pieces, wanted, mapping)
+
+
+def _joined(pieces: Sequence[pd.DataFrame], wanted: list[str], mapping: Columns | None) -> pd.DataFrame:
+    """Pieces of a table as one, of channels where there is a mapping."""
+    table = pd.concat(pieces) if pieces else pd.DataFrame(columns=wanted, dtype=np.float64)
+    return table if mapping is None else mapping.apply(table)
 
 
 def _batches(file: pq.ParquetFile, wanted: Sequence[str]) -> Iterator[pd.DataFrame]:

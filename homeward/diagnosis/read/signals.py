@@ -65,6 +65,7 @@ class Signals:
     odometer_scale: float = 0.0  # relative error of the recorded speed, by a recorded distance; it is set right
     at_terminals: bool = False  # whether `observed` is voltage times current: what a battery loses inside is not in it
     error: Mapping[str, float] = field(default_factory=dict)  # standard deviation of a channel's error over windows
+    start_s: float = 0.0  # added to `time_s` for the time since 1970, where it is known
 
     def only(self, chosen: Mask) -> Signals:
         """The run with these samples only."""
@@ -116,7 +117,7 @@ def signals(
         recording.name, unit, time_s, speed, accel, nothing if grade is None else grade,
         kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),
         kept.get("base_distance_m", nothing), direction, observed, context, tuple(filled), scale,
-        unit == "W" and "power_w" not in given, error,
+        unit == "W" and "power_w" not in given, error, recording.start_s,
     )  # fmt: skip
     when = time_s + (slope_late_s if grade is not None else 0.0)
     there = (when >= time_s[0]) & (when <= time_s[-1])  # the slope of the last moments came too late to be recorded

@@ -44,6 +44,11 @@ def from_time_of_day(column: pd.Series[Any]) -> pd.Series[Any] | None:
     return pd.to_timedelta(texts, errors="coerce").dt.total_seconds()
 
 
+def is_epoch(time_s: float) -> bool:
+    """Whether a time counts from 1970, and not from the start of a drive or of a computer."""
+    return _EPOCH_S[0] < time_s < _EPOCH_S[1]
+
+
 def from_epoch(time_s: Array) -> tuple[Array, str | None]:
     """Seconds of counts since 1970 in s, ms, us or ns, and the unit if it was not s; other times as they are.
 
@@ -53,6 +58,6 @@ def from_epoch(time_s: Array) -> tuple[Array, str | None]:
     first = float(time_s[0]) if len(time_s) else np.nan
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     for unit, factor in _UNITS:
-        if _EPOCH_S[0] < first * factor < _EPOCH_S[1] and step * factor <= LONGEST_STEP_S:
+        if is_epoch(first * factor) and step * factor <= LONGEST_STEP_S:
             return time_s * factor, unit if factor != 1.0 else None
     return time_s, None

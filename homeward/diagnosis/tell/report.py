@@ -1,4 +1,4 @@
-"""What is written to the output folder: diagnosis.json, corrected.toml and a self-contained report.html."""
+"""What is written to the output folder: diagnosis.json, corrected.toml, a self-contained report.html, time series."""
 
 import dataclasses
 import hashlib
@@ -24,6 +24,7 @@ from homeward.diagnosis.tell.figures import conditions, time_figure
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.notation import labels, page, templates
 from homeward.diagnosis.tell.own_uncertainty import uncertainty_of
+from homeward.diagnosis.tell.series import MCAP, PARQUET, mcap, parquet, series
 from homeward.diagnosis.tell.words import why_open
 from homeward.files import write_whole
 
@@ -31,16 +32,26 @@ _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
 
 
 def write_outputs(analysis: Analysis, folder: str | Path) -> list[Path]:
-    """Write diagnosis.json, corrected.toml and report.html, each whole or not at all.
+    """Write diagnosis.json, corrected.toml, report.html and, of usable runs, series.parquet and series.mcap, each whole
+    or not at all; no series.mcap where `rosbags` is not installed.
 
     Raises:
         OSError: The folder cannot be written to.
     """
-    texts = {"diagnosis.json": analysis.diagnosis.to_json(), "corrected.toml": corrected_toml(analysis)}
-    return write_texts(folder, {**texts, "report.html": report_html(analysis)})
+    files: dict[str, str | bytes] = {
+        "diagnosis.json": analysis.diagnosis.to_json(),
+        "corrected.toml": corrected_toml(analysis),
+        "report.html": report_html(analysis),
+    }
+    if analysis.evidence is not None:
+        table = series(analysis.evidence)
+        files[PARQUET] = parquet(table)
+        if (content := mcap(table)) is not None:
+            files[MCAP] = content
+    return write_files(folder, files)
 
 
-def write_texts(folder: str | Path, texts: Mapping[str, str]) -> list[Path]:
+def write_files(folder: str | Path, files: Mapping[str, str | bytes]) -> list[Path]:
     """Write files of a folder by name, each whole or not at all.
 
     Raises:
@@ -48,9 +59,9 @@ def write_texts(folder: str | Path, texts: Mapping[str, str]) -> list[Path]:
     """
     folder = Path(folder)
     check_writable(folder)
-    for name, text in texts.items():
-        write_whole(folder / name, text)
-    return [folder / name for name in texts]
+    for name, content in files.items():
+        write_whole(folder / name, content)
+    return [folder / name for name in files]
 
 
 def check_writable(folder: str | Path) -> None:

@@ -19,11 +19,13 @@ from hypothesis import strategies as st
 pytest.importorskip("rosbags")
 
 import diagnose
+from homeward import load_robot
 from homeward.diagnosis import Analysis, Recording, RecordingError, read_recording
 from homeward.diagnosis.read.bags import clock
 from homeward.diagnosis.read.bags.messages import WrongField, getter, shipped_definitions
 from homeward.diagnosis.read.bags.topics import load_topics, shipped_topics
-from tests.diagnosis.read.bag_writer import KINDS, Array, Stream, write_bag
+from homeward.diagnosis.read.signals import signals
+from tests.diagnosis.read.bag_writer import KINDS, START_S, Array, Stream, write_bag
 
 DEFINITIONS = {**shipped_definitions()[0]}
 OLDER = shipped_definitions()[1]
@@ -489,7 +491,7 @@ def test_wrong_mappings(tmp_path: Path, text: str, says: str) -> None:
 
 
 def test_unknown_mappings_name_those_that_ship() -> None:
-    with pytest.raises(RecordingError, match="any_robot, husky, jackal, turtlebot"):
+    with pytest.raises(RecordingError, match="any_robot, ardupilot, husky, jackal, px4, turtlebot"):
         load_topics("roomba")
     assert all(load_topics(name).topics for name in shipped_topics())
 
@@ -527,6 +529,15 @@ def test_nothing_is_carried_across_a_gap() -> None:
     inside = (ticks > 4.9) & (ticks < 15.1)
     assert np.isnan(values[inside]).all() and np.isfinite(values[~inside & (ticks < 19.5)]).all()
     np.testing.assert_allclose(values[2:9], ticks[2:9], atol=0.06)
+
+
+def test_a_recording_of_a_bag_knows_when_it_began(tmp_path: Path) -> None:
+    began = {"/status": HUSKY["/status"], "/odometry/filtered": HUSKY["/odometry/filtered"]}
+    recording = read_recording(write_bag(tmp_path, "mcap", began))
+    first_s = max(float(stream.time_s[0]) for stream in began.values())
+    assert recording.start_s == pytest.approx(START_S + first_s, abs=0.2)
+    assert recording.channels["time_s"][0] == 0.0
+    assert signals(recording, load_robot("husky")).start_s == recording.start_s
 
 
 def test_a_missing_package_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

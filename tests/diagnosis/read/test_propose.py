@@ -133,3 +133,16 @@ def test_a_channel_that_is_negative_is_turned(tmp_path: Path) -> None:
 def test_dates_that_are_none_are_left_over_with_the_reason(tmp_path: Path, stamp: str) -> None:
     TRUTH.assign(time=stamp).drop(columns="time_s").to_csv(tmp_path / "run.csv", index=False)
     assert "neither numbers nor times such as 2024-05-01T" in propose(tmp_path / "run.csv").left_over["time"]
+
+
+def test_what_a_program_wrote_goes_by_its_mapping(tmp_path: Path) -> None:
+    mapping = load_columns("vesc_tool")
+    names = [*mapping.file_columns(), "current_motor"]
+    table = pd.DataFrame(np.outer(np.arange(1, 101), np.ones(len(names))), columns=names)
+    table.to_csv(tmp_path / "run.csv", sep=";", index=False)
+    guesses = propose(tmp_path / "run.csv").guesses
+    assert {one.channel: one.column for one in guesses} == {
+        channel: source.terms[0][0] for channel, source in mapping.sources.items()
+    }
+    table.assign(speed_meters_per_sec=0.0).to_csv(tmp_path / "run.csv", sep=";", index=False)
+    assert "speed_meters_per_sec" in propose(tmp_path / "run.csv").left_over

@@ -376,6 +376,8 @@ def test_mapping_applies_factors_sums_and_constants(tmp_path: Path) -> None:
         ("columns = " + "[" * 50 + "]" * 50, "nested too deeply"),
         ("a" + ".a" * 100000 + " = 1", "too many dots"),
         ("rows = 1\n[columns]\ntime_s = 't'", "rows is not a known entry"),
+        ("unknown_if_zero = 'speed_mps'\n[columns]\ntime_s = 't'", "unknown_if_zero = 'speed_mps' is not a list"),
+        ("unknown_if_zero = [[]]\n[columns]\ntime_s = 't'", "unknown_if_zero = [[]] is not a list of channels"),
     ],
 )
 def test_wrong_mappings(tmp_path: Path, text: str, said: str) -> None:
@@ -383,6 +385,60 @@ def test_wrong_mappings(tmp_path: Path, text: str, said: str) -> None:
     path.write_text(text)
     with pytest.raises(RecordingError, match=said.replace("[", r"\[")):
         load_columns(path)
+
+
+VESC_TOOL = (  # the line of names that vescinterface.cpp writes, with its last semicolon
+    "ms_today;input_voltage;temp_mos_max;temp_mos_1;temp_mos_2;temp_mos_3;temp_motor;current_motor;current_in;"
+    "d_axis_current;q_axis_current;erpm;duty_cycle;amp_hours_used;amp_hours_charged;watt_hours_used;watt_hours_charged;"
+    "tachometer;tachometer_abs;encoder_position;fault_code;vesc_id;d_axis_voltage;q_axis_voltage;ms_today_setup;"
+    "amp_hours_setup;amp_hours_charged_setup;watt_hours_setup;watt_hours_charged_setup;battery_level;battery_wh_tot;"
+    "current_in_setup;current_motor_setup;speed_meters_per_sec;tacho_meters;tacho_abs_meters;num_vescs;ms_today_imu;roll;"
+    "pitch;yaw;accX;accY;accZ;gyroX;gyroY;gyroZ;gnss_posTime;gnss_lat;gnss_lon;gnss_alt;gnss_gVel;gnss_vVel;gnss_hAcc;"
+    "gnss_vAcc;"
+)
+
+
+@pytest.fixture
+def vesc_tool(tmp_path: Path) -> Callable[[float], Path]:
+    """A log of VESC Tool of ten seconds at 20 Hz, two controllers on one battery, by the speed at its start."""
+
+    def write(speed_mps: float) -> Path:
+        names = VESC_TOOL.split(";")[:-1]
+        table = pd.DataFrame(0.0, range(200), names).assign(
+            ms_today=68209883 + 50 * np.arange(200), input_voltage=38.1, current_motor=20.0, current_motor_setup=41.0,
+            current_in=2.0, current_in_setup=4.1, speed_meters_per_sec=speed_mps - 0.02 * np.arange(200) * speed_mps,
+            erpm=2000.0, num_vescs=2,
+        )  # fmt: skip
+        rows = table.to_csv(sep=";", header=False, index=False, float_format="%.6g").splitlines()
+        path = tmp_path / "2026-11-23_18-56-49.csv"
+        path.write_text("\n".join([VESC_TOOL, *(f"{row};" for row in rows)]) + "\n")
+        return path
+
+    return write
+
+
+def test_a_log_of_vesc_tool_needs_no_mapping(vesc_tool: Callable[[float], Path]) -> None:
+    recording = read_recording(vesc_tool(1.5))
+    given = recording.channels
+    np.testing.assert_allclose(given["time_s"], 68209.883 + 0.05 * np.arange(200))
+    np.testing.assert_allclose(given["current_a"], 4.1)  # of the battery, for both controllers
+    np.testing.assert_allclose(given["voltage_v"], 38.1)
+    np.testing.assert_allclose(given["speed_mps"], 1.5 - 0.03 * np.arange(200))
+    assert recording.notes[0] == "mapping vesc_tool, known by the names of the columns"
+
+
+def test_a_log_of_vesc_tool_that_did_not_ask_for_the_speed_is_no_robot_that_stands(
+    vesc_tool: Callable[[float], Path],
+) -> None:
+    path = vesc_tool(0.0)
+    assert "has no motion channel" in refusal(path)
+    assert not read_recording(path, standing=True).channels["speed_mps"].any()
+
+
+def test_a_cut_log_of_vesc_tool_is_refused(vesc_tool: Callable[[float], Path]) -> None:
+    path = vesc_tool(1.5)
+    path.write_bytes(path.read_bytes()[:-70])
+    assert "the last line is cut off" in refusal(path)
 
 
 def test_unknown_mapping_and_missing_mapped_column(tmp_path: Path) -> None:

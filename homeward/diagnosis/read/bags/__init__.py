@@ -1,7 +1,8 @@
-"""Bags of ROS 1 and ROS 2 as recordings, read by `rosbags` without ROS.
+"""Logs of messages as recordings: bags of ROS 1 and ROS 2, read by `rosbags` without ROS, and logs of autopilots.
 
 A bag is opened (`container`, damaged ones by `salvage`), its messages decoded (`messages`), the topics that a mapping
-names (`topics`) turned into channels (`samples`, `grade`) on one clock (`clock`). `reading` puts them together.
+names (`topics`) turned into channels (`samples`, `grade`) on one clock (`clock`). `flight` opens the logs of PX4 and
+ArduPilot, whose messages are topics too. `reading` puts them together.
 """
 
 import hashlib
@@ -9,11 +10,18 @@ from pathlib import Path
 
 SUFFIXES = (".bag", ".active", ".mcap", ".db3")
 """Endings of files that hold messages; a recorder that was killed leaves `NAME.bag.active`."""
+FLIGHT_SUFFIXES = (".ulg", ".bin")
+"""Endings of the logs of autopilots, in lower case: ULog of PX4, DataFlash of ArduPilot."""
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag: a file by its ending, a folder by what lies in it."""
-    return path.suffix in SUFFIXES or (path.is_dir() and bool(storage_files(path)))
+    """Whether a path is a log of messages: a file by its ending, a folder by what lies in it."""
+    return path.suffix in SUFFIXES or is_flight_log(path) or (path.is_dir() and bool(storage_files(path)))
+
+
+def is_flight_log(path: Path) -> bool:
+    """Whether a path is a log of an autopilot, by its ending."""
+    return path.suffix.lower() in FLIGHT_SUFFIXES
 
 
 def storage_files(path: Path) -> list[Path]:

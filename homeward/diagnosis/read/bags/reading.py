@@ -1,4 +1,4 @@
-"""From a bag to a table of channels: which topic gives what, on one clock, with notes on what was decided."""
+"""From a bag or flight log to a table of channels: which topic gives what, on one clock, with notes on decisions."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from homeward.diagnosis.read.bags import clock, grade
+from homeward.diagnosis.read.bags import clock, grade, is_flight_log
 from homeward.diagnosis.read.bags.container import Bag
+from homeward.diagnosis.read.bags.flight import FlightLog
 from homeward.diagnosis.read.bags.samples import read_samples, times_s
 from homeward.diagnosis.read.bags.topics import (
     ACCELERATION,
@@ -20,6 +21,7 @@ from homeward.diagnosis.read.bags.topics import (
 )
 from homeward.diagnosis.read.channels import CHANNELS, MOTION, POWER, Array, first_set
 from homeward.diagnosis.read.columns import RecordingError
+from homeward.diagnosis.read.times import is_epoch
 
 _MOVES_MPS = 0.05
 _LEVEL_M = 0.05
@@ -37,15 +39,16 @@ class Series:
     values: Array
 
 
-def read_bag(path: Path, mapping: str | Path | None = None) -> tuple[pd.DataFrame, list[str]]:
-    """Read a bag as a table of the schema's channels, with the time in s from its start, and notes of one line each.
+def read_bag(path: Path, mapping: str | Path | None = None) -> tuple[pd.DataFrame, list[str], float]:
+    """Read a log as a table of the schema's channels, with the time in s from its start; notes of one line each; and
+    that start, s since 1970, 0 where the log does not have it.
 
-    Without a mapping (see `load_topics`) it is the one that ships and covers most of the bag.
+    Without a mapping (see `load_topics`) it is the one that ships and covers most of the log.
 
     Raises:
         RecordingError: Nothing can be read, power or motion is missing, or the mapping is wrong.
     """
-    with Bag(path) as bag:
+    with FlightLog(path) if is_flight_log(path) else Bag(path) as bag:
         topics = best_topics(bag.connections) if mapping is None else load_topics(mapping)
         return _Reading(bag, topics).table()
 
@@ -53,7 +56,7 @@ def read_bag(path: Path, mapping: str | Path | None = None) -> tuple[pd.DataFram
 class _Reading:
     """One bag while it is read: its samples by topic, their times, and notes."""
 
-    def __init__(self, bag: Bag, topics: Topics) -> None:
+    def __init__(self, bag: Bag | FlightLog, topics: Topics) -> None:
         self.bag, self.topics = bag, topics
         self.notes: list[str] = []
         self.void: dict[str, list[str]] = {}  # channels that a topic should have, but gives as nothing
@@ -62,15 +65,18 @@ class _Reading:
         wanted: dict[str, dict[str, None]] = {}
         for topic, connection in pairs:
             wanted.setdefault(connection.topic, {}).update(dict.fromkeys(topic.paths()))
-        self.samples, self.unread = read_samples(bag, wanted)  # unread: topics that give nothing, and why
+        read = bag.samples(wanted) if isinstance(bag, FlightLog) else read_samples(bag, wanted)
+        self.samples, self.unread = read  # unread: topics that give nothing, and why
         if not self.samples:
             raise self._missing("motion and no power")
         self.candidates = {
             name: [pair for pair in options if pair[1].topic in self.samples] for name, options in offered.items()
         }
-        self.times, self.notes = times_s(self.samples, {one.topic for topic, one in pairs if topic.on_receipt})
+        self.times, self.start_ns, self.notes = times_s(
+            self.samples, {one.topic for topic, one in pairs if topic.on_receipt}
+        )
 
-    def table(self) -> tuple[pd.DataFrame, list[str]]:
+    def table(self) -> tuple[pd.DataFrame, list[str], float]:
         series = {name: one for name in CHANNELS if (one := self._channel(name)) is not None}
         motion, power = first_set(MOTION, series), first_set(POWER, series)
         if not motion or not power:
@@ -98,7 +104,8 @@ class _Reading:
         )
         first = f"topic mapping {self.topics.name}: {said}, on the clock of the slower"
         notes = [*self.bag.notes, first, *self.notes, *self._why()]
-        return pd.DataFrame({"time_s": ticks - ticks[0], **columns}), notes
+        start_s = self.start_ns * 1e-9 + float(ticks[0])
+        return pd.DataFrame({"time_s": ticks - ticks[0], **columns}), notes, start_s if is_epoch(start_s) else 0.0
 
     def _channel(self, name: str) -> Series | None:
         """The first topic of the mapping that has something to say on a channel."""

@@ -80,8 +80,9 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
     return samples, [line for name, line in unread.items() if name not in samples]
 
 
-def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tuple[dict[str, Array], list[str]]:
-    """Times of the samples of all topics on one clock, s, from 0; and notes on those without a stamp of their own.
+def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tuple[dict[str, Array], int, list[str]]:
+    """Times of the samples of all topics on one clock, s, from 0; what that clock shows there, ns; and notes on topics
+    without a stamp of their own.
 
     The header of the topics in `on_receipt` is not used.
     """
@@ -100,4 +101,5 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
     notes = []
     if others := sorted(set(samples) - stamped):
         notes.append(f"{', '.join(others)}: placed by the time of receipt, for want of a stamp of the same clock")
-    return {name: np.asarray((one - start_ns) * 1e-9, dtype=np.float64) for name, one in times.items()}, notes
+    since = {name: np.asarray((one - start_ns) * 1e-9, dtype=np.float64) for name, one in times.items()}
+    return since, start_ns, notes

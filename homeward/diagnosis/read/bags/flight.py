@@ -1,0 +1,259 @@
+"""Logs of autopilots as topics: ULog of PX4, read by `pyulog`, and DataFlash of ArduPilot, read by `pymavlink`.
+
+A topic is a message by its name, such as `battery_status` or `BAT`; of several instances the first. Beside the fields
+that a message has are those that follow from them (`_DERIVED`), in the axes of REP 103 as in bags: x forward, y left,
+z up. Autopilots have y to the right and z down (PX4, "Frame of reference"; ArduPilot, ATT of the log messages).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import mmap
+import os
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from homeward.diagnosis.read.bags.samples import Samples
+from homeward.diagnosis.read.channels import Array
+from homeward.diagnosis.read.columns import RecordingError
+from homeward.files import open_regular
+from homeward.installed import advice
+
+Fields = dict[str, Array]
+"""Numbers of one message by field, shape (n,) each."""
+
+_UNKNOWN = -1.0  # of a battery's current and state of charge in PX4: "-1 if unknown" (msg/BatteryStatus.msg)
+_FIX_2D = 2  # GPS of both autopilots: below it there is no position (msg/SensorGps.msg, AP_GPS::GPS_Status)
+_LATEST_US = 2**53  # which a damaged time exceeds: 285 years after the start
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message of a log, offered as a topic is."""
+
+    topic: str
+    msgcount: int
+
+    @property
+    def msgtype(self) -> str:
+        """Its name: autopilots have one message of each type."""
+        return self.topic
+
+
+class FlightLog(contextlib.ExitStack):
+    """A log of an autopilot, open for reading until it is left.
+
+    `connections` are its messages; `notes` say what reading left out.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a .ulg or .bin file.
+
+        Raises:
+            RecordingError: Nothing in it can be read, or the package that reads it is not installed.
+        """
+        super().__init__()
+        self.notes: list[str] = []
+        kind, opened = ("PX4", _ULog) if path.suffix.lower() == ".ulg" else ("ArduPilot", _DataFlash)
+        if path.stat().st_size == 0:
+            raise RecordingError("is empty")
+        with self._listening(path.name, kind):
+            self._log: Any = opened(path)
+        self.callback(self._log.close)
+        self.connections = [Message(name, count) for name, count in sorted(self._log.counts.items()) if count]
+        if not self.connections:
+            self.close()
+            raise RecordingError("; ".join([f"holds nothing that can be read as messages of {kind}", *self.notes]))
+        self._about = path.name, kind
+
+    def samples(self, wanted: Mapping[str, Collection[str]]) -> tuple[dict[str, Samples], list[str]]:
+        """Read fields of some messages, as `homeward.diagnosis.read.bags.samples.read_samples` does of topics.
+
+        Raises:
+            RecordingError: A message has no such field.
+        """
+        found: dict[str, Samples] = {}
+        with self._listening(*self._about):
+            read: dict[str, list[Fields]] = self._log.instances(wanted)
+        for name, (fields, *others) in read.items():
+            if others:
+                self.notes.append(f"{name} has {1 + len(others)} instances, of which the first is read")
+            if name in _DERIVED:
+                with contextlib.suppress(KeyError):  # a layout that lacks a field: named below if it is wanted
+                    fields |= _DERIVED[name](fields)
+            for path in wanted[name]:
+                if path not in fields:
+                    raise RecordingError(f"{name}: no field {path!r}; it has {', '.join(fields)}")
+            time_us = fields["time_us"]
+            good = (time_us > 0.0) & (time_us < _LATEST_US)
+            if good.any():
+                stamp_ns = (time_us[good] * 1e3).astype(np.int64)
+                found[name] = Samples(stamp_ns, stamp_ns, {path: fields[path][good] for path in wanted[name]})
+        return found, [f"{name} is left out: none of its messages can be read" for name in wanted if name not in found]
+
+    @contextlib.contextmanager
+    def _listening(self, name: str, kind: str) -> Iterator[None]:
+        """Turns what a reader prints of damage into a note, and what it raises into a `RecordingError`."""
+        said = _FirstLine()
+        try:
+            with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+                yield
+        except ModuleNotFoundError as error:
+            package = error.name or kind
+            raise RecordingError(
+                f"a log of {kind} needs {package}; install it with {advice('logs', package)}"
+            ) from None
+        except Exception as error:  # a damaged log raises anything, from ULogException to struct.error
+            why = (str(error).splitlines() or [type(error).__name__])[0][:120]
+            raise RecordingError(f"is not a whole {kind} log ({why}); copy it from the vehicle again") from error
+        if said.text:
+            self.notes.append(f"{name} is damaged ({said.text}): what could be read is used")
+
+
+class _ULog:
+    """A log of PX4."""
+
+    def __init__(self, path: Path) -> None:
+        from pyulog import ULog
+
+        with open_regular(path) as file:
+            log = ULog(file)
+        if log.file_corruption:
+            print("bytes that are no message")
+        self._data = log.data_list  # sorted by name and instance
+        self.counts = {one.name: len(one.data["timestamp"]) for one in reversed(self._data)}
+
+    def instances(self, names: Collection[str]) -> dict[str, list[Fields]]:
+        found: dict[str, list[Fields]] = {}
+        for one in self._data:
+            if one.name in names:
+                fields = {name: np.asarray(values, np.float64) for name, values in one.data.items()}
+                found.setdefault(one.name, []).append({"time_us": fields["timestamp"], **fields})
+        return found
+
+    def close(self) -> None: ...
+
+
+class _DataFlash:
+    """A log of ArduPilot."""
+
+    def __init__(self, path: Path) -> None:
+        # Its compiled index writes a line for each bad byte past Python's own streams.
+        os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")
+        from pymavlink.DFReader import DFReader_binary
+
+        with open_regular(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            if _EMPTY_FORMAT.search(content):  # pymavlink would read it for ever
+                raise ValueError("the definition of a message is damaged")
+        self._log: Any = DFReader_binary.__new__(DFReader_binary)
+        self._log.init_clock = self._log.init_clock_usec  # or it reads all of a log without GPS for the time of day
+        try:
+            self._log.__init__(str(path), zero_time_base=True)
+        except BaseException:
+            self._log.filehandle.close()
+            raise
+        self._numbers: dict[str, int] = self._log.name_to_id
+        self.counts = {name: self._log.counts[number] for name, number in self._numbers.items()}
+
+    def instances(self, names: Collection[str]) -> dict[str, list[Fields]]:
+        found = {}
+        for name in (one for one in names if self.counts.get(one)):
+            rows, layout = self._rows(self._numbers[name]), self._log.formats[self._numbers[name]]
+            fields = {
+                column: rows[column] * (factor or 1.0)
+                for column, factor in zip(layout.columns, layout.msg_mults, strict=True)
+                if rows[column].dtype.kind != "S"
+            }
+            unit_us = {"TimeUS": 1.0, "TimeMS": 1e3}
+            if (clock := next((one for one in unit_us if one in fields), None)) is None or not len(rows):
+                continue
+            fields["time_us"] = fields[clock] * unit_us[clock]
+            number = fields.get(layout.instance_field, np.zeros(len(rows)))
+            found[name] = [{key: one[number == part] for key, one in fields.items()} for part in np.unique(number)]
+        return found
+
+    def _rows(self, number: int) -> NDArray[np.void]:
+        """The messages of a kind, shape (n,), from where pymavlink found them: one by one it takes 0.2 ms for each."""
+        layout = self._log.formats[number]
+        kinds = (
+            f"S{kind[:-1]}" if kind[-1] == "s" else f"<{kind}" for kind in re.findall(r"\d*[a-zA-Z]", layout.msg_struct)
+        )
+        row = np.dtype(list(zip(layout.columns, kinds, strict=True)))
+        if row.itemsize + _HEADER_BYTES != layout.len:
+            raise ValueError(f"{layout.name} is defined with another length than its fields have")
+        content = np.frombuffer(self._log.data_map, np.uint8)
+        start = np.array(self._log.offsets[number], np.intp) + _HEADER_BYTES
+        start = start[start + row.itemsize <= len(content)]  # the last may be cut off
+        rows: NDArray[np.void] = content[start[:, None] + np.arange(row.itemsize)].view(row)[:, 0]
+        return rows
+
+    def close(self) -> None:
+        self._log.close()
+
+
+_HEADER_BYTES = 3  # before the fields of a message: two that are always the same, and its kind
+_EMPTY_FORMAT = re.compile(rb"\xa3\x95\x80.[\x00-\x02]", re.DOTALL)
+"""A FMT message of a message that is shorter than its own header."""
+
+
+class _FirstLine(io.TextIOBase):
+    """A stream that keeps the first line of what is written to it: damage makes a line for each byte."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.text = ""
+
+    def write(self, text: str) -> int:
+        self.text = self.text or text.strip()[:120]
+        return len(text)
+
+
+def _battery(of: Fields) -> Fields:
+    return {name: np.where(of[name] == _UNKNOWN, np.nan, of[name]) for name in ("current_a", "remaining")}
+
+
+def _local_position(of: Fields) -> Fields:
+    """Speed along the heading, which is negative in reverse; `heading` is `yaw` in old releases."""
+    heading_rad = of["heading"] if "heading" in of else of["yaw"]
+    forward = np.cos(heading_rad) * of["vx"] + np.sin(heading_rad) * of["vy"]
+    return {
+        "forward": np.where(of["v_xy_valid"] != 0.0, forward, np.nan),
+        "up": np.where(of["z_valid"] != 0.0, -of["z"], np.nan),
+    }
+
+
+def _oriented(w: Array, x: Array, y: Array, z: Array) -> Fields:
+    """A rotation from x forward, y right, z down, in those of REP 103."""
+    return {"orientation.w": w, "orientation.x": x, "orientation.y": -y, "orientation.z": -z}
+
+
+def _attitude(of: Fields) -> Fields:
+    return _oriented(*(of[f"q[{i}]"] for i in range(4)))
+
+
+def _euler(of: Fields) -> Fields:
+    angles_deg = np.stack([of["Yaw"], of["Pitch"], of["Roll"]], axis=1)
+    return _oriented(*Rotation.from_euler("ZYX", angles_deg, degrees=True).as_quat(scalar_first=True).T)
+
+
+def _fixed(speed: str, fix: str) -> Callable[[Fields], Fields]:
+    return lambda of: {speed: np.where(of[fix] >= _FIX_2D, of[speed], np.nan)}
+
+
+_DERIVED: Mapping[str, Callable[[Fields], Fields]] = {
+    "battery_status": _battery,
+    "vehicle_local_position": _local_position,
+    "vehicle_attitude": _attitude,
+    "vehicle_gps_position": _fixed("vel_m_s", "fix_type"),
+    "ATT": _euler,
+    "GPS": _fixed("Spd", "Status"),
+}
+"""Fields that follow from those of a message, or take their place."""
