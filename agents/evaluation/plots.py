@@ -70,7 +70,7 @@ def profiles_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     axes[0].set_xlabel(f"score ({unit_of(evaluation.options.mission)})")
     axes[0].set_ylabel("share of episodes that score more")
     axes[0].set_ylim(0.0, 1.02)
-    axes[0].set_xlim(0.0, float(thresholds[-1]))
+    axes[0].set_xlim(0.0, float(thresholds[-1]) or 1.0)  # all may have scored nothing
     axes[0].legend(fontsize=8, frameon=False)
     if several:
         for row, name in enumerate(names[1:]):

@@ -51,12 +51,14 @@ def main(args: Args) -> Proposal:
         console.print(f"Read with {', '.join(proposal.notes)}.")
     if proposal.left_over:
         console.print(f"Not used: {', '.join(name + why * bool(why) for name, why in proposal.left_over.items())}")
-    console.print(_tried(proposal))
+    tried, reads = _tried(proposal)
+    console.print(tried)
     if args.out is None:
         console.print(f"Write it with --out my_columns.toml:\n\n{proposal.toml()}", soft_wrap=True)
     else:
         write_whole(args.out, proposal.toml())
-        console.print(f"Written to {args.out}. Check it, then: homeward diagnose {args.run} --columns {args.out}",
+        todo = "Check it" if reads else "Add what is missing"
+        console.print(f"Written to {args.out}. {todo}, then: homeward diagnose {args.run} --columns {args.out}",
                       soft_wrap=True)  # fmt: skip
     return proposal
 
@@ -72,14 +74,14 @@ def _table(proposal: Proposal) -> Table:
     return table
 
 
-def _tried(proposal: Proposal) -> str:
-    """What reading the file with the proposal says."""
+def _tried(proposal: Proposal) -> tuple[str, bool]:
+    """What reading the file with the proposal says, and whether it can be read."""
     sources = {one.channel: Source(((one.column, one.factor),), one.offset) for one in proposal.guesses}
     try:
         recording = read_recording(proposal.path, Columns("proposed", sources, {}))
     except RecordingError as error:
-        return f"With it the file cannot be read yet: {error}"
-    return f"With it the file reads: {len(recording)} samples over {recording.duration_s:.4g} s."
+        return f"With it the file cannot be read yet: {error}", False
+    return f"With it the file reads: {len(recording)} samples over {recording.duration_s:.4g} s.", True
 
 
 def run() -> int:

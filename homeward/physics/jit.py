@@ -208,8 +208,12 @@ class _Announcement(event.Listener):
     def on_start(self, event: Any) -> None:
         if not self._made and event.data["dispatcher"].py_func.__module__.startswith("homeward"):
             self._made = True
-            often = "once for this version" if _cache_base() else "as there is no folder to keep them in"
-            print(f"homeward: compiling its kernels, {often} (about half a minute) ...", file=sys.stderr, flush=True)
+            often = "kept for next time" if _cache_base() else "each time, as there is no folder to keep them in"
+            print(
+                f"homeward: compiling the kernels that this needs, {often} (up to half a minute) ...",
+                file=sys.stderr,
+                flush=True,
+            )
 
     def on_end(self, event: Any) -> None:
         pass

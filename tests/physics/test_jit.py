@@ -64,7 +64,7 @@ def kernels(cache: Path) -> dict[Path, int]:
 def test_a_cached_kernel_never_keeps_old_physics(root: Path, tmp_path: Path) -> None:
     package, cache = tmp_path / "homeward", tmp_path / "cache"
     shutil.copytree(root / "homeward", package, ignore=shutil.ignore_patterns("__pycache__", "recordings"))
-    said = "homeward: compiling its kernels, once for this version (about half a minute) ..."
+    said = "homeward: compiling the kernels that this needs, kept for next time (up to half a minute) ..."
     assert run(REPLAY, tmp_path, cache) == ("3.0", said)
     first = kernels(cache)
     assert first

@@ -26,12 +26,15 @@ _DEGREE = np.pi / 180.0
 
 _NAMES: dict[str, tuple[str, str]] = {
     # channel: words of which one names it, all of a group joined by "+"; words that speak against it
-    "time_s": ("time timestamp stamp date datetime elapsed clock epoch t sec secs zeit", "rate step"),
+    "time_s": ("time timestamp stamp date datetime elapsed clock epoch t sec secs zeit zeitstempel", "rate step"),
     "wheel_left_mps": ("left+wheel left+speed left+vel left+velocity vell", "current motor amps right"),
     "wheel_right_mps": ("right+wheel right+speed right+vel right+velocity velr", "current motor amps left"),
     "motor_left_a": ("left+current left+motor left+amps curl", "speed velocity vel temp right"),
     "motor_right_a": ("right+current right+motor right+amps curr", "speed velocity vel temp left"),
-    "yaw_rate_radps": ("yaw+rate turn+rate gyro+z angular+z wz omega yawrate angular+velocity rotation+rate", "x y"),
+    "yaw_rate_radps": (
+        "yaw+rate turn+rate gyro+z angular+z wz omega yawrate angular+velocity rotation+rate drehrate",
+        "x y",
+    ),
     "speed_mps": (
         "speed velocity vel v vx groundspeed linear+x odom+x geschwindigkeit",
         "wind angular left right fan rpm yaw set cmd",
@@ -49,6 +52,9 @@ _NAMES: dict[str, tuple[str, str]] = {
     "temperature_c": ("temperature temp ambient", "motor cpu battery cell gpu"),
     "payload_kg": ("payload load cargo", "cpu power"),
 }
+
+_COMPOUND = ("spannung", "geschwindigkeit", "leistung", "strom")
+"""German words that name a channel at the end of a longer one, too: Akkuspannung."""
 
 _LENGTH = {"m": 1.0, "metre": 1.0, "meter": 1.0, "meters": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
 _ANGLE = {"rad": 1.0, "radians": 1.0, "deg": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "°": _DEGREE}
@@ -261,7 +267,8 @@ def _words(name: str) -> tuple[set[str], list[str]]:
     units = [one.replace("µ", "u").replace("^-1", "").replace(".", "").lower() for one in bracket]
     whole = [word.lower() for word in re.split(r"[^a-zA-Z°%µ/]+", plain) if word]  # mA, which was split as m and A
     ends = ["/".join(lower[-2:]), *whole[::-1], *lower[::-1]] if len(lower) > 1 or len(whole) > 1 else []
-    return {part for word in (*lower, *whole) for part in (word, *word.split("/"))}, [*units, *ends]
+    parts = {part for word in (*lower, *whole) for part in (word, *word.split("/"))}
+    return parts | {end for end in _COMPOUND for part in parts if part.endswith(end)}, [*units, *ends]
 
 
 def _why_left(name: str, offered: list[Guess], chosen: dict[str, Guess], column: pd.Series[Any]) -> str:
