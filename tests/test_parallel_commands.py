@@ -181,7 +181,9 @@ def test_a_fleet_is_diagnosed_the_same_wherever_it_runs(garage: Path, tmp_path: 
     assert {name: one.to_json() for name, one in together.items()} == {name: one.to_json() for name, one in alone.items()}  # fmt: skip  # noqa: E501
     for name in alone:
         files = {file.name for file in (tmp_path / "1" / name).iterdir()}
-        assert files == {"diagnosis.json", "report.html", "corrected.toml", fleet.KEY}
+        assert files == {
+            "diagnosis.json", "report.html", "corrected.toml", "series.parquet", "series.mcap", fleet.KEY,
+        }  # fmt: skip
     with (tmp_path / "1" / "fleet.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["robot"], row["verdict"]) for row in rows] == [(name, one.verdict) for name, one in alone.items()]

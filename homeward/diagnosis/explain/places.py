@@ -8,7 +8,7 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Term
-from homeward.diagnosis.explain.residual_test import TESTED, Dependence, TestedChannel
+from homeward.diagnosis.explain.residual_test import TESTED, Dependence, ResidualChannel
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.channels import Array, Mask
 from homeward.diagnosis.result import Place
@@ -178,7 +178,7 @@ def total_share(contribution: Array, runs: Runs) -> float:
     return float(np.abs(contribution * runs.duration_s).sum()) / drawn if drawn > 0.0 else 0.0
 
 
-def _condition_of(channel: TestedChannel, contribution: Array, runs: Runs) -> str | None:
+def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> str | None:
     """The values of a channel at which an effect is at work, in words; None if the channel does not tell."""
     values = runs.context.get(channel.name)
     if values is None:
@@ -198,5 +198,5 @@ def _condition_of(channel: TestedChannel, contribution: Array, runs: Runs) -> st
     return _words(channel, above, limit) if best > rules.TELLING else None
 
 
-def _words(channel: TestedChannel, above: bool, limit: float) -> str:
+def _words(channel: ResidualChannel, above: bool, limit: float) -> str:
     return f"{channel.above if above else channel.below} {_plain(limit)} {channel.unit}".strip()

@@ -29,7 +29,7 @@ _FEWEST_A_BIN = 8  # windows
 
 
 @dataclass(frozen=True)
-class TestedChannel:
+class ResidualChannel:
     """A channel that residuals are tested against: `magnitude` where only its size matters."""
 
     name: str
@@ -42,32 +42,32 @@ class TestedChannel:
 
 
 TESTED = (
-    TestedChannel("yaw_rate_radps", "turning rate", "rad/s", "turning faster than", "turning slower than", True),
-    TestedChannel("wheel_difference_mps", "wheel speed difference", "m/s", "wheel speeds further apart than",
+    ResidualChannel("yaw_rate_radps", "turning rate", "rad/s", "turning faster than", "turning slower than", True),
+    ResidualChannel("wheel_difference_mps", "wheel speed difference", "m/s", "wheel speeds further apart than",
             "wheel speeds closer together than", True),
-    TestedChannel("speed_mps", "speed", "m/s", "driving faster than", "driving slower than"),
-    TestedChannel("accel_mps2", "acceleration", "m/s^2", "acceleration above", "acceleration below"),
-    TestedChannel("grade_rad", "grade", "rad", "grade above", "grade below"),
-    TestedChannel("heading_rad", "heading", "rad", "heading above", "heading below", scales=True),
-    TestedChannel("sensing_hz", "sensing rate", "Hz", "sensing faster than", "sensing slower than"),
-    TestedChannel("temperature_c", "ambient temperature", "degC", "ambient above", "ambient below", scales=True),
-    TestedChannel("payload_kg", "payload mass", "kg", "payload above", "payload below", scales=True),
-    TestedChannel("soc", "state of charge", "", "state of charge above", "state of charge below", scales=True),
-    TestedChannel("base_distance_m", "distance from base", "m", "further from base than", "closer to base than"),
+    ResidualChannel("speed_mps", "speed", "m/s", "driving faster than", "driving slower than"),
+    ResidualChannel("accel_mps2", "acceleration", "m/s^2", "acceleration above", "acceleration below"),
+    ResidualChannel("grade_rad", "grade", "rad", "grade above", "grade below"),
+    ResidualChannel("heading_rad", "heading", "rad", "heading above", "heading below", scales=True),
+    ResidualChannel("sensing_hz", "sensing rate", "Hz", "sensing faster than", "sensing slower than"),
+    ResidualChannel("temperature_c", "ambient temperature", "degC", "ambient above", "ambient below", scales=True),
+    ResidualChannel("payload_kg", "payload mass", "kg", "payload above", "payload below", scales=True),
+    ResidualChannel("soc", "state of charge", "", "state of charge above", "state of charge below", scales=True),
+    ResidualChannel("base_distance_m", "distance from base", "m", "further from base than", "closer to base than"),
 )  # fmt: skip
 """What residuals are tested against, beside time; a channel that no run has is left out.
 
 Battery voltage is not among them: it sags with the load, so every surge of power would seem to depend on it.
 """
 
-_TIME = TestedChannel("time_s", "time in the run", "s", "after", "before")
+_TIME = ResidualChannel("time_s", "time in the run", "s", "after", "before")
 
 
 @dataclass(frozen=True)
 class Dependence:
     """How residuals depend on a channel; arrays of shape (bins,)."""
 
-    channel: TestedChannel
+    channel: ResidualChannel
     scaled: bool  # the excess is a share of the drive's load, not a load of its own
     p_value: float  # corrected for the number of looks; 1 where errors of the channels explain as much
     held_out_gain: float  # share of the held-out squared error that the dependence explains
@@ -92,7 +92,7 @@ class _Look(NamedTuple):
 
 
 class _Test(NamedTuple):
-    channel: TestedChannel
+    channel: ResidualChannel
     scaled: bool
     weight: Array  # (windows,)
     values: Array  # (windows,)
@@ -232,7 +232,7 @@ def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
 
 
-def _binned(runs: Runs) -> Iterator[tuple[TestedChannel, Array, Index]]:
+def _binned(runs: Runs) -> Iterator[tuple[ResidualChannel, Array, Index]]:
     """Each channel that has several values, with these and the bin of each window."""
     for channel in TESTED:
         values = runs.context.get(channel.name)
