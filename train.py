@@ -66,7 +66,7 @@ class Args:
     robot: str = "rusti_computer"
     """Preset name or TOML file."""
     route: str = "generated"
-    """generated, hidden_wind, or the name or path of a CSV profile."""
+    """generated, hidden_wind, the name or path of a CSV profile, or a track: .gpx, .fit or CSV with positions."""
     action_type: str = "discrete"
     """discrete or continuous."""
     shaping: str = "dmax"
@@ -112,7 +112,9 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
     state = open_run(args.out, settings, code, resume=args.resume, replace=args.replace)
     console = cli.Terminal(stderr=True)
     if state is RunState.FINISHED:
-        console.print(f"{args.out} holds this run, finished: nothing to do", soft_wrap=True)
+        console.print(
+            f"{args.out} holds this run, finished: nothing to do; another --seed or --out trains anew", soft_wrap=True
+        )
         return args.out
     if state is RunState.REPLACED:
         console.print(

@@ -40,6 +40,15 @@ def energy(joules: float) -> str:
     return f"{joules:.3g} J"
 
 
+def power(watts: float) -> str:
+    """A power in watts or kilowatts.
+
+    >>> power(4.2), power(9880.0)
+    ('4.2 W', '9.88 kW')
+    """
+    return f"{watts / 1000.0:.3g} kW" if abs(watts) >= 999.5 else f"{watts:.3g} W"
+
+
 def count(number: float) -> str:
     """A number without a unit: whole and grouped where it is large.
 

@@ -43,7 +43,7 @@ def main(args: Args) -> None:
             heading, justify="right" if heading == "files" else "left", overflow="fold", no_wrap=heading == "data set"
         )
     for name, dataset in DATASETS.items():
-        groups = ", ".join(groups_of(name))
+        groups = "\n".join(groups_of(name))
         table.add_row(name, dataset.robot or "", str(len(files_of(name))), groups, dataset.licence)
     cli.Terminal().print(table)
 

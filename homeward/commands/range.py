@@ -190,7 +190,7 @@ def _table(mission: Mission, speed_mps: float, parts: dict[str, float]) -> Table
     total, range_m = sum(parts.values()), mission.range_m(speed_mps)
 
     def row(name: str, per_m: float) -> None:
-        watts = f"{per_m * speed_mps * mission.duty:.3g} W"
+        watts = quantities.power(per_m * speed_mps * mission.duty)
         used = quantities.energy(per_m * range_m) if math.isfinite(range_m) else ""
         table.add_row(name, watts, f"{per_m:.3g} J", used, f"{per_m / total:.1%}" if total else "")
 

@@ -136,7 +136,8 @@ def to_determine(
     best, gain = _best(gains(fit, runs, left, [], [group.name for group in open_groups]))
     if open_groups and gain >= rules.MEASURES:
         longer = "" if long_enough else ", for five minutes or more"
-        return f"To determine {', '.join(group.symbol for group in open_groups)}, {best.sentence}{longer}."
+        unknown = ", ".join(f"{group.name.replace('_', ' ')} ({group.symbol})" for group in open_groups)
+        return f"To determine {unknown}, {best.sentence}{longer}."
     return None if long_enough else "Record the same drive for longer, at least five minutes."
 
 
