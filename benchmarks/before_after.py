@@ -29,6 +29,7 @@ from homeward import cli
 SIZES = (4096, 256, 16)
 SETTINGS = (
     {"difficulty": "known"},
+    {"difficulty": "uncertain", "instruments": "exact", "weather": "still"},  # as before
     {"difficulty": "uncertain", "instruments": "exact"},
     {"difficulty": "uncertain", "instruments": "gauge"},
     {"difficulty": "harsh"},
