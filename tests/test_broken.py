@@ -30,6 +30,7 @@ LOADERS: dict[str, tuple[Callable[[Path], Any], type[Exception]]] = {
     "ros1": (read_recording, RecordingError),
     "ros2": (read_recording, RecordingError),
     "ardupilot": (read_recording, RecordingError),
+    "px4": (read_recording, RecordingError),
     "columns": (load_columns, RecordingError),
     "topics": (load_topics, RecordingError),
     "proposal": (propose, RecordingError),

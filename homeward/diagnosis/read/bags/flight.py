@@ -118,6 +118,23 @@ class FlightLog(contextlib.ExitStack):
             self.notes.append(f"{name} is damaged ({said.text}): what could be read is used")
 
 
+class _Finite:
+    """A file that may be read from as often as it has bytes, twice: `pyulog` can go back for ever in a damaged one."""
+
+    def __init__(self, file: Any, bytes_: int) -> None:
+        self._file, self._left = file, 2 * bytes_
+
+    def read(self, size: int = -1) -> bytes:
+        self._left -= 1
+        if self._left < 0:
+            raise RuntimeError("its lengths lead back")  # not a ValueError, which pyulog passes over
+        data: bytes = self._file.read(size)
+        return data
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
 class _ULog:
     """A log of PX4."""
 
@@ -125,7 +142,7 @@ class _ULog:
         from pyulog import ULog
 
         with open_regular(path) as file:
-            log = ULog(file)
+            log = ULog(_Finite(file, path.stat().st_size))
         if log.file_corruption:
             print("bytes that are no message")
         self._data = log.data_list  # sorted by name and instance
