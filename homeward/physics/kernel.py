@@ -6,7 +6,7 @@ range. Within a step the conditions are constant, so that the power is too and t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -266,11 +266,52 @@ def _book(p: Any, s: Any, x: Any, passed_s: float, watts_per_n: float) -> None:
     s.ledger_j[GRADE] += model.grade_force(p, x.sin_grade) * joules_per_n
 
 
+def _booking(kinds: Sequence[Kind]) -> Callable[..., None]:
+    """Compose what adds all effects of some kinds to the ledger: only those that are on touch the memory."""
+
+    @inline
+    def nothing(on: Any, s: Any, passed_s: float) -> None:
+        pass
+
+    book, masks = nothing, 0
+    for index, effect in enumerate(EFFECTS):
+        if effect.kind in kinds:
+            book = _append_booking(book, index)
+            masks |= 1 << index
+    of_kinds, every = np.uint64(masks), book
+
+    @inline
+    def if_any(on: Any, s: Any, passed_s: float) -> None:
+        if on & of_kinds:
+            every(on, s, passed_s)
+
+    return if_any
+
+
+def _append_booking(before: Callable[..., None], index: int) -> Any:
+    mask, column = np.uint64(1 << index), _BASE + index
+
+    @inline
+    def book(on: Any, s: Any, passed_s: float) -> None:
+        before(on, s, passed_s)
+        if on & mask:
+            s.ledger_j[column] += s.parts_w[column] * passed_s
+
+    return book
+
+
+_book_forces = _booking(("force",))
+_book_drive, _book_ancillary, _book_battery = _booking(("drive",)), _booking(("ancillary",)), _booking(("battery",))
+
+
 @inline
 def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
     """Add the effects' part to the ledger, and let them remember."""
-    for column in range(_BASE if s.traction_n > 0.0 else _BASE + _FORCES, _BASE + _EFFECTS):
-        s.ledger_j[column] += s.parts_w[column] * passed_s
+    if s.traction_n > 0.0:
+        _book_forces(p.effects, s, passed_s)
+    _book_drive(p.effects, s, passed_s)
+    _book_ancillary(p.effects, s, passed_s)
+    _book_battery(p.effects, s, passed_s)
     motor_heating.remember(p, s, x)
 
 
