@@ -253,6 +253,12 @@ def test_columns_are_proposed_and_written(
     code, out, err = call(f"columns {path} --out {mapping}", monkeypatch, capsys)
     assert (code, err) == (0, "") and "--columns" in out
     assert read_recording(path, mapping).channels["speed_mps"][0] == pytest.approx(1.0)
+    code, out, err = call(f"columns {path} --columns {mapping}", monkeypatch, capsys)
+    assert (code, err) == (0, "") and "100 samples over 9.9 s." in out
+    speed = next(line.split() for line in out.splitlines() if line.strip().startswith("speed_mps"))
+    assert speed[:6] == ["speed_mps", "1", "1", "1", "100%", "m/s"]
+    code, _, err = call(f"columns {path} --columns {mapping} --out {tmp_path}/new.toml", monkeypatch, capsys)
+    assert code == 2 and "give one of them" in err
     before = mapping.read_bytes()
     code, _, err = call(f"columns {path} --out {mapping}", monkeypatch, capsys)
     assert code == 2 and "is not replaced" in err and mapping.read_bytes() == before

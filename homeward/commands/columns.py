@@ -1,8 +1,8 @@
-"""Propose which columns of a foreign recording are which channels.
+"""Propose which columns of a foreign recording are which channels, or check a mapping.
 
 `homeward columns RUN.csv` says what each column is taken for, with what factor, and how sure that is.
 `--out my_columns.toml` writes it as a mapping file, for `homeward diagnose RUN.csv --columns my_columns.toml`; check it
-before, above all signs and guesses.
+before, above all signs and guesses: `homeward columns RUN --columns my_columns.toml` shows what each channel reads.
 """
 
 from __future__ import annotations
@@ -11,14 +11,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import tyro
 from rich import box
 from rich.table import Table
 
 from homeward import cli
+from homeward.diagnosis.read.channels import CHANNELS
 from homeward.diagnosis.read.columns import Columns, RecordingError, Source
 from homeward.diagnosis.read.propose import SURE, Proposal, propose
-from homeward.diagnosis.read.recordings import read_recording
+from homeward.diagnosis.read.recordings import Recording, read_recording
 from homeward.files import write_whole
 
 
@@ -27,13 +29,15 @@ class Args:
     """Whose columns, and where to write the mapping."""
 
     run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """Recording: a .csv, .csv.gz, .tsv, .txt or .parquet file."""
+    """Recording: a .csv, .csv.gz, .tsv, .txt or .parquet file; with --columns also a bag or a log of an autopilot."""
+    columns: str | None = None
+    """Mapping to check, of columns or topics: shipped name or TOML file; none: one is proposed."""
     out: Path | None = None
     """Mapping file to write (.toml); none: it is only shown."""
 
 
-def main(args: Args) -> Proposal:
-    """Print the proposal, try it, and write it if asked to.
+def main(args: Args) -> Proposal | None:
+    """Print the proposal, try it, and write it if asked to; or print what a mapping reads.
 
     Raises:
         RecordingError: The file cannot be read, or no column of it looks like a channel.
@@ -41,6 +45,11 @@ def main(args: Args) -> Proposal:
     """
     if args.out is not None and (args.out.suffix != ".toml" or args.out.exists()):
         raise RecordingError(f"--out {args.out}: give a new file that ends in .toml; one that is there is not replaced")
+    if args.columns is not None:
+        if args.out is not None:
+            raise RecordingError("--columns checks a mapping and --out writes a proposed one; give one of them")
+        _check(read_recording(args.run, args.columns))
+        return None
     proposal = propose(args.run)
     if not proposal.guesses:
         names = ", ".join(list(proposal.left_over)[:12])
@@ -61,6 +70,24 @@ def main(args: Args) -> Proposal:
         console.print(f"Written to {args.out}. {todo}, then: homeward diagnose {args.run} --columns {args.out}",
                       soft_wrap=True)  # fmt: skip
     return proposal
+
+
+def _check(recording: Recording) -> None:
+    """Print what each channel reads beside what it should be."""
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("channel", "least", "median", "most", "known", "unit", "should be"):
+        left = heading in ("channel", "unit", "should be")
+        table.add_column(heading, justify="left" if left else "right", no_wrap=heading != "should be", overflow="fold")
+    for name, values in recording.channels.items():
+        known = values[np.isfinite(values)]
+        numbers = [f"{one:.4g}" for one in np.quantile(known, (0.0, 0.5, 1.0))] if len(known) else ["-"] * 3
+        channel = CHANNELS[name]
+        table.add_row(name, *numbers, f"{len(known) / len(values):.0%}", channel.unit, channel.meaning)
+    console = cli.Terminal()
+    console.print(table)
+    for note in recording.notes:
+        console.print(note, soft_wrap=True)
+    console.print(f"{len(recording)} samples over {recording.duration_s:.4g} s.")
 
 
 def _table(proposal: Proposal) -> Table:
