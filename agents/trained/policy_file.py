@@ -221,7 +221,7 @@ def _read(path: Path) -> bytes:
 
 
 def _unreadable(path: Path, error: OSError) -> PolicyFileError:
-    return PolicyFileError(f"cannot read {path}: {error.strerror}; give the folder that train.py wrote")
+    return PolicyFileError(f"cannot read {path}: {error.strerror}; give the folder that `homeward train` wrote")
 
 
 def _read_description(path: Path) -> dict[str, Any]:

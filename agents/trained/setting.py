@@ -26,7 +26,7 @@ def options_of(policy: NetworkPolicy, **other: Any) -> Options:
     missions = {env_id: mission for mission, env_id in IDS.items()}
     if not isinstance(training, dict) or training.get("env") not in missions:
         raise PolicyFileError(
-            "policy.json does not say which environment the policy was trained in: train it with train.py"
+            "policy.json does not say which environment the policy was trained in: train it with `homeward train`"
         )
     names = {field.name for field in dataclasses.fields(Options)} - {"mission"}
     keywords = {name: value for name, value in training.items() if name in names}

@@ -163,7 +163,7 @@ def test_a_truncated_file_is_refused(folder: Path, name: str, kept: float) -> No
 @pytest.mark.parametrize("name", [WEIGHTS, DESCRIPTION])
 def test_a_missing_file_is_named(folder: Path, name: str) -> None:
     (folder / name).unlink()
-    with pytest.raises(PolicyFileError, match=f"cannot read .*{name}: No such file.*train.py wrote"):
+    with pytest.raises(PolicyFileError, match=f"cannot read .*{name}: No such file.*homeward train` wrote"):
         load_policy(folder)
 
 
