@@ -60,7 +60,7 @@ class Args:
     beliefs: bool = False
     """Whether what the robot has estimated of itself and the wind is seen, too."""
     steps: int = 3_000_000
-    """Decisions to train on, in whole pieces."""
+    """Decisions to train on; 0: the policy that an earlier run kept."""
     training_seed: int = 0
     """Seed of the training."""
     episodes: int = 2000
@@ -159,8 +159,8 @@ def main(args: Args) -> None:
         TrainingError, OptionError: An argument cannot be used.
         OSError: The output folder cannot be written to.
     """
-    if args.steps < 1 or args.episodes < 2 or args.seed < 0:
-        raise TrainingError(f"{args}: give at least 1 of --steps, 2 --episodes and a --seed of 0 or more")
+    if args.steps < 0 or args.episodes < 2 or args.seed < 0:
+        raise TrainingError(f"{args}: give --steps and a --seed of 0 or more, and at least 2 --episodes")
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
     options = Options(args.mission, difficulty=args.difficulty)
     name = f"{args.mission}-{args.difficulty}{'-beliefs' if args.beliefs else ''}-{args.training_seed}"
@@ -168,9 +168,12 @@ def main(args: Args) -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     seeds = episode_seeds(args.seed, args.episodes)
     with one_thread():
-        validation = Validation(args, options, file)
-        make_model(options, args).learn(args.steps, validation)
-        validation.validate()
+        if args.steps:
+            validation = Validation(args, options, file)
+            make_model(options, args).learn(args.steps, validation)
+            validation.validate()
+        elif not file.exists():
+            raise TrainingError(f"--steps 0: there is no {file} yet")
         learned = _run(RecurrentPPO.load(file, device="cpu"), args, options, seeds)
     planner = run_episodes(AGENTS["planner"](Request(known_of(options), None, 0)), options, seeds).episodes
     Console(width=120).print(_table(args, name, learned, planner))
