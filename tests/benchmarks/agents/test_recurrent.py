@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.agents import recurrent
 from homeward.agents.evaluation import episode_seeds
+from homeward.agents.learning.settings import TrainingError
 from homeward.envs.features import FEATURES
 from homeward.envs.options import Options
 
@@ -29,7 +30,7 @@ def test_the_best_policy_is_kept_and_can_be_proved_again(tmp_path: Path, capsys:
     assert [point["decisions"] for point in curve] == [64, 128]
     recurrent.main(recurrent.Args(beliefs=True, steps=0, episodes=3, out=tmp_path))
     assert capsys.readouterr().out == first[first.index(" " * 10) :]
-    with pytest.raises(recurrent.TrainingError, match="there is no"):
+    with pytest.raises(TrainingError, match="there is no"):
         recurrent.main(recurrent.Args("Survey", steps=0, out=tmp_path))
 
 
