@@ -23,7 +23,7 @@ import homeward  # noqa: F401 - first: it says in a line what is not installed
 import tyro
 
 from homeward import cli
-from homeward.agents.learning.settings import PPOSettings, TrainingError
+from homeward.agents.learning.settings import PPOSettings, TrainingError, check_seed
 from homeward.agents.trained.provenance import made_with
 from homeward.agents.trained.run_folder import RunState, extended_from, locked, open_run
 from homeward.envs import IDS
@@ -157,9 +157,9 @@ def _options(args: Args) -> Options:
     missions = {env_id: mission for mission, env_id in IDS.items()}
     if args.env not in missions:
         raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(missions)}")
+    check_seed(args.seed)
     for name, value, least in (
         ("steps", args.steps, 1),
-        ("seed", args.seed, 0),
         ("checkpoint_s", args.checkpoint_s, 0),
         ("curve", args.curve, 1),
     ):

@@ -9,6 +9,7 @@ from homeward.agents.trained.run_folder import TrainingError as TrainingError
 SCRATCH, DMAX = "scratch", "dmax"
 STARTS = (SCRATCH, DMAX)
 _MOST_HIDDEN = 4096  # 17 million weights in the second layer
+_MOST_ROLLOUT = 2**24  # decisions between updates: some 4 GB of inputs
 
 _BY_START = {
     SCRATCH: {"learning_rate": 3e-3, "gae_lambda": 0.98, "entropy": 0.0},
@@ -19,6 +20,16 @@ _BY_START = {
 
 class DivergedError(TrainingError):
     """A training run whose weights are no finite numbers any more."""
+
+
+def check_seed(seed: int) -> None:
+    """Refuse a seed that the libraries do not take.
+
+    Raises:
+        TrainingError: It is below 0 or does not fit into 32 bits.
+    """
+    if not 0 <= seed < 2**32:
+        raise TrainingError(f"seed = {seed} is not allowed; give a whole number from 0 to {2**32 - 1}")
 
 
 @dataclass(frozen=True)
@@ -64,6 +75,8 @@ class PPOSettings:
                 raise TrainingError(f"{name} = {value} is not allowed; give a number in {allowed}")
         if not 0.0 <= self.stranding_cost <= 100.0:
             raise TrainingError(f"stranding_cost = {self.stranding_cost} is not allowed; give a number in [0, 100]")
+        if self.rollout > _MOST_ROLLOUT:
+            raise TrainingError(f"n_envs * n_steps = {self.rollout} is not allowed; give at most {_MOST_ROLLOUT:,}")
         if self.batch_size < 2 or self.rollout % self.batch_size:
             raise TrainingError(
                 f"batch_size = {self.batch_size} does not divide n_envs * n_steps = {self.rollout} into whole batches"

@@ -29,7 +29,7 @@ from rich.table import Table
 
 from homeward import cli
 from homeward.agents.evaluation.learning_curve import read_curve
-from homeward.agents.learning.settings import DivergedError, PPOSettings, TrainingError
+from homeward.agents.learning.settings import DivergedError, PPOSettings, TrainingError, check_seed
 from homeward.commands import train
 from homeward.envs.options import OptionError
 from homeward.envs.routes import RouteError
@@ -110,6 +110,8 @@ def _base(args: Args) -> train.Args:
     """What all runs have in common."""
     if len(set(args.seeds)) < max(len(args.seeds), 1):
         raise TrainingError(f"seeds {' '.join(map(str, args.seeds)) or 'none'}: give each seed once, and at least one")
+    for seed in args.seeds:
+        check_seed(seed)
     base = args.train
     if base.seed:
         raise TrainingError(f"--seed {base.seed} is for a single run: give --seeds {base.seed}")
