@@ -34,6 +34,7 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
 import homeward
+from benchmarks.tables import table
 from homeward.diagnosis import Recording, analyse
 from homeward.envs import IDS
 from homeward.envs.threads import Threads
@@ -85,13 +86,12 @@ def main(args: Args) -> None:
     if args.only_threads:
         return
     rows = [task() for task in track(tasks, "measuring", console=Console(stderr=True))]
-    table = Table(title=f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores")
-    for column in ("measure", "ours", "peer", "ratio", "asked for"):
-        table.add_column(column, justify="left" if column == "measure" else "right")
+    title = f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores"
+    shown = table(title, ("measure",), ("ours", "peer", "ratio", "asked for"))
     for row in rows:
         ratio = "" if row.ratio is None else f"{row.ratio:.2f} x"
-        table.add_row(row.measure, row.ours, row.peer, ratio, row.target)
-    console.print(table)
+        shown.add_row(row.measure, row.ours, row.peer, ratio, row.target)
+    console.print(shown)
     console.print(
         "Survey, difficulty known, automatic resets included. Actions are drawn beforehand: any speed and rate, "
         "10 % stops, 0.2 % returns (a mission lasts about as long as a trained agent's). CartPole gets a fixed random "
@@ -188,16 +188,15 @@ def threads_table() -> Table:
 
     The ratio is of means, as a load makes few steps very slow.
     """
-    table = Table(title="vector steps, M/s, beside other loads: one thread, all, and as chosen")
-    for column in ("beside", "missions", "one", "all", "chosen", "chosen/one"):
-        table.add_column(column, justify="left" if column == "beside" else "right", no_wrap=True)
+    title = "vector steps, M/s, beside other loads: one thread, all, and as chosen"
+    shown = table(title, ("beside",), ("missions", "one", "all", "chosen", "chosen/one"))
     for load in LOADS:
         for count in SIZES[:2]:
             one, every, chosen = beside(load, count)
             rates = (f"{count / statistics.median(seconds) / 1e6:.2f}" for seconds in (one, every, chosen))
             ratio = statistics.fmean(one) / statistics.fmean(chosen)
-            table.add_row(str(load), str(count), *rates, f"{ratio:.2f}")
-    return table
+            shown.add_row(str(load), str(count), *rates, f"{ratio:.2f}")
+    return shown
 
 
 def beside(load: Load, count: int) -> list[list[float]]:
@@ -314,8 +313,8 @@ def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Row:
     """An hour at 10 Hz in five runs, with effects concealed, through the whole diagnosis."""
     robot, runs = load_robot("husky"), []
     for seed in range(5):
-        table = record(dataclasses.replace(robot, effects=hidden), seed)
-        channels = {str(name): np.resize(table[name].to_numpy(dtype=float), 7200) for name in table}
+        drive = record(dataclasses.replace(robot, effects=hidden), seed)
+        channels = {str(name): np.resize(drive[name].to_numpy(dtype=float), 7200) for name in drive}
         channels["time_s"] = np.arange(7200) / 10.0
         runs.append(Recording(f"run{seed}.csv", str(seed), channels))
     analyse(runs[:1], robot)  # compiles

@@ -91,7 +91,7 @@ class Target:
     read: Callable[[Path], Any]
     suffix: str
     refusals: tuple[type[Exception], ...]
-    seeds: Callable[[], list[bytes]]
+    seeds: Callable[[], list[bytes]]  # real files, shortened so that many are read in a second
     guidable: bool = False  # written in Python for the most part
 
 
@@ -159,9 +159,6 @@ def targets() -> dict[str, Target]:
         "policy for ONNX": Target(setting, "", exported, _policy_seeds),
         "instruments TOML": Target(load_instruments, ".toml", (InstrumentError,), _instrument_seeds, True),
     }  # fmt: skip
-
-
-# Seeds: real files, shortened so that many are read in a second.
 
 
 def _files(pattern: str) -> list[bytes]:
@@ -287,9 +284,6 @@ def _instrument_seeds() -> list[bytes]:
     ]
 
 
-# Mutations.
-
-
 class Mutator:
     """Changes bytes or structure of inputs, with what a generator draws."""
 
@@ -391,9 +385,6 @@ class Mutator:
         if self.rng.random() < 0.5:
             return self._flip(data[:1024]) + data[1024:]
         return data[:-1024] + self._overwrite(data[-1024:])
-
-
-# One worker: a loop over inputs of one target.
 
 
 @dataclass
@@ -546,9 +537,6 @@ def _hang(number: int, frame: FrameType | None) -> None:
     raise Hang(f"more than {LONGEST_S:g} s")
 
 
-# The parent.
-
-
 def main(args: Args) -> dict[str, Tally]:
     """Fuzz every target, then the commands; print and write the table; exit with 1 if anything broke."""
     if args.worker:
@@ -622,9 +610,6 @@ def _keep_last(out: Path, deaths: int, how: str) -> None:
 
 def _has_atheris() -> bool:
     return importlib.util.find_spec("atheris") is not None
-
-
-# Commands.
 
 
 _RUN = ("--out", "OUT")

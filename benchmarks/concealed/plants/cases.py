@@ -106,9 +106,6 @@ def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
     return _coverage(number, in_turn([*TRUTHS, "none", "none", "none"]), rng, short)
 
 
-# ---- parts ----------------------------------------------------------------------------------------------------------
-
-
 def _as_they_are(vehicle: Vehicle, runs: list[Run], rng: Generator) -> tuple[Vehicle, list[Run]]:
     return vehicle, runs
 
@@ -183,9 +180,6 @@ def _coverage(number: int, effect: str, rng: Generator, short: bool) -> Case:
     hidden = () if effect == "none" else (effect,)
     misses = {name: missed_share(works) for name in hidden}
     return Case("coverage", number, truth.name, level, hidden, truth, nominal, recordings, misses)
-
-
-# ---- what they share ------------------------------------------------------------------------------------------------
 
 
 def _pick(vehicles: Sequence[Vehicle], rng: Generator) -> Vehicle:

@@ -49,9 +49,6 @@ class Table:
         return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in self.rows), ""])
 
 
-# ---- what counts as what --------------------------------------------------------------------------------------------
-
-
 def told(outcome: Outcome) -> list[list[str]]:
     """Classes that were named; a battery that holds the same too little in all drives is aged or smaller."""
     return [*outcome.classes, *([["ageing"]] if USABLE_ENERGY in outcome.off else [])]
@@ -78,9 +75,6 @@ def wrongly_named(outcome: Outcome) -> bool:
     """Whether a mechanism outside the catalogue got the name of an effect that is no fair description of it."""
     fair = set(outcome.fair)
     return any(entry[0] in EFFECTS and not fair & set(entry) for entry in outcome.classes)
-
-
-# ---- tables ---------------------------------------------------------------------------------------------------------
 
 
 def tables(outcomes: Sequence[Outcome]) -> list[Table]:

@@ -83,7 +83,7 @@ def run_case(part: Part, seed: int, number: int, out: Path) -> Outcome:
     return outcome
 
 
-def ask(case: Case, folder: Path, seed: int = 0) -> Outcome:
+def ask(case: Case, folder: Path) -> Outcome:
     """Write the case's recordings into the folder, diagnose them, and read diagnosis.json and corrected.toml."""
     outcome = Outcome(case.part, case.number, case.vehicle, case.label, list(case.hidden), case.visible,
                       sorted(case.fair), case.fault)  # fmt: skip
@@ -94,7 +94,7 @@ def ask(case: Case, folder: Path, seed: int = 0) -> Outcome:
         runs.append(recordings / f"drive{index}.parquet")
         frame.to_parquet(runs[-1], index=False)
     (folder / "nominal.toml").write_text(case.nominal.to_toml())
-    args = diagnose.Args(runs=tuple(runs), robot=str(folder / "nominal.toml"), out=folder, seed=seed)
+    args = diagnose.Args(runs=tuple(runs), robot=str(folder / "nominal.toml"), out=folder)
     start_s = time.perf_counter()
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
