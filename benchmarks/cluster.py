@@ -9,23 +9,21 @@ Ray without a network between. Needs homeward[ray].
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import statistics
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import tyro
 from rich.console import Console
-from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 
+from benchmarks.tables import table
 from homeward.agents import make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.envs.options import Options
@@ -33,20 +31,10 @@ from homeward.envs.vector import HomewardVectorEnv
 from homeward.parallel import run_tasks
 
 OBJECT_STORE_BYTES = 80_000_000
-
-
-@dataclass(frozen=True)
-class Args:
-    """How much to measure."""
-
-    empty: int = 300
-    """Tasks that do nothing."""
-    tasks: int = 12
-    """Tasks of missions."""
-    episodes: int = 512
-    """Missions in each."""
-    repeats: int = 3
-    """Measurements, of which the median is printed."""
+EMPTY, TASKS, EPISODES = 300, 12, 512
+"""Tasks that do nothing, tasks of missions, and missions in each."""
+REPEATS = 3
+"""Measurements, of which the median is printed."""
 
 
 def nothing(task: int) -> int:
@@ -76,43 +64,43 @@ def cluster(nodes: int) -> Iterator[Any]:
         started.shutdown()
 
 
-def timed(function: Callable[[], Any], repeats: int) -> tuple[float, Any]:
+def timed(function: Callable[[], Any]) -> tuple[float, Any]:
     """Median time of a call, s, and what it returned last."""
     times_s = []
-    for _ in range(repeats):
+    for _ in range(REPEATS):
         start_s = time.perf_counter()
         result = function()
         times_s.append(time.perf_counter() - start_s)
     return statistics.median(times_s), result
 
 
-def main(args: Args) -> None:
+def main() -> None:
     """Measure and print."""
-    console = Console()
-    empty = {str(index): index for index in range(args.empty)}
-    seeds = np.array_split(episode_seeds(0, args.tasks * args.episodes), args.tasks)
-    work = {str(index): part.tolist() for index, part in enumerate(seeds)}
+    empty = {str(index): index for index in range(EMPTY)}
+    seeds = iter(episode_seeds(0, TASKS * EPISODES))
+    work = {str(index): list(itertools.islice(seeds, EPISODES)) for index in range(TASKS)}
     expected = {name: missions(task) for name, task in work.items()}  # and the kernels are compiled
-    table = Table("where", "empty task, ms", "connecting, s", f"{args.tasks} tasks of missions, s", "equal")
+    shown = table("", ("where",), ("empty task, ms", "connecting, s", f"{TASKS} tasks of missions, s", "equal"))
 
     def measure(where: str, **how: Any) -> None:
-        once_s, _ = timed(lambda: run_tasks(nothing, {"one": 0}, **how), args.repeats)
-        empty_s, _ = timed(lambda: run_tasks(nothing, empty, **how), args.repeats)
-        work_s, found = timed(lambda: run_tasks(missions, work, **how), args.repeats)
-        per_task_ms = 1e3 * (empty_s - once_s) / (args.empty - 1)
-        table.add_row(where, f"{per_task_ms:.2f}", f"{once_s:.2f}", f"{work_s:.2f}", str(found == expected))
+        once_s, _ = timed(lambda: run_tasks(nothing, {"one": 0}, **how))
+        empty_s, _ = timed(lambda: run_tasks(nothing, empty, **how))
+        work_s, found = timed(lambda: run_tasks(missions, work, **how))
+        per_task_ms = 1e3 * (empty_s - once_s) / (EMPTY - 1)
+        shown.add_row(where, f"{per_task_ms:.2f}", f"{once_s:.2f}", f"{work_s:.2f}", str(found == expected))
 
     measure("this process")
     measure("two processes (joblib)", jobs=2)
     for nodes in (1, 2):
         with cluster(nodes) as running:
             measure(f"Ray, {nodes} node{'s' * (nodes > 1)}", cluster=running.address)
-    console.print(table)
+    console = Console()
+    console.print(shown)
     with cluster(2) as running:
         start_s = time.perf_counter()
         found = lose_a_node(running, work)
         console.print(
-            f"A node killed after the first of {args.tasks} tasks: {len(found)} results after "
+            f"A node killed after the first of {TASKS} tasks: {len(found)} results after "
             f"{time.perf_counter() - start_s:.1f} s, equal to the local ones: {found == expected}"
         )
 
@@ -130,4 +118,4 @@ def lose_a_node(running: Any, work: Mapping[str, list[int]]) -> dict[str, list[f
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args, description=__doc__))
+    main()

@@ -44,18 +44,17 @@ def mission_frames(mission: str, difficulty: str, agent: str, seed: int) -> list
     return frames
 
 
-def main(out: Path = Path("docs"), width: int = 720) -> None:
+def main(out: Path = Path("docs")) -> None:
     """Write viewer.gif and the stills.
 
     Args:
         out: Folder.
-        width: Of the clip, pixels.
     """
     for name, (mission, difficulty, agent, seed, when) in STILLS.items():
         frames = mission_frames(mission, difficulty, agent, seed)
         Image.fromarray(frames[round(when * (len(frames) - 1))]).save(out / f"{name}.png", optimize=True)
         if name == "viewer_survey":
-            write_gif(out / "viewer.gif", frames[::2], frames_per_s=10.0, width=width)
+            write_gif(out / "viewer.gif", frames[::2], frames_per_s=10.0, width=720)
     for file in sorted(out.glob("viewer*")):
         print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
 

@@ -5,12 +5,17 @@
 
 import dataclasses
 import math
+import sys
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
+
+from benchmarks.tables import table
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, mission_energy, usable_energy
 from homeward.physics.model import composition
 
@@ -96,36 +101,28 @@ def robots() -> dict[str, Robot]:
 
 def hours_table() -> Table:
     """Table II: measured hours beside the model's."""
-    table = Table(title=f"Table II: the model's hours (and model / measured) at {SPEED_MPS:g} m/s, nothing tuned")
-    for heading in ("course", "duty", "measured h"):
-        table.add_column(heading, justify="left" if heading == "course" else "right")
-    for name in robots():
-        table.add_column(name.replace(", ", "\n").replace(" (", "\n("), justify="right")
+    title = f"Table II: the model's hours (and model / measured) at {SPEED_MPS:g} m/s, nothing tuned"
+    names = (name.replace(", ", "\n").replace(" (", "\n(") for name in robots())
+    shown = table(title, ("course",), ("duty", "measured h", *names))
     for mission in MISSIONS:
-        hours = [mission_hours(robot, mission) for robot in robots().values()]
-        table.add_row(
-            mission.course,
-            f"{mission.duty:.1%}",
-            f"{mission.measured_h:.3f}",
-            *(f"{model_h:.2f} ({model_h / mission.measured_h:.2f})" for model_h in hours),
-        )
-    return table
+        hours = (mission_hours(robot, mission) for robot in robots().values())
+        beside = (f"{model_h:.2f} ({model_h / mission.measured_h:.2f})" for model_h in hours)
+        shown.add_row(mission.course, f"{mission.duty:.1%}", f"{mission.measured_h:.3f}", *beside)
+    return shown
 
 
 def composition_table() -> Table:
     """Table III: shares that follow from its powers, beside those it prints."""
-    table = Table(title="Table III: share of the total power, least and most")
-    for heading in ("component", "power, W", "by the rule", "as printed"):
-        table.add_column(heading, justify="left" if heading == "component" else "right")
+    title = "Table III: share of the total power, least and most"
+    shown = table(title, ("component",), ("power, W", "by the rule", "as printed"))
     for name, (least, most) in composition(COMPONENTS_W).items():
         low_w, high_w = COMPONENTS_W[name]
         low_pct, high_pct = PRINTED_SHARES_PCT[name]
-        table.add_row(
-            name, f"{low_w:g} to {high_w:g}", f"{least:.2%} to {most:.2%}", f"{low_pct:.2f}% to {high_pct:.2f}%"
-        )
+        printed = f"{low_pct:.2f}% to {high_pct:.2f}%"
+        shown.add_row(name, f"{low_w:g} to {high_w:g}", f"{least:.2%} to {most:.2%}", printed)
     at_most, at_least = (computer_share(bound) for bound in (1, 0))
-    table.add_row("manoeuvring, with computer", "", f"{at_most:.1%} to {at_least:.1%}", "30.5% to 36.5%")
-    return table
+    shown.add_row("manoeuvring, with computer", "", f"{at_most:.1%} to {at_least:.1%}", "30.5% to 36.5%")
+    return shown
 
 
 def computer_share(bound: int) -> float:
@@ -136,23 +133,15 @@ def computer_share(bound: int) -> float:
 
 def power_table() -> Table:
     """Drive power on the plane: the model beside Table III, and beside what Table II's hours imply."""
-    table = Table(title=f"Drive power on the plane at {SPEED_MPS:g} m/s")
-    table.add_column("source")
-    table.add_column("W", justify="right")
+    shown = table(f"Drive power on the plane at {SPEED_MPS:g} m/s", ("source",), ("W",))
     for name, robot in robots().items():
-        table.add_row(f"model, {name}", f"{drive_power(robot):.2f}")
+        shown.add_row(f"model, {name}", f"{drive_power(robot):.2f}")
     low_w, high_w = COMPONENTS_W["manoeuvring"]
-    table.add_row("measured, Table III", f"{low_w:.2f} to {high_w:.2f}")
-    table.add_row(
-        f"implied by Table II: rated energy / {MISSIONS[0].measured_h} h, less P_anc", f"{_implied_drive_w():.2f}"
-    )
-    return table
-
-
-def _implied_drive_w() -> float:
-    rusti = load_robot("rusti")
-    mean_w = rusti.rated_energy_j / (MISSIONS[0].measured_h * 3600.0)
-    return float(mean_w - ancillary_power(rusti, 0.0)) / MISSIONS[0].duty
+    shown.add_row("measured, Table III", f"{low_w:.2f} to {high_w:.2f}")
+    rusti, box = load_robot("rusti"), MISSIONS[0]
+    implied_w = (rusti.rated_energy_j / (box.measured_h * 3600.0) - ancillary_power(rusti, 0.0)) / box.duty
+    shown.add_row(f"implied by Table II: rated energy / {box.measured_h} h, less P_anc", f"{float(implied_w):.2f}")
+    return shown
 
 
 def efficiency_from_wheels_up(field_w: float) -> float:
@@ -193,8 +182,8 @@ def errata() -> list[str]:
 def main() -> None:
     """Print everything."""
     console = Console()
-    for table in (hours_table(), composition_table(), power_table()):
-        console.print(table)
+    for shown in (hours_table(), composition_table(), power_table()):
+        console.print(shown)
     for note in errata():
         console.print(f"* {note}", highlight=False)
 

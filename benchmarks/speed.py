@@ -34,6 +34,7 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
 import homeward
+from benchmarks.tables import table
 from homeward.diagnosis import Recording, analyse
 from homeward.envs import IDS
 from homeward.envs.threads import Threads
@@ -53,8 +54,6 @@ QUIET = 0.95
 class Args:
     """Speed of the environments, the learner, the replay, the diagnosis and the import."""
 
-    skip_ppo: bool = False
-    """Leave out the learner and other work of torch, which need torch and a minute."""
     only_threads: bool = False
     """Print only the vector step beside other loads."""
 
@@ -77,23 +76,22 @@ def main(args: Args) -> None:
         for name in TARGETS
         for place in range(len(SIZES))
     ]
-    tasks += [scalar_step, replay_rate, diagnosis_time, import_time, first_use]
-    if not args.skip_ppo:
-        tasks.append(ppo_rate)
+    tasks += [scalar_step, replay_rate, lambda: diagnosis_time({}, "20 s")]
+    tasks += [lambda: diagnosis_time({"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}}, "60 s")]
+    tasks += [import_time, first_use, ppo_rate]
     console = Console()
     if (free := free_share()) < QUIET:
         console.print(f"The machine is busy: {1.0 - free:.0%} of its cores are taken, and what is printed is too slow.")
-    console.print(threads_table(with_torch=not args.skip_ppo))
+    console.print(threads_table())
     if args.only_threads:
         return
     rows = [task() for task in track(tasks, "measuring", console=Console(stderr=True))]
-    table = Table(title=f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores")
-    for column in ("measure", "ours", "peer", "ratio", "asked for"):
-        table.add_column(column, justify="left" if column == "measure" else "right")
+    title = f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores"
+    shown = table(title, ("measure",), ("ours", "peer", "ratio", "asked for"))
     for row in rows:
         ratio = "" if row.ratio is None else f"{row.ratio:.2f} x"
-        table.add_row(row.measure, row.ours, row.peer, ratio, row.target)
-    console.print(table)
+        shown.add_row(row.measure, row.ours, row.peer, ratio, row.target)
+    console.print(shown)
     console.print(
         "Survey, difficulty known, automatic resets included. Actions are drawn beforehand: any speed and rate, "
         "10 % stops, 0.2 % returns (a mission lasts about as long as a trained agent's). CartPole gets a fixed random "
@@ -185,22 +183,20 @@ LOADS = (Load(), Load(1), Load(2), Load(4), Load(torch="between steps"), Load(to
 SLICE_S, SLICES = 0.2, 15
 
 
-def threads_table(*, with_torch: bool) -> Table:
+def threads_table() -> Table:
     """Vector steps per second on one thread, on all, and as chosen: medians over slices of time, by turns.
 
     The ratio is of means, as a load makes few steps very slow.
     """
-    table = Table(title="vector steps, M/s, beside other loads: one thread, all, and as chosen")
-    for column in ("beside", "missions", "one", "all", "chosen", "chosen/one"):
-        table.add_column(column, justify="left" if column == "beside" else "right", no_wrap=True)
+    title = "vector steps, M/s, beside other loads: one thread, all, and as chosen"
+    shown = table(title, ("beside",), ("missions", "one", "all", "chosen", "chosen/one"))
     for load in LOADS:
-        if with_torch or not load.torch:
-            for count in SIZES[:2]:
-                one, every, chosen = beside(load, count)
-                rates = (f"{count / statistics.median(seconds) / 1e6:.2f}" for seconds in (one, every, chosen))
-                ratio = statistics.fmean(one) / statistics.fmean(chosen)
-                table.add_row(str(load), str(count), *rates, f"{ratio:.2f}")
-    return table
+        for count in SIZES[:2]:
+            one, every, chosen = beside(load, count)
+            rates = (f"{count / statistics.median(seconds) / 1e6:.2f}" for seconds in (one, every, chosen))
+            ratio = statistics.fmean(one) / statistics.fmean(chosen)
+            shown.add_row(str(load), str(count), *rates, f"{ratio:.2f}")
+    return shown
 
 
 def beside(load: Load, count: int) -> list[list[float]]:
@@ -272,13 +268,11 @@ def torch_at_work(how: str, count: int) -> Iterator[Callable[[], Any]]:
 
 def free_share() -> float:
     """Share of the cores that as many busy processes get: 1 on a quiet machine."""
-    code = "import time; s = time.perf_counter(); exec('while time.perf_counter() < s + 0.5: pass'); " + (
+    code = "import time; s = time.perf_counter()\nwhile time.perf_counter() < s + 0.5: pass\n" + (
         "print(time.process_time() / (time.perf_counter() - s))"
     )
-    processes = [
-        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-        for _ in range(os.cpu_count() or 1)
-    ]
+    call, count = [sys.executable, "-c", code], os.cpu_count() or 1
+    processes = [subprocess.Popen(call, stdout=subprocess.PIPE, text=True) for _ in range(count)]
     return statistics.fmean(float(process.communicate()[0]) for process in processes)
 
 
@@ -315,19 +309,18 @@ def replay_rate() -> Row:
     return Row("replay of a recording", f"{samples / seconds / 1e6:.1f} M samples/s", "", None, "5 M samples/s")
 
 
-def diagnosis_time() -> Row:
-    """An hour at 10 Hz in five runs, with two effects concealed, through the whole diagnosis."""
-    robot = load_robot("husky")
-    hidden = dataclasses.replace(robot, effects={"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}})
-    runs = []
+def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Row:
+    """An hour at 10 Hz in five runs, with effects concealed, through the whole diagnosis."""
+    robot, runs = load_robot("husky"), []
     for seed in range(5):
-        table = record(hidden, seed)
-        channels = {str(name): np.resize(table[name].to_numpy(dtype=float), 7200) for name in table}
+        drive = record(dataclasses.replace(robot, effects=hidden), seed)
+        channels = {str(name): np.resize(drive[name].to_numpy(dtype=float), 7200) for name in drive}
         channels["time_s"] = np.arange(7200) / 10.0
         runs.append(Recording(f"run{seed}.csv", str(seed), channels))
     analyse(runs[:1], robot)  # compiles
     seconds = _seconds(lambda: analyse(runs, robot))
-    return Row("diagnosis, 1 h at 10 Hz, 5 runs", f"{seconds:.1f} s", "", None, "60 s")
+    told = f"{', '.join(hidden) or 'nothing'} concealed"
+    return Row(f"diagnosis, 1 h at 10 Hz, 5 runs, {told}", f"{seconds:.1f} s", "", None, target)
 
 
 def import_time() -> Row:
@@ -354,14 +347,8 @@ def first_use() -> Row:
 
 
 def _python(code: str, cache: str) -> str:
-    result = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | {"HOMEWARD_CACHE": cache},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return result.stdout
+    env = os.environ | {"HOMEWARD_CACHE": cache}
+    return subprocess.run([sys.executable, "-c", code], env=env, stdout=subprocess.PIPE, text=True, check=True).stdout
 
 
 def ppo_rate() -> Row:

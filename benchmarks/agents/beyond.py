@@ -17,7 +17,6 @@ kept: a run that was killed goes on.
 from __future__ import annotations
 
 import itertools
-import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,16 +27,16 @@ import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.kept import Kept
+from benchmarks.tables import span, table
 from homeward import cli
 from homeward.agents.base import Observations
 from homeward.agents.evaluation import episode_seeds
-from homeward.agents.evaluation.episodes import SIDE_BY_SIDE
 from homeward.agents.evaluation.margins import Curve
 from homeward.agents.evaluation.statistics import interval
 from homeward.agents.planner import Planner
@@ -51,8 +50,6 @@ from homeward.envs.options import OptionError, Options
 from homeward.envs.state import RETURN
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.estimation.prior import EAST, GAIN, NORTH, PER_CAPACITY, ROLLING, WEIGHT
-from homeward.files import write_whole
-from homeward.parallel import code_hash
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -122,26 +119,9 @@ class Chances(NamedTuple):
 
 def drive_on(options: Options, seeds: Sequence[int]) -> Chances:
     """Drive missions as the planner does but for its turn, and note what would come of every chance to turn."""
-    found: list[tuple[NDArray[Any], ...]] = []
-    for start in range(0, len(seeds), SIDE_BY_SIDE):
-        for near, *columns in _drive_on(options, list(seeds[start : start + SIDE_BY_SIDE])):
-            found.append((start + near, *columns))
-    missions, *columns = (np.concatenate(column) for column in zip(*found, strict=True))
-    order = np.argsort(missions, kind="stable")  # of each mission in turn, as they came
-    missions, counts = missions[order], np.bincount(missions, minlength=len(seeds))
-    at, shape = np.arange(len(missions)) - np.repeat(counts.cumsum() - counts, counts), (len(seeds), counts.max())
-    laid = [np.zeros((*shape, *column.shape[1:]), column.dtype) for column in columns]
-    laid[1][:] = np.inf
-    for whole, column in zip(laid, columns, strict=True):
-        whole[missions, at] = column[order]
-    return Chances(*laid)
-
-
-def _drive_on(options: Options, seeds: list[int]) -> list[tuple[NDArray[Any], ...]]:
-    """Of each decision the missions that are near their turn, and what `Chances` says of them."""
     count, found = len(seeds), list[tuple[NDArray[Any], ...]]()
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
-    batch, (observations, _) = env.batch, env.reset(seed=seeds)
+    batch, (observations, _) = env.batch, env.reset(seed=list(seeds))
     planner = Planner(batch.known, DRIVEN[options.mission])
     rule = planner.rule
     assert isinstance(rule, BeliefDmaxRule)
@@ -165,7 +145,20 @@ def _drive_on(options: Options, seeds: list[int]) -> list[tuple[NDArray[Any], ..
         over |= batch.records["over"]
         observations[over, INDEX["home_cost"]] = np.nan  # of these, nothing is estimated any more
         begun = np.zeros(count, np.bool_)
-    return found
+    return _by_mission(found, count)
+
+
+def _by_mission(found: list[tuple[NDArray[Any], ...]], count: int) -> Chances:
+    """Chances by mission, from those of each decision with the missions that they are of."""
+    missions, *columns = (np.concatenate(column) for column in zip(*found, strict=True))
+    order = np.argsort(missions, kind="stable")  # of each mission in turn, as they came
+    missions, counts = missions[order], np.bincount(missions, minlength=count)
+    at, shape = np.arange(len(missions)) - np.repeat(counts.cumsum() - counts, counts), (count, counts.max())
+    laid = [np.zeros((*shape, *column.shape[1:]), column.dtype) for column in columns]
+    laid[1][:] = np.inf
+    for whole, column in zip(laid, columns, strict=True):
+        whole[missions, at] = column[order]
+    return Chances(*laid)
 
 
 def margin_home(batch: Batch, chosen: NDArray[np.int64]) -> Array:
@@ -290,33 +283,34 @@ def main(args: Args) -> None:
     if min(args.training, args.episodes, args.epochs) < 1 or min(args.seeds, default=-1) < 0:
         raise OptionError("give --training, --episodes and --epochs of at least 1, and --seeds of 0 or more")
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
-    console, file = Console(width=120), args.out / "beyond.json"
-    kept: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
+    settings = {"training": args.training, "episodes": args.episodes, "epochs": args.epochs, "seeds": args.seeds}
+    console, kept = Console(width=120), Kept(args.out / "beyond.json", **settings)
     for mission, difficulty in itertools.product(args.missions, args.difficulties):
-        options, name = Options(mission, difficulty=difficulty), f"{mission}, {difficulty}"
-        common = {"code": code_hash(), "training": args.training, "episodes": args.episodes, "epochs": args.epochs}
-        common["seeds"] = list(args.seeds)
-        if kept.get(name, {}).get("of") != common:
-            own = drive_on(options, range(_FIRST_SEED, _FIRST_SEED + args.training))
-            learned = learn_turn(own, args.epochs, 0)
-            rows = {"learned from": compare(own, learned(own), 0)}
-            for seed in args.seeds:
-                unseen = drive_on(options, episode_seeds(seed, args.episodes))
-                rows[f"seed {seed}"] = compare(unseen, learned(unseen), seed)
-            kept[name] = {"of": common, "rows": rows}
-            write_whole(file, json.dumps(kept, indent=2) + "\n")
-        console.print(_table(name, kept[name]["rows"]))
+        name = f"{mission}, {difficulty}"
+        if name not in kept.results:
+            kept.keep(name, rows_of(args, Options(mission, difficulty=difficulty)))
+        console.print(_table(name, kept.results[name]))
 
 
-def _table(title: str, rows: Mapping[str, Any]) -> Table:
-    table = Table(title=f"{title}: turns on the same drives", box=box.SIMPLE_HEAD)
-    for heading in ("missions", "stranded", "planner's", "learned, above it (95 %)", "last chance, above it (95 %)"):
-        table.add_column(heading, justify="right")
-    for (name, row), rate in itertools.product(rows.items(), RATES):
-        one = row[rate]
-        spans = ((one[some], *one[f"{some}_ci95"]) for some in ("learned", "last"))
-        table.add_row(name, rate, f"{one['planner']:.4g}", *("{:+.1%} ({:+.1%} to {:+.1%})".format(*s) for s in spans))
-    return table
+def rows_of(args: Args, options: Options) -> dict[str, Any]:
+    """Comparisons on the missions that were learned from, and on those of each seed."""
+    own = drive_on(options, range(_FIRST_SEED, _FIRST_SEED + args.training))
+    learned = learn_turn(own, args.epochs, 0)
+    rows = {"learned from": compare(own, learned(own), 0)}
+    for seed in args.seeds:
+        unseen = drive_on(options, episode_seeds(seed, args.episodes))
+        rows[f"seed {seed}"] = compare(unseen, learned(unseen), seed)
+    return rows
+
+
+def _table(name: str, rows: Mapping[str, Any]) -> Table:
+    right = ("stranded", "planner's", "learned, above it (95 %)", "last chance, above it (95 %)")
+    shown = table(f"{name}: turns on the same drives", ("missions",), right)
+    for (missions, row), stranded in itertools.product(rows.items(), RATES):
+        one = row[stranded]
+        gains = (span(one[turn], one[f"{turn}_ci95"], "+.1%") for turn in ("learned", "last"))
+        shown.add_row(missions, stranded, f"{one['planner']:.4g}", *gains)
+    return shown
 
 
 if __name__ == "__main__":

@@ -18,18 +18,18 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from scipy.special import ndtr
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.tables import rate, span, table
 from homeward import cli
 from homeward.agents.base import Observations, feature
 from homeward.agents.belief import Belief
 from homeward.agents.evaluation import episode_seeds
-from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
+from homeward.agents.evaluation.statistics import Bootstrap, interval
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import MISSED
 from homeward.agents.rules.pace import NO_SENSING
@@ -255,40 +255,30 @@ def main(args: Args) -> None:
 
 def _tables(args: Args) -> tuple[Table, Table]:
     """Tables without rows."""
-    setting = f"{args.route}, instruments {args.instruments or 'of the difficulty'}"
-    setting += f", weather {args.weather or 'of the difficulty'}"
-    drawn = f"{args.missions} missions, episode_seeds({args.seed}, {args.missions})"
-    ways = Table(title=f"Way home, % of a full battery, {drawn}\n{setting}", box=box.SIMPLE_HEAD)
-    rest = Table(title=f"Wind, rolling resistance and margin by the belief, {drawn}\n{setting}", box=box.SIMPLE_HEAD)
-    for table, headings in (
-        (
-            ways,
-            (
-                "difficulty", "decisions out", "by", "median, 95th pct. of |error|", "bias",
-                f"in {COVERED:.0%} interval (95 %)", "CRPS", "belief / ratio (95 %)",
-            ),
-        ),
-        (
-            rest,
-            (
-                "difficulty", "decisions out", "|wind error|, m/s", "|rolling error|",
-                f"margin below {RISK:g} quantile (95 %)", "came home", "us per update",
-            ),
-        ),
-    ):  # fmt: skip
-        for heading in headings:
-            table.add_column(heading, justify="left" if heading in ("difficulty", "by") else "right")
+    drawn = (
+        f"{args.missions} missions, episode_seeds({args.seed}, {args.missions})\n"
+        f"{args.route}, instruments {args.instruments or 'of the difficulty'}, "
+        f"weather {args.weather or 'of the difficulty'}"
+    )
+    ways = table(
+        f"Way home, % of a full battery, {drawn}", ("difficulty", "decisions out", "by"),
+        ("median, 95th pct. of |error|", "bias", f"in {COVERED:.0%} interval (95 %)", "CRPS", "belief / ratio (95 %)"),
+    )  # fmt: skip
+    rest = table(
+        f"Wind, rolling resistance and margin by the belief, {drawn}", ("difficulty", "decisions out"),
+        ("|wind error|, m/s", "|rolling error|", f"margin below {RISK:g} quantile (95 %)", "came home",
+         "us per update"),
+    )  # fmt: skip
     return ways, rest
 
 
-def _add_ways(table: Table, difficulty: str, count: int, found: Drive, seed: int) -> None:
+def _add_ways(ways: Table, difficulty: str, count: int, found: Drive, seed: int) -> None:
     crps = {name: one.crps(found.home_share) for name, one in found.forecasts.items()}
     means = Bootstrap({name: one[None] for name, one in crps.items()}, seed).means()
-    low, high = interval(means["belief"] / means["ratio"])
-    ratio = f"{crps['belief'].mean() / crps['ratio'].mean():.3f} ({low:.3f} to {high:.3f})"
+    ratio = span(crps["belief"].mean() / crps["ratio"].mean(), interval(means["belief"] / means["ratio"]), ".3f")
     for name, one in found.forecasts.items():
         error = one.expected - found.home_share
-        table.add_row(
+        ways.add_row(
             difficulty, str(count), name, _absolute(100.0 * error, "{:.3f}"), f"{100.0 * error.mean():+.4f}",
             _rate(covered(one, found.home_share)), f"{100.0 * crps[name].mean():.4f}",
             ratio if name == "belief" else "",
@@ -305,8 +295,7 @@ def _absolute(errors: Array, style: str) -> str:
 
 
 def _rate(happened: NDArray[np.bool_]) -> str:
-    low, high = wilson(int(happened.sum()), len(happened))
-    return f"{happened.mean():.2%} ({low:.2%} to {high:.2%})"
+    return rate(int(happened.sum()), len(happened))
 
 
 if __name__ == "__main__":

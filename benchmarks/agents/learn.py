@@ -1,9 +1,9 @@
-"""Does it learn? Train over missions, starts and seeds, and compare: the tables and the picture of docs/learning.md.
+"""Does it learn? Train over missions, starts and seeds, and compare: the tables of docs/learning.md.
 
 `python benchmarks/agents/learn.py` trains as train.py does, for as long as each mission needs, and prints how the first
 policy and the best one of the learning curve, greedy and sampled, do on unseen episodes, beside rules and the planner.
 Finished runs and driven episodes are kept, and a killed run goes on from its last checkpoint. OUT/learn.json holds the
-figures, OUT/learn.png the learning curves.
+figures; `evaluate.py --agents ppo=OUT/RUN` draws a run's learning curve.
 """
 
 from __future__ import annotations
@@ -20,19 +20,18 @@ from typing import Any, final
 import numba
 import numpy as np
 from gymnasium import spaces
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 import train
+from benchmarks.tables import span, table
 from homeward import cli
 from homeward.agents.base import Observations, Policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
-from homeward.agents.evaluation.learning_curve import EPISODES, SEED, Point, read_curve
-from homeward.agents.evaluation.statistics import wilson
+from homeward.agents.evaluation.learning_curve import read_curve
+from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
 from homeward.agents.learning.settings import STARTS, PPOSettings, TrainingError
 from homeward.agents.registry import AGENTS, Request
 from homeward.agents.trained.policy_file import NetworkPolicy, load_policy
@@ -46,8 +45,6 @@ RULES = ("dmax", "dmax_mapped", "dmax_adaptive")
 OTHERS = ("dmax_belief", "planner")
 STEPS = {"OutAndBack": 2_000_000, "Survey": 3_000_000, "Patrol": 1_000_000}
 """Decisions to train on, where no other number is given."""
-_RESAMPLES = 2000
-_WIDTH = 170  # columns of the table
 _CHECKPOINT_S = 60.0
 
 
@@ -89,8 +86,7 @@ class Result:
     first: dict[str, Driven]  # greedy and sampled; of seed 0
     best: dict[str, Driven]  # greedy and sampled; rows of seeds
     others: dict[str, Driven]  # rules, dmax_belief and the planner
-    curves: tuple[list[Point], ...]
-    on_curve: dict[str, float]  # mean scores of the others on the episodes of curves
+    trained_s: list[float]  # of each seed
 
     @property
     def rule(self) -> str:
@@ -131,9 +127,8 @@ def main(args: Args) -> list[Result]:
     results = [compare(args, mission, start) for mission in args.missions for start in args.starts]
     rows = [summary(result) for result in results]
     write_whole(args.out / "learn.json", json.dumps(rows, indent=2) + "\n")
-    write_whole(args.out / "learn.png", curves_png(results))
-    console = Console(width=_WIDTH)
-    console.print(table(rows, args))
+    console = Console(width=170)
+    console.print(table_of(rows, args))
     console.print(others_table(results))
     return results
 
@@ -155,18 +150,11 @@ def compare(args: Args, mission: str, start: str) -> Result:
         how: Driven(np.stack([one[how].score for one in of_seeds]), np.stack([one[how].stranded for one in of_seeds]))
         for how in ("greedy", "sampled")
     }
-    others, on_curve = {}, {}
-    for name in (*RULES, *OTHERS):
-        others[name] = driven(args, options, AGENTS[name](Request(known)), name.encode(), seeds)
-        on_curve[name] = float(
-            driven(
-                args, options, AGENTS[name](Request(known)), name.encode(), episode_seeds(SEED, EPISODES)
-            ).score.mean()
-        )
-    return Result(
-        mission, args.difficulty, start, both(folders[0] / FIRST, 0), best, others,
-        tuple(read_curve(folder) for folder in folders), on_curve,
-    )  # fmt: skip
+    others = {
+        name: driven(args, options, AGENTS[name](Request(known)), name.encode(), seeds) for name in (*RULES, *OTHERS)
+    }
+    trained_s = [read_curve(folder)[-1].trained_s for folder in folders]
+    return Result(mission, args.difficulty, start, both(folders[0] / FIRST, 0), best, others, trained_s)
 
 
 def trained(args: Args, mission: str, start: str, seed: int) -> Path:
@@ -214,93 +202,51 @@ def summary(result: Result) -> dict[str, Any]:
         "stranded_by_seed": greedy.stranded.mean(axis=1).tolist(),
         "stranded_rate": stranded / count, "stranded_ci95": wilson(stranded, count),
         "sampled": float(sampled.score.mean()), "sampled_stranded_rate": float(sampled.stranded.mean()),
-        "trained_s": [curve[-1].trained_s for curve in result.curves],
+        "trained_s": result.trained_s,
     }  # fmt: skip
     for how, one in result.first.items():
         row[f"first_{how}"], row[f"first_{how}_stranded_rate"] = float(one.score.mean()), float(one.stranded.mean())
     for name, one in result.others.items():
         row[name], row[f"{name}_stranded_rate"] = float(one.score.mean()), float(one.stranded.mean())
     against = {"first": result.first["greedy"], "rule": result.others[result.rule], "planner": result.others["planner"]}
+    means = Bootstrap({"": greedy.score} | {name: one.score[None] for name, one in against.items()}, 0).means()
     for name, one in against.items():
-        gain = greedy.score - one.score
-        row[f"minus_{name}"], row[f"minus_{name}_ci95"] = float(gain.mean()), list(interval(gain))
+        row[f"minus_{name}"] = float((greedy.score - one.score).mean())
+        row[f"minus_{name}_ci95"] = interval(means[""] - means[name])
     return row
 
 
-def interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """95 % percentile interval of the mean of (seeds, episodes), both resampled."""
-    rng = np.random.default_rng(0)
-    seeds, episodes = values.shape
-    by_seed = rng.multinomial(seeds, np.full(seeds, 1.0 / seeds), _RESAMPLES) / seeds
-    by_episode = rng.multinomial(episodes, np.full(episodes, 1.0 / episodes), _RESAMPLES) / episodes
-    low, high = np.percentile(np.einsum("rs,se,re->r", by_seed, values, by_episode, optimize=True), [2.5, 97.5])
-    return float(low), float(high)
-
-
-def table(rows: list[dict[str, Any]], args: Args) -> Table:
+def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
     """One line a mission and start."""
     title = (
         f"PPO on {args.episodes} unseen episodes, {args.seeds} training seeds; differences of the greedy policy, paired"
     )
-    shown = Table(title=title, box=box.SIMPLE_HEAD)
-    for heading in (
-        "mission", "start", "first, greedy", "first, sampled", "best, greedy", "best, sampled", "minus first (95 %)",
+    right = (
+        "first, greedy", "first, sampled", "best, greedy", "best, sampled", "minus first (95 %)",
         "minus best rule (95 %)", "minus planner (95 %)", "stranded (95 %)", "trained, s",
-    ):  # fmt: skip
-        shown.add_column(heading, justify="left" if heading in ("mission", "start") else "right")
+    )  # fmt: skip
+    shown = table(title, ("mission", "start"), right)
     for row in rows:
-        least, most = row["stranded_ci95"]
+        row["score_stranded_rate"] = row["stranded_rate"]
         scores = (
             f"{row[name]:.4g}\n{row[f'{name}_stranded_rate']:.1%}"
             for name in ("first_greedy", "first_sampled", "score", "sampled")
         )
-        row["score_stranded_rate"] = row["stranded_rate"]
-        gains = []
-        for name in ("first", "rule", "planner"):
-            low, high = row[f"minus_{name}_ci95"]
-            gains.append(f"{row[f'minus_{name}']:+.3g}\n({low:+.3g} to {high:+.3g})")
-        shown.add_row(
-            f"{row['mission']}\n{row['difficulty']}", row["start"], *scores, *gains,
-            f"{row['stranded_rate']:.2%}\n({least:.2%} to {most:.2%})", f"{np.median(row['trained_s']):.0f}",
-        )  # fmt: skip
+        gains = (span(row[f"minus_{name}"], row[f"minus_{name}_ci95"], "+.3g") for name in ("first", "rule", "planner"))
+        stranded = span(row["stranded_rate"], row["stranded_ci95"], ".2%")
+        setting, trained_s = f"{row['mission']}\n{row['difficulty']}", f"{np.median(row['trained_s']):.0f}"
+        shown.add_row(setting, row["start"], *scores, *gains, stranded, trained_s)
     return shown
 
 
 def others_table(results: list[Result]) -> Table:
     """Score and rate of stranding of the rules and the planner, on the same episodes."""
-    shown = Table(title="on the same episodes: score, stranded", box=box.SIMPLE_HEAD)
-    for heading in ("mission", *RULES, *OTHERS):
-        shown.add_column(heading)
+    shown = table("on the same episodes: score, stranded", ("mission",), (*RULES, *OTHERS))
     for mission, others in {result.mission: result.others for result in results}.items():
         shown.add_row(mission, *(f"{one.score.mean():.4g}, {one.stranded.mean():.2%}" for one in others.values()))
     return shown
 
 
-def curves_png(results: list[Result]) -> bytes:
-    """Score over decisions, a line a seed, beside the best rule and the planner."""
-    missions = list(dict.fromkeys(result.mission for result in results))
-    figure = Figure(figsize=(4.0 * len(missions), 3.2), layout="constrained")
-    for axes, mission in zip(np.atleast_1d(figure.subplots(1, len(missions))), missions, strict=True):
-        own = [result for result in results if result.mission == mission]
-        for index, result in enumerate(own):
-            for curve in result.curves:
-                label = result.start if curve is result.curves[0] else None
-                millions, scores = [p.steps / 1e6 for p in curve], [p.score for p in curve]
-                axes.plot(millions, scores, color=f"C{index}", linewidth=1.0, label=label)
-        for name, style in ((own[0].rule, "--"), ("planner", ":")):
-            axes.axhline(own[0].on_curve[name], color="black", linestyle=style, linewidth=1.0, label=name)
-        axes.set(title=mission, xlabel="decisions, millions", ylabel="score")
-        axes.set_ylim(bottom=0.6 * own[0].on_curve[own[0].rule])
-        axes.legend(fontsize="small")
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=110)
-    return content.getvalue()
-
-
-def run() -> int:
-    """Run from the command line, see `homeward.cli.run`."""
-    return cli.run(main, Args, __doc__, (TrainingError, OptionError), interrupted="the same command goes on")
-
-
 if __name__ == "__main__":
-    sys.exit(run())
+    refused = (TrainingError, OptionError)
+    sys.exit(cli.run(main, Args, __doc__, refused, interrupted="the same command goes on"))

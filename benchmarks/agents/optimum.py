@@ -6,7 +6,6 @@ that were solved by the same code are kept, so that a killed run goes on where i
 
 from __future__ import annotations
 
-import json
 import platform
 import sys
 import time
@@ -17,20 +16,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
 from rich.table import Table
-from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.kept import Kept
+from benchmarks.tables import rate, table
 from homeward import cli
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.oracle import OracleError, solve
 from homeward.agents.registry import AGENTS, Request
 from homeward.envs.options import OptionError, Options, known_of
-from homeward.files import write_whole
-from homeward.parallel import ClusterError, code_hash, run_tasks
+from homeward.parallel import ClusterError, run_tasks
 
 TOGETHER = 10
 """Episodes that are solved together, and kept."""
@@ -70,7 +68,18 @@ def main(args: Args) -> None:
     """
     if args.episodes < 2 or args.seed < 0:
         raise OptionError(f"--episodes {args.episodes} --seed {args.seed}: give at least 2 and a seed of 0 or more")
-    bounds, shares = _bounds_table(args), _shares_table(args)
+    used = ", ".join(f"{name} {version(name)}" for name in ("homeward", "numpy", "numba", "scipy", "gymnasium"))
+    given = (("instruments", args.instruments), ("weather", args.weather))
+    conditions = ", ".join([args.difficulty, *(f"{name} {value}" for name, value in given if value)])
+    bounds = table(
+        f"{args.episodes} episodes, {conditions}, seed {args.seed}: rollout over bound", ("mission",),
+        ("rollout", "bound", "mean", "least", "1 %", "10 %", "median", "CPU s an episode"),
+    )  # fmt: skip
+    bounds.caption = f"Python {platform.python_version()}, {used}"
+    shares = table(
+        "Agents on the same episodes", ("mission", "agent"),
+        ("score", "of the rollout", "of the bound", "stranded (95 %, Wilson)", "us"),
+    )  # fmt: skip
     for mission in args.missions:
         options = Options(mission, difficulty=args.difficulty, instruments=args.instruments, weather=args.weather)
         lower, upper, cpu_s = solved(args, options)
@@ -83,30 +92,16 @@ def main(args: Args) -> None:
 
 def solved(args: Args, options: Options) -> tuple[Array, Array, Array]:
     """Lower and upper figure of each episode and the processor time that it took, s; each of shape (episodes,)."""
-    given = (options.mission, options.difficulty, options.instruments, options.weather, args.seed)
-    folder = args.out / "-".join(str(one).replace("/", "_") for one in given if one is not None)
-    seeds = episode_seeds(args.seed, args.episodes)
-    names = {f"{i}-{min(i + TOGETHER, args.episodes) - 1}": i for i in range(0, args.episodes, TOGETHER)}
-    parts = {name: part for name in names if (part := _read(folder / f"{name}.json"))}
-    tasks = {name: (options, seeds[i : i + TOGETHER]) for name, i in names.items() if name not in parts}
-
-    def keep(name: str, part: dict[str, Any]) -> None:
-        write_whole(folder / f"{name}.json", json.dumps(part | {"code": code_hash()}))
-
-    folder.mkdir(parents=True, exist_ok=True)
-    parts |= run_tasks(_solve, tasks, jobs=args.jobs, keep=keep, title=f"{options.mission}: optimum")
+    given = (options.mission, options.difficulty, options.instruments, options.weather)
+    name = "-".join(str(one).replace("/", "_") for one in given if one is not None)
+    kept, seeds = Kept(args.out / f"{name}.json", seed=args.seed), episode_seeds(args.seed, args.episodes)
+    parts = [(i, min(i + TOGETHER, args.episodes)) for i in range(0, args.episodes, TOGETHER)]
+    tasks = {f"{first} to {last - 1}": (options, seeds[first:last]) for first, last in parts}
+    run_tasks(_solve, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title=f"{options.mission}: optimum")
     lower, upper, cpu_s = (
-        np.array([value for name in names for value in parts[name][key]]) for key in ("lower", "upper", "cpu_s")
+        np.array([value for name in tasks for value in kept.results[name][key]]) for key in ("lower", "upper", "cpu_s")
     )
     return lower, upper, cpu_s
-
-
-def _read(file: Path) -> dict[str, Any] | None:
-    """Episodes solved before, unless by other code."""
-    if not file.exists():
-        return None
-    part: dict[str, Any] = json.loads(file.read_text("utf-8"))
-    return part if part.pop("code") == code_hash() else None
 
 
 def _solve(task: tuple[Options, list[int]]) -> dict[str, Any]:
@@ -118,53 +113,21 @@ def _solve(task: tuple[Options, list[int]]) -> dict[str, Any]:
     return {"lower": optimum.lower.tolist(), "upper": optimum.upper.tolist(), "cpu_s": [each_s] * len(seeds)}
 
 
-def _conditions(args: Args) -> str:
-    given = (("instruments", args.instruments), ("weather", args.weather))
-    return ", ".join([args.difficulty, *(f"{name} {value}" for name, value in given if value)])
-
-
-def _bounds_table(args: Args) -> Table:
-    used = ", ".join(f"{name} {version(name)}" for name in ("homeward", "numpy", "numba", "scipy", "gymnasium"))
-    table = Table(
-        title=f"{args.episodes} episodes, {_conditions(args)}, seed {args.seed}: rollout over bound",
-        caption=f"Python {platform.python_version()}, {used}",
-        box=box.SIMPLE_HEAD,
-    )
-    for heading in ("mission", "rollout", "bound", "mean", "least", "1 %", "10 %", "median", "CPU s an episode"):
-        table.add_column(heading, justify="left" if heading == "mission" else "right")
-    return table
-
-
-def _add_bounds(table: Table, mission: str, lower: Array, upper: Array, cpu_s: Array) -> None:
+def _add_bounds(bounds: Table, mission: str, lower: Array, upper: Array, cpu_s: Array) -> None:
     ratio = np.divide(lower, upper, out=np.ones_like(lower), where=upper > 0.0)
     shown = (ratio.mean(), *np.quantile(ratio, [0.0, 0.01, 0.1, 0.5]))
     means = (f"{lower.mean():.5g}", f"{upper.mean():.5g}")
-    table.add_row(mission, *means, *(f"{100.0 * one:.2f} %" for one in shown), f"{cpu_s.mean():.2f}")
+    bounds.add_row(mission, *means, *(f"{100.0 * one:.2f} %" for one in shown), f"{cpu_s.mean():.2f}")
 
 
-def _shares_table(args: Args) -> Table:
-    table = Table(title="Agents on the same episodes", box=box.SIMPLE_HEAD)
-    for heading in ("mission", "agent", "score", "of the rollout", "of the bound", "stranded (95 %, Wilson)", "us"):
-        table.add_column(heading, justify="left" if heading in ("mission", "agent") else "right")
-    return table
-
-
-def _add_shares(table: Table, args: Args, options: Options, lower: Array, upper: Array) -> None:
-    seeds = episode_seeds(args.seed, args.episodes)
+def _add_shares(shares: Table, args: Args, options: Options, lower: Array, upper: Array) -> None:
     for name in args.agents:
         policy = AGENTS[name](Request(known_of(options), None, args.seed))
-        run = run_episodes(policy, options, seeds)
-        score, stranded = run.episodes.score, int(run.episodes.stranded.sum())
-        wilson = stats.binomtest(stranded, args.episodes).proportion_ci(method="wilson")
-        table.add_row(
-            options.mission,
-            name,
-            f"{score.mean():.5g}",
-            f"{100.0 * score.mean() / lower.mean():.1f} %",
-            f"{100.0 * score.mean() / upper.mean():.1f} %",
-            f"{stranded / args.episodes:.1%} ({wilson.low:.1%} to {wilson.high:.1%})",
-            f"{run.decision_us:.2g}",
-        )
+        run = run_episodes(policy, options, episode_seeds(args.seed, args.episodes))
+        mean, stranded = run.episodes.score.mean(), int(run.episodes.stranded.sum())
+        of_optimum = (f"{mean / one.mean():.1%}" for one in (lower, upper))
+        stranded_rate = rate(stranded, args.episodes, ".1%")
+        shares.add_row(options.mission, name, f"{mean:.5g}", *of_optimum, stranded_rate, f"{run.decision_us:.2g}")
 
 
 if __name__ == "__main__":

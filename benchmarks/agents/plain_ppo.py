@@ -8,7 +8,6 @@ are kept in OUT, so that a run that was killed goes on.
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -21,25 +20,24 @@ import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from stable_baselines3 import PPO
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.kept import Kept
+from benchmarks.tables import rate, table
 from homeward import cli
 from homeward.agents.base import Observations, Policy
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
-from homeward.agents.evaluation.statistics import wilson
 from homeward.agents.learning.ppo import one_thread
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import AGENTS, Request
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
-from homeward.files import write_whole
-from homeward.parallel import ClusterError, TaskError, code_hash, run_tasks
+from homeward.parallel import ClusterError, TaskError, run_tasks
 
 RULES = ("soc50", "dmax", "dmax_belief")
 SIDE_BY_SIDE = 16
@@ -66,17 +64,6 @@ class Args:
     """Seeds at once."""
     out: Path = Path("runs/plain_ppo")
     """Folder of the results."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """One training seed, and on what it is compared."""
-
-    options: Options
-    training_seed: int
-    steps: int
-    episodes: int
-    seed: int
 
 
 @final
@@ -109,28 +96,27 @@ def make_model(options: Options, seed: int) -> PPO:
     return model
 
 
-def run_seed(task: Task) -> dict[str, Any]:
+def run_seed(task: tuple[Args, Options, int]) -> dict[str, Any]:
     """Train with one seed, and run the unseen episodes."""
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
-    seeds, start = episode_seeds(task.seed, task.episodes), time.perf_counter()
+    args, options, training_seed = task
+    seeds, start = episode_seeds(args.seed, args.episodes), time.perf_counter()
     with one_thread():
-        model = make_model(task.options, task.training_seed).learn(task.steps)
+        model = make_model(options, training_seed).learn(args.steps)
         trained_s = time.perf_counter() - start
-        torch.manual_seed(task.training_seed)  # of what is drawn in evaluation
+        torch.manual_seed(training_seed)  # of what is drawn in evaluation
         found = {
-            name: figures(run_episodes(Learned(model, name == "greedy"), task.options, seeds).episodes)
+            name: figures(run_episodes(Learned(model, name == "greedy"), options, seeds).episodes)
             for name in ("greedy", "sampled")
         }
     return {**found, "trained_s": trained_s}
 
 
 def figures(episodes: Episodes) -> dict[str, Any]:
-    """Shares of the missions that came home and that stranded, and the mean score."""
-    stranded = int(episodes.stranded.sum())
+    """Share of the missions that came home, how many stranded, and the mean score."""
     return {
         "home_rate": float(episodes.home.mean()),
-        "stranded": stranded,
-        "stranded_ci95": wilson(stranded, len(episodes.score)),
+        "stranded": int(episodes.stranded.sum()),
         "score_mean": float(episodes.score.mean()),
     }
 
@@ -145,51 +131,31 @@ def main(args: Args) -> None:
     if args.seeds < 1 or args.steps < 1 or args.episodes < 2 or args.seed < 0:
         raise TrainingError(f"{args}: give at least 1 of --seeds and --steps, 2 --episodes and a --seed of 0 or more")
     options = Options(args.mission, difficulty=args.difficulty)
-    tasks = {
-        f"seed {one}": Task(options, one, args.steps, args.episodes, args.seed) for one in range(args.seeds)
-    }  # fmt: skip
-    common = {
-        "mission": args.mission, "difficulty": args.difficulty, "steps": args.steps, "episodes": args.episodes,
-        "seed": args.seed, "code": code_hash(),
-        "versions": {name: version(name) for name in ("stable-baselines3", "torch")},
-    }  # fmt: skip
-    file, kept = args.out / f"{args.mission}-{args.difficulty}.json", dict[str, Any]()
-    if file.is_file():
-        content = json.loads(file.read_text())
-        kept = content["runs"] if {name: content.get(name) for name in common} == common else {}
-
-    def keep(name: str, found: dict[str, Any]) -> None:
-        kept[name] = found
-        write_whole(file, json.dumps({**common, "runs": kept}, indent=2) + "\n")
-
-    for name in RULES:
-        if name not in kept:
-            policy = AGENTS[name](Request(known_of(options), None, 0))
-            keep(name, figures(run_episodes(policy, options, episode_seeds(args.seed, args.episodes)).episodes))
-    missing = {name: task for name, task in tasks.items() if name not in kept}
-    run_tasks(run_seed, missing, jobs=args.jobs, keep=keep, title="training seeds")
-    Console(width=120).print(table_of(args, kept, list(tasks)))
+    settings = {name: getattr(args, name) for name in ("mission", "difficulty", "steps", "episodes", "seed")}
+    versions = {name: version(name) for name in ("stable-baselines3", "torch")}
+    kept = Kept(args.out / f"{args.mission}-{args.difficulty}.json", **settings, versions=versions)
+    for name in kept.missing(dict.fromkeys(RULES)):
+        policy = AGENTS[name](Request(known_of(options), None, 0))
+        kept.keep(name, figures(run_episodes(policy, options, episode_seeds(args.seed, args.episodes)).episodes))
+    tasks = {f"seed {one}": (args, options, one) for one in range(args.seeds)}
+    run_tasks(run_seed, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title="training seeds")
+    Console(width=120).print(table_of(args, kept.results, list(tasks)))
 
 
 def table_of(args: Args, runs: Mapping[str, Any], seeds: Sequence[str]) -> Table:
     """Rules, and each training seed greedy and sampled."""
-    title = f"{args.mission}, {args.difficulty}: {args.steps:,} decisions of plain PPO"
-    table = Table(
-        title=f"{title}\n{args.episodes} unseen missions, episode_seeds({args.seed}, {args.episodes})",
-        box=box.SIMPLE_HEAD,
+    title = (
+        f"{args.mission}, {args.difficulty}: {args.steps:,} decisions of plain PPO\n"
+        f"{args.episodes} unseen missions, episode_seeds({args.seed}, {args.episodes})"
     )
-    for heading in ("agent", "home", "stranded (95 %)", "mean score", "training, s"):
-        table.add_column(heading, justify="left" if heading == "agent" else "right")
+    shown = table(title, ("agent",), ("home", "stranded (95 %)", "mean score", "training, s"))
     rows = [(name, runs[name], "") for name in RULES]
     for name in seeds:
         rows += [(f"{name}, {how}", runs[name][how], f"{runs[name]['trained_s']:.0f}") for how in ("greedy", "sampled")]
     for name, one, trained_s in rows:
-        low, high = one["stranded_ci95"]
-        table.add_row(
-            name, f"{one['home_rate']:.2%}", f"{one['stranded'] / args.episodes:.2%} ({low:.2%} to {high:.2%})",
-            f"{one['score_mean']:.4g}", trained_s,
-        )  # fmt: skip
-    return table
+        stranded = rate(one["stranded"], args.episodes)
+        shown.add_row(name, f"{one['home_rate']:.2%}", stranded, f"{one['score_mean']:.4g}", trained_s)
+    return shown
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ than 1 % of the same episodes strand.
 from __future__ import annotations
 
 import itertools
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,12 +17,13 @@ from typing import Any
 
 import numba
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.kept import Kept
+from benchmarks.tables import span, table
 from homeward import cli
 from homeward.agents import AgentError, Policy
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
@@ -36,8 +36,7 @@ from homeward.agents.shield.reckless import Onward, Wanderer
 from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
 from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
-from homeward.files import write_whole
-from homeward.parallel import ClusterError, code_hash, run_tasks
+from homeward.parallel import ClusterError, run_tasks
 
 MOST_STRANDED = 0.01
 """Share of the planner's episodes that may strand where its score is what others are compared with."""
@@ -54,16 +53,7 @@ RECKLESS: dict[str, Callable[[Known], Policy]] = {
 class Args:
     """What to run."""
 
-    policies: tuple[str, ...] = (
-        "random",
-        "onward",
-        "wanderer",
-        "soc50",
-        "dmax_adaptive",
-        "dmax_belief",
-        "planner",
-        "ppo",
-    )
+    policies: tuple[str, ...] = (*RECKLESS, "random", "soc50", "dmax_adaptive", "dmax_belief", "planner", "ppo")
     """Agents of evaluate.py that ship, onward (never turns back) and wanderer (nor does it; draws the rest)."""
     missions: tuple[str, ...] = tuple(MISSIONS)
     """Missions."""
@@ -127,13 +117,7 @@ def reference_of(options: Options, seeds: list[int]) -> dict[str, Any]:
 
 
 def _figures(episodes: Episodes) -> dict[str, Any]:
-    stranded, count = int(episodes.stranded.sum()), len(episodes.score)
-    return {
-        "stranded": stranded,
-        "stranded_ci95": wilson(stranded, count),
-        "timed_out": int(episodes.timed_out.sum()),
-        "score": float(episodes.score.mean()),
-    }
+    return {"stranded": int(episodes.stranded.sum()), "score": float(episodes.score.mean())}
 
 
 def main(args: Args) -> None:
@@ -149,21 +133,9 @@ def main(args: Args) -> None:
     for name, options, *_ in tasks.values():
         if name != "reference":
             policy_of(name, known_of(options))  # what cannot be made fails now, not after hours
-    common = {"episodes": args.episodes, "seed": args.seed, "code": code_hash()}
-    file, kept = args.out / "shield.json", dict[str, Any]()
-    if file.is_file():
-        content = json.loads(file.read_text())
-        kept = content["rows"] if {name: content.get(name) for name in common} == common else {}
-    console = Console(width=165)
-
-    def keep(key: str, row: dict[str, Any]) -> None:
-        kept[key] = row
-        write_whole(file, json.dumps({**common, "rows": kept}, indent=2) + "\n")
-        console.print(f"{key}: {row.get('shielded', row)['stranded']} stranded", style="dim", highlight=False)
-
-    missing = {key: task for key, task in tasks.items() if key not in kept}
-    run_tasks(row_of, missing, jobs=args.jobs, keep=keep, title="rows")
-    console.print(table_of(args, kept))
+    console, kept = Console(width=165), Kept(args.out / "shield.json", episodes=args.episodes, seed=args.seed)
+    run_tasks(row_of, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title="rows")
+    console.print(table_of(args, kept.results))
     console.print(
         "Of the planner: score over that of the bare planner with the least reserve at which no more than "
         f"{MOST_STRANDED:.0%} strand. Rates with Wilson's, differences with paired 95 % intervals.",
@@ -188,33 +160,25 @@ def _key(*parts: str) -> str:
 
 def table_of(args: Args, rows: dict[str, Any]) -> Table:
     """The table, in the order of the arguments."""
-    table = Table(title=f"{args.episodes} episodes a row, seed {args.seed}", box=box.SIMPLE_HEAD)
     left = ("mission", "difficulty", "route", "policy")
-    for heading in (
-        *left,
-        "stranded (95 %)",
-        "shielded (95 %)",
-        "score",
-        "shielded",
-        "difference (95 %)",
-        "of the planner",
-    ):
-        table.add_column(heading, justify="left" if heading in left else "right")
+    right = ("stranded (95 %)", "shielded (95 %)", "score", "shielded", "difference (95 %)", "of the planner")
+    shown = table(f"{args.episodes} episodes a row, seed {args.seed}", left, right)
     for setting in itertools.product(args.missions, args.difficulties, args.routes):
         best = rows.get(_key(*setting, "reference"), {"score": 0.0})["score"]
         for name in args.policies:
             row = rows[_key(*setting, name)]
-            bare, safe, (low, high) = row["bare"], row["shielded"], row["difference_ci95"]
-            table.add_row(
-                *setting, name, _stranded(bare), _stranded(safe), f"{bare['score']:.4g}", f"{safe['score']:.4g}",
-                f"{row['difference']:+.4g} ({low:+.4g} to {high:+.4g})", f"{safe['score'] / best:.1%}" if best else "",
+            bare, safe = row["bare"], row["shielded"]
+            shown.add_row(
+                *setting, name, _stranded(bare, args.episodes), _stranded(safe, args.episodes),
+                f"{bare['score']:.4g}", f"{safe['score']:.4g}",
+                span(row["difference"], row["difference_ci95"], "+.4g"),
+                f"{safe['score'] / best:.1%}" if best else "",
             )  # fmt: skip
-    return table
+    return shown
 
 
-def _stranded(figures: dict[str, Any]) -> str:
-    low, high = figures["stranded_ci95"]
-    return f"{figures['stranded']} ({low:.2%} to {high:.2%})"
+def _stranded(figures: dict[str, Any], episodes: int) -> str:
+    return "{} ({:.2%} to {:.2%})".format(figures["stranded"], *wilson(figures["stranded"], episodes))
 
 
 if __name__ == "__main__":

@@ -114,10 +114,5 @@ The learning curve, on {EPISODES} missions of its own:
 """
 
 
-def run() -> int:
-    """Run from the command line, see `homeward.cli.run`."""
-    return cli.run(main, Args, __doc__, (PolicyFileError,))
-
-
 if __name__ == "__main__":
-    sys.exit(run())
+    sys.exit(cli.run(main, Args, __doc__, (PolicyFileError,)))

@@ -9,28 +9,26 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numba
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+
+from benchmarks.kept import Kept
+from benchmarks.tables import span, table
 from homeward import cli
 from homeward.agents import AgentError, make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import Bootstrap, interval
-from homeward.agents.learning.settings import STARTS
-from homeward.agents.registry import shipped
+from homeward.agents.registry import SHIPPED
 from homeward.agents.trained.policy_file import WEIGHTS
-from homeward.agents.trained.provenance import made_with
 from homeward.envs.options import MISSIONS, OptionError, Options
 from homeward.envs.vector import HomewardVectorEnv
-from homeward.files import write_whole
 
 RULE = "dmax_adaptive"
 AGENTS = (RULE, "planner", "ppo", "ppo_scratch")
@@ -64,25 +62,19 @@ def main(args: Args) -> None:
         OSError: The output folder cannot be written to.
     """
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
-    file = args.out / "transfer.json"
-    kept: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
-    table = Table(title=f"{args.episodes} episodes a row, seed {args.seed}", box=box.SIMPLE_HEAD)
-    for heading in ("mission", "met", *(f"{name}, stranded" for name in AGENTS), f"ppo minus {RULE} (95 %)"):
-        table.add_column(heading)
+    weights = hashlib.sha256(b"".join(file.read_bytes() for file in sorted(SHIPPED.glob(f"*/{WEIGHTS}"))))
+    kept = Kept(args.out / "transfer.json", episodes=args.episodes, seed=args.seed, weights=weights.hexdigest())
+    figures = (*(f"{name}, stranded" for name in AGENTS), f"ppo minus {RULE} (95 %)")
+    shown = table(f"{args.episodes} episodes a row, seed {args.seed}", ("mission", "met"), figures)
     for mission, met in itertools.product(args.missions, ELSEWHERE):
-        options = Options(mission, **ELSEWHERE[met])  # type: ignore[arg-type]
-        files = [(shipped(mission, start) / WEIGHTS).read_bytes() for start in STARTS]
-        weights = hashlib.sha256(b"".join(files)).hexdigest()
-        common = {**made_with(options), "weights": weights, "episodes": args.episodes, "seed": args.seed}
         name = f"{mission}, {met}"
-        if kept.get(name, {}).get("of") != common:
-            kept[name] = {"of": common, **row_of(options, args.episodes, args.seed)}
-            write_whole(file, json.dumps(kept, indent=2) + "\n")
-        row = kept[name]
+        if name not in kept.results:
+            options = Options(mission, **ELSEWHERE[met])  # type: ignore[arg-type]
+            kept.keep(name, row_of(options, args.episodes, args.seed))
+        row = kept.results[name]
         cells = (f"{one['score']:.4g}, {one['stranded']:.1%}" for one in row["agents"].values())
-        low, high = row["gain_ci95"]
-        table.add_row(mission, met, *cells, f"{row['gain']:+.3g} ({low:+.3g} to {high:+.3g})")
-    Console().print(table)
+        shown.add_row(mission, met, *cells, span(row["gain"], row["gain_ci95"], "+.3g"))
+    Console().print(shown)
 
 
 def row_of(options: Options, episodes: int, seed: int) -> dict[str, Any]:

@@ -16,8 +16,8 @@ from scipy.signal import lfilter
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.tables import rate
 from homeward import cli
-from homeward.agents.evaluation.statistics import wilson
 from homeward.diagnosis import Recording, RecordingError, diagnose
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.fit.folds import cut_folds
@@ -54,15 +54,12 @@ def main(args: Args) -> int:
     robot = load_robot("husky")
     seeds = range(args.seed, args.seed + args.drives)
     alarms = sum(diagnose([drive(seed)], robot).verdict != "no_mismatch" for seed in seeds)
-    low, high = wilson(alarms, args.drives)
-    print(
-        f"{alarms} false alarms in {args.drives} drives: {alarms / args.drives:.1%} "
-        f"({low:.1%} to {high:.1%}, 95 %); stated: {FALSE_ALARM_RATE:.0%}"
-    )
+    shown = rate(alarms, args.drives, ".1%")
+    print(f"{alarms} false alarms in {args.drives} drives: {shown}, 95 %; stated: {FALSE_ALARM_RATE:.0%}")
     smallest = np.array([smallest_p_value(drive(seed)) for seed in seeds])
     for level in LEVELS:
-        low, high = wilson(int((smallest <= level).sum()), args.drives)
-        print(f"smallest p-value <= {level:g}: {(smallest <= level).mean():.1%} of drives ({low:.1%} to {high:.1%})")
+        shown = rate(int((smallest <= level).sum()), args.drives, ".1%")
+        print(f"smallest p-value <= {level:g}: {shown} of drives")
     return alarms
 
 

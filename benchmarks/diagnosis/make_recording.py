@@ -10,15 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 import gzip
-import io
 from pathlib import Path
 
 import pandas as pd
 
 from homeward.physics import Robot, load_robot
 from homeward.synthetic import record
-
-__all__ = ["packed", "record", "true_robot"]
 
 TARGET = Path(__file__).parents[2] / "homeward" / "recordings" / "synthetic_husky.csv.gz"
 
@@ -33,10 +30,7 @@ def true_robot() -> Robot:
 
 def packed(table: pd.DataFrame) -> bytes:
     """The table as a gzip file that is the same each time it is made."""
-    target = io.BytesIO()
-    with gzip.GzipFile(fileobj=target, mode="wb", mtime=0) as file:
-        file.write(table.to_csv(index=False).encode())
-    return target.getvalue()
+    return gzip.compress(table.to_csv(index=False).encode(), mtime=0)
 
 
 if __name__ == "__main__":

@@ -14,14 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich import box
-from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.tables import rate, table
 from homeward import cli
-from homeward.agents.evaluation.statistics import wilson
-from homeward.agents.learning.settings import DMAX, SCRATCH
+from homeward.agents.learning.settings import DMAX
 from homeward.agents.onboard import Onboard
 from homeward.agents.registry import shipped
 from homeward.agents.trained.policy_file import load_policy
@@ -33,6 +31,7 @@ from homeward.envs.state import RETURN
 from tests.envs.reading import ReadRobot
 
 TOLD = ("all", "the wind", "nothing", "nothing, and heeds turn_now")
+"""What the policy is told."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +40,10 @@ class Args:
 
     env: str = "OutAndBack"
     """OutAndBack, Survey or Patrol."""
-    start: str = DMAX
-    """Which policy: dmax (ppo) or scratch (ppo_scratch)."""
     missions: int = 200
     """Missions."""
     seed: int = 9_500_001
     """Seed of the first mission; nothing was trained or tuned on these."""
-    told: tuple[str, ...] = TOLD
-    """What the policy is told."""
 
 
 def driven(args: Args, told: str) -> Iterator[tuple[float, bool]]:
@@ -57,7 +52,7 @@ def driven(args: Args, told: str) -> Iterator[tuple[float, bool]]:
         robot = ReadRobot(args.env, seed)
         known, over = robot.env.batch.known, False
         route, wind_mps, mean_grade = robot.told()
-        policy = load_policy(shipped(args.env, args.start), known)
+        policy = load_policy(shipped(args.env, DMAX), known)
         knows_wind, knows_all = told in ("all", "the wind"), told == "all"
         onboard = Onboard(
             policy, known, route if knows_all else None, wind_mps if knows_wind else None,
@@ -88,21 +83,15 @@ def main(args: Args) -> None:
     Raises:
         OptionError: An argument cannot be used.
     """
-    if args.env not in IDS or args.start not in (DMAX, SCRATCH) or args.missions < 1 or set(args.told) - set(TOLD):
-        raise OptionError(
-            f"give --env of {', '.join(IDS)}, --start of {DMAX}, {SCRATCH}, at least 1 of --missions, and --told of "
-            + ", ".join(f"'{one}'" for one in TOLD)
-        )
-    title = f"{args.missions} missions of {args.env}, uncertain, policy from {args.start}, seeds from {args.seed}"
-    table = Table(title=title, box=box.SIMPLE_HEAD)
-    for heading in ("told", "mean score", "stranded (95 %)"):
-        table.add_column(heading, justify="left" if heading == "told" else "right")
-    for told in args.told:
+    if args.env not in IDS or args.missions < 1:
+        raise OptionError(f"give --env of {', '.join(IDS)}, and at least 1 of --missions")
+    title = f"{args.missions} missions of {args.env}, uncertain, seeds from {args.seed}"
+    shown = table(title, ("told",), ("mean score", "stranded (95 %)"))
+    for told in TOLD:
         scores, stranded = np.array(list(driven(args, told))).T
-        low, high = wilson(int(stranded.sum()), args.missions)
-        rate = f"{int(stranded.sum())}, {stranded.mean():.1%} ({low:.1%} to {high:.1%})"
-        table.add_row(told, f"{scores.mean():.5g}", rate)
-    cli.Terminal().show(table)
+        count = int(stranded.sum())
+        shown.add_row(told, f"{scores.mean():.5g}", f"{count}, {rate(count, args.missions, '.1%')}")
+    cli.Terminal().show(shown)
 
 
 if __name__ == "__main__":

@@ -11,19 +11,16 @@ cycle), as the file was given and as it was corrected. `range_drives.py` says wh
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import sys
-import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from scipy.special import beta
@@ -31,7 +28,9 @@ from scipy.stats import t as student
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.kept import Kept
 from benchmarks.on_the_robot.range_drives import PARTS, Site, sites
+from benchmarks.tables import span, table
 from homeward import cli
 from homeward.companion import CompanionError
 from homeward.datasets import DatasetError
@@ -40,7 +39,6 @@ from homeward.diagnosis.fit.replay import current_a
 from homeward.diagnosis.read.signals import signals, steps_s
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.estimation.tails import DEGREES, deviations
-from homeward.files import write_whole
 from homeward.physics import Robot, d_max, load_robot
 from homeward.watch.replay import watch
 from homeward.watch.watched import Watched, rest_of
@@ -48,8 +46,6 @@ from homeward.watch.watched import Watched, rest_of
 Array = NDArray[np.float64]
 
 _RESAMPLES = 9999
-_ENDS = (0.8, 0.97)
-"""Between which the share in the 90 % interval is to be."""
 
 
 @dataclass(frozen=True)
@@ -70,37 +66,6 @@ class CoverageError(ValueError):
     """An argument that cannot be used."""
 
 
-@dataclass(frozen=True)
-class Score:
-    """What came of one held-out drive or window; sums over its moments, over the sum of what the rest took.
-
-    Attributes:
-        site: Of which robot or ground.
-        run: Which run.
-        moments: How many.
-        covered: Share of them at which the interval held it.
-        covered_first: Whether it did before the drive began.
-        bias: Sum of predictions over that of what came, less 1.
-        width: Half the interval.
-        crps: Continuous ranked probability score.
-        nominal: The same of plain d_max by the file as it was given: its absolute error.
-        corrected: By the corrected file.
-        way_m: How far the drive goes.
-    """
-
-    site: str
-    run: str
-    moments: int
-    covered: float
-    covered_first: bool
-    bias: float
-    width: float
-    crps: float
-    nominal: float
-    corrected: float
-    way_m: float
-
-
 def crps(mean: Array, scale: Array, truth: Array) -> Array:
     """Continuous ranked probability score of Student's t by `homeward.estimation.tails`, in the unit of the truth.
 
@@ -115,17 +80,28 @@ def crps(mean: Array, scale: Array, truth: Array) -> Array:
     return np.asarray(scale * (z * (2.0 * student.cdf(z, nu) - 1.0) + spread - constant))
 
 
-def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array]) -> Score:
-    """Scores of one drive; `plain` is what plain d_max says at its moments, by the nominal and the corrected file."""
+def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array]) -> dict[str, Any]:
+    """Scores of one held-out drive or window: sums over its moments, over the sum of what the rest took.
+
+    `bias` is the sum of predictions over that of what came, less 1; `width` half the interval; `nominal` and
+    `corrected` the absolute error of plain d_max by the two files.
+
+    Args:
+        site: Of which robot or ground.
+        run: Which run.
+        watched: What was predicted, and what came.
+        plain: What plain d_max says at its moments, by the nominal and by the corrected file.
+    """
     total_j = float(watched.took_j.sum())
     half_j = 0.5 * (watched.high_j - watched.low_j)
     scores_j = crps(watched.mean_j, half_j / deviations(0.95), watched.took_j)
     nominal, corrected = (float(np.abs(one - watched.took_j).sum()) / total_j for one in plain)
-    return Score(
-        site.name, run, len(half_j), float(watched.covered.mean()), bool(watched.covered[0]),
-        float(watched.mean_j.sum()) / total_j - 1.0, float(half_j.sum()) / total_j, float(scores_j.sum()) / total_j,
-        nominal, corrected, watched.length_m,
-    )  # fmt: skip
+    return {
+        "site": site.name, "run": run, "moments": len(half_j), "covered": float(watched.covered.mean()),
+        "covered_first": bool(watched.covered[0]), "bias": float(watched.mean_j.sum()) / total_j - 1.0,
+        "width": float(half_j.sum()) / total_j, "crps": float(scores_j.sum()) / total_j, "nominal": nominal,
+        "corrected": corrected,
+    }  # fmt: skip
 
 
 def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
@@ -150,10 +126,8 @@ def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
 def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
     """Diagnose a site's training drives, and watch those held out with the file that this writes."""
     site = make()
-    begun_s = time.perf_counter()
     analysis = analyse(list(site.training), site.nominal, site.columns)
     write_outputs(analysis, folder / "diagnosis")
-    lasted_s = time.perf_counter() - begun_s
     nominal, robot = load_robot(site.nominal), load_robot(folder / "diagnosis" / "corrected.toml")
     scores, left_out = [], 0
     for path, run in zip(site.held_out, site.runs, strict=True):
@@ -164,9 +138,8 @@ def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
             left_out += 1
             continue
         plain = plain_of(nominal, recording, watched), plain_of(robot, recording, watched)
-        scores.append(asdict(score_of(site, run, watched, plain)))
-    return {"site": site.name, "verdict": analysis.diagnosis.verdict, "diagnosed_s": lasted_s, "scores": scores,
-            "left_out": left_out}  # fmt: skip
+        scores.append(score_of(site, run, watched, plain))
+    return {"site": site.name, "verdict": analysis.diagnosis.verdict, "scores": scores, "left_out": left_out}
 
 
 def coverage(scores: list[dict[str, Any]], by: tuple[str, ...], name: str, seed: int) -> tuple[float, float, float]:
@@ -192,17 +165,14 @@ def main(args: Args) -> dict[str, list[dict[str, Any]]]:
     if unknown or args.robots < 2 or args.seed < 0:
         raise CoverageError(f"give --parts of {', '.join(PARTS)}, at least 2 --robots and a --seed of 0 or more")
     os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # it would ask on the terminal
-    console, file = Console(width=150), args.out / "range_coverage.json"
-    content = json.loads(file.read_text()) if file.is_file() else {}
-    kept: dict[str, Any] = content["sites"] if content.get("seed") == args.seed else {}
+    console, kept = Console(width=150), Kept(args.out / "range_coverage.json", seed=args.seed)
     found: dict[str, list[dict[str, Any]]] = {}
     for part in args.parts:
         for number, make in enumerate(sites(part, args.seed, args.robots, args.out)):
             key = f"{part} {number}"
-            if key not in kept:
-                kept[key] = proof_of(make, make.args[-1])
-                write_whole(file, json.dumps({"seed": args.seed, "sites": kept}, indent=1) + "\n")
-            one = kept[key]
+            if key not in kept.results:
+                kept.keep(key, proof_of(make, make.args[-1]))
+            one = kept.results[key]
             covered = np.mean([score["covered"] for score in one["scores"]]) if one["scores"] else np.nan
             without = f"; {one['left_out']} drives of which the file says nothing" if one["left_out"] else ""
             console.print(f"{one['site']}: {one['verdict']}, {covered:.0%} in the interval{without}", style="dim")
@@ -213,24 +183,23 @@ def main(args: Args) -> dict[str, list[dict[str, Any]]]:
 
 def table_of(args: Args, found: dict[str, list[dict[str, Any]]]) -> Table:
     """What the drives of each part came to."""
-    table = Table(title=f"Held-out drives, seed {args.seed}", box=box.SIMPLE_HEAD)
-    for heading in (
-        "drives", "drives, of", "moments", "in the 90 % interval (95 %)", "before the start", "bias", "half interval",
-        "CRPS", "d_max: corrected, given",
-    ):  # fmt: skip
-        table.add_column(heading, justify="left" if heading == "drives" else "right")
+    right = (
+        "drives, of", "moments", "in the 90 % interval (95 %)", "before the start", "bias", "half interval", "CRPS",
+        "d_max: corrected, given",
+    )  # fmt: skip
+    shown = table(f"Held-out drives, seed {args.seed}", ("drives",), right)
     for part, proofs in found.items():
         scores = [one for proof in proofs for one in proof["scores"]]
         by = ("site",) if part in ("rover", "cell") else ("site", "run")
         independent = len({tuple(one[field] for field in by) for one in scores})
         of = partial(coverage, scores, by, seed=args.seed)
-        share, low, high = of("covered")
-        table.add_row(
+        share, *ends = of("covered")
+        shown.add_row(
             part, f"{len(scores)}, {independent}", str(sum(one["moments"] for one in scores)),
-            f"{share:.0%} ({low:.0%} to {high:.0%})", f"{of('covered_first')[0]:.0%}", f"{of('bias')[0]:+.1%}",
+            span(share, ends, ".0%"), f"{of('covered_first')[0]:.0%}", f"{of('bias')[0]:+.1%}",
             f"{of('width')[0]:.1%}", f"{of('crps')[0]:.1%}", f"{of('corrected')[0]:.1%}, {of('nominal')[0]:.1%}",
         )  # fmt: skip
-    return table
+    return shown
 
 
 if __name__ == "__main__":

@@ -17,15 +17,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich import box
-from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.tables import table
 from homeward import cli, installed
 from homeward.companion import Companion, CompanionError
 from homeward.watch.ros2 import LOOPBACK
 
+DOMAIN = 91
+"""Of ROS 2."""
 _WARMS_UP = 0.1
 """Share of the time before memory is first read: kernels and tables are loaded in it."""
 
@@ -38,10 +39,6 @@ class Args:
     """Duration."""
     hz: float = 20.0
     """Messages of each of the three topics a second."""
-    robot: str = "husky"
-    """Robot."""
-    domain: int = 91
-    """ROS 2 domain."""
 
 
 def resident_mb() -> float:
@@ -62,8 +59,8 @@ def main(args: Args) -> None:
     installed.needed("ros2", "cyclonedds", "rosbags")
     from homeward.watch.ros2.node import PERIOD_S, Node
 
-    node = Node(Companion(args.robot, home="here"), args.domain)
-    robot = ["--robot", args.robot, "--domain", str(args.domain), "--hz", str(args.hz), "--out-s", "300"]
+    node = Node(Companion("husky", home="here"), DOMAIN)
+    robot = ["--robot", "husky", "--domain", str(DOMAIN), "--hz", str(args.hz), "--out-s", "300"]
     duration_s = 60.0 * args.minutes
     took_s: list[float] = []
     marks = {_WARMS_UP: 0.0, 0.5: 0.0, 1.0: 0.0}
@@ -86,16 +83,16 @@ def main(args: Args) -> None:
     marks[1.0] = resident_mb()
     if not took_s or node.advice is None:
         raise CompanionError("nothing was heard of the simulated robot")
-    table = Table(title=f"{args.minutes:g} minutes at {args.hz:g} Hz", box=box.SIMPLE_HEAD, show_header=False)
+    shown = table(f"{args.minutes:g} minutes at {args.hz:g} Hz", ("of", "a simulated Husky"), ())
     memory = ", ".join(f"{megabytes:.1f}" for megabytes in marks.values())
     sent = 3.0 * args.hz * duration_s
     median_ms, late_ms, most_ms = 1e3 * np.quantile(took_s, (0.5, 0.99, 1.0))
-    table.add_row("resident memory after a tenth, half, all", f"{memory} MB")
-    table.add_row("messages taken", f"{node.messages} of about {sent:.0f} sent")
-    table.add_row("updates", f"{len(took_s)}")
-    table.add_row("time of a step, median, 99 %, most", f"{median_ms:.2f}, {late_ms:.2f}, {most_ms:.1f} ms")
+    shown.add_row("resident memory after a tenth, half, all", f"{memory} MB")
+    shown.add_row("messages taken", f"{node.messages} of about {sent:.0f} sent")
+    shown.add_row("updates", f"{len(took_s)}")
+    shown.add_row("time of a step, median, 99 %, most", f"{median_ms:.2f}, {late_ms:.2f}, {most_ms:.1f} ms")
     console = cli.Terminal()
-    console.show(table)
+    console.show(shown)
     console.print(str(node.advice), soft_wrap=True)
     for text in node.warnings:
         console.print(text, soft_wrap=True)

@@ -13,6 +13,7 @@ tests/broken holds what once broke, and tests/test_broken.py reads it.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import gc
 import gzip
 import hashlib
@@ -40,11 +41,16 @@ from typing import Any
 import numpy as np
 import tyro
 
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+
+from benchmarks.robustness.forks import Run, fork, warm
+
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST_S = 10.0
 """What reading an input may take."""
 MOST_BYTES = 10**9
 """What it may allocate."""
+_FAST = "/dev/shm" if os.path.isdir("/dev/shm") else None  # folder of inputs: in memory, where there is such
 _DEAD_S = 180.0  # without a word from a worker: a hang that no signal ends
 _KEPT = 400  # inputs that ended in a new way
 _FRESH = 0.5  # share of inputs made of a real file, not of what was kept
@@ -85,7 +91,7 @@ class Target:
     read: Callable[[Path], Any]
     suffix: str
     refusals: tuple[type[Exception], ...]
-    seeds: Callable[[], list[bytes]]
+    seeds: Callable[[], list[bytes]]  # real files, shortened so that many are read in a second
     guidable: bool = False  # written in Python for the most part
 
 
@@ -122,13 +128,16 @@ def targets() -> dict[str, Target]:
     def setting(path: Path) -> Any:
         return setting_of(policy(path))
 
+    def route(path: Path) -> Any:
+        return load_route(path, 5.0)
+
     recording = (RecordingError,)
     exported = (PolicyFileError, OptionError, RobotError, RouteError)
     maps = "homeward/diagnosis/read"
     return {
         "robot TOML": Target(load_robot, ".toml", (RobotError,), lambda: _files("homeward/robots/*.toml"), True),
-        "route CSV": Target(_routes(load_route), ".csv", (RouteError,), _route_seeds, True),
-        "route GPX": Target(_routes(load_route), ".gpx", (RouteError,), lambda: [_gpx()], True),
+        "route CSV": Target(route, ".csv", (RouteError,), _route_seeds, True),
+        "route GPX": Target(route, ".gpx", (RouteError,), lambda: [_gpx()], True),
         "recording CSV": Target(read_recording, ".csv", recording, _recording_seeds),
         "recording CSV.gz": Target(read_recording, ".csv.gz", recording,
                                    lambda: [gzip.compress(one) for one in _recording_seeds()]),
@@ -152,15 +161,8 @@ def targets() -> dict[str, Target]:
     }  # fmt: skip
 
 
-# Seeds: real files, shortened so that many are read in a second.
-
-
 def _files(pattern: str) -> list[bytes]:
     return [path.read_bytes() for path in sorted(ROOT.glob(pattern))]
-
-
-def _routes(load: Callable[[Path, float], Any]) -> Callable[[Path], Any]:
-    return lambda path: load(path, 5.0)
 
 
 def _route_seeds() -> list[bytes]:
@@ -274,17 +276,12 @@ def _policy_folder(path: Path) -> Path:
 
 
 def _instrument_seeds() -> list[bytes]:
-    import dataclasses
-
     from homeward.envs.conditions.instruments import INSTRUMENTS
 
     return [
         "".join(f"{name} = {value!r}\n" for name, value in dataclasses.asdict(one).items()).encode()
         for one in INSTRUMENTS.values()
     ]
-
-
-# Mutations.
 
 
 class Mutator:
@@ -390,9 +387,6 @@ class Mutator:
         return data[:-1024] + self._overwrite(data[-1024:])
 
 
-# One worker: a loop over inputs of one target.
-
-
 @dataclass
 class Tally:
     """What became of the inputs of a target."""
@@ -404,6 +398,12 @@ class Tally:
     guided: bool = False
     findings: Counter[str] = field(default_factory=Counter)
 
+    def __add__(self, other: Tally) -> Tally:
+        return Tally(
+            self.inputs + other.inputs, self.read + other.read, self.refused + other.refused,
+            max(self.longest_s, other.longest_s), self.guided or other.guided, self.findings + other.findings,
+        )  # fmt: skip
+
 
 class Worker:
     """Reads inputs of one target and keeps what breaks."""
@@ -412,7 +412,7 @@ class Worker:
         self.name, self.target, self.out = name, targets()[name], out
         self.out.mkdir(parents=True, exist_ok=True)
         self.tally, self.seen = Tally(), set[str]()
-        self.folder = Path(tempfile.mkdtemp(prefix="fuzz_", dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
+        self.folder = Path(tempfile.mkdtemp(prefix="fuzz_", dir=_FAST))
         self.path = self.folder / f"input{self.target.suffix}"
         (self.out / "last").write_text(str(self.path))
         self._written_s = 0.0
@@ -423,7 +423,7 @@ class Worker:
         began = time.monotonic()
         signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
         try:
-            with _quiet():
+            with warnings.catch_warnings(action="ignore"):
                 self.target.read(self.path)
             end = "read"
             self.tally.read += 1
@@ -458,13 +458,6 @@ class Worker:
         fresh.replace(self.out / f"tally.{os.getpid()}.json")
 
 
-def _quiet() -> contextlib.AbstractContextManager[Any]:
-    caught = contextlib.ExitStack()
-    caught.enter_context(warnings.catch_warnings())
-    warnings.simplefilter("ignore")
-    return caught
-
-
 def _shape(message: str) -> str:
     """A message less its numbers, quoted text and paths."""
     return re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?|'[^']*'|\"[^\"]*\"|/\S+", "#", message)[:80]
@@ -486,8 +479,7 @@ def work(args: Args) -> None:
         corpus = worker.target.seeds()
         for seed in corpus:  # imports and caches come before the limit
             worker.try_one(seed)
-    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
+    _limit_memory()
     try:
         if args.guided:
             _guided(worker, corpus, args)
@@ -502,6 +494,12 @@ def work(args: Args) -> None:
     finally:
         worker.write()
         shutil.rmtree(worker.folder, ignore_errors=True)
+
+
+def _limit_memory() -> None:
+    """Let this process allocate no more than `MOST_BYTES` beyond what it has."""
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
 
 
 def _instrumented() -> contextlib.AbstractContextManager[Any]:
@@ -539,28 +537,16 @@ def _hang(number: int, frame: FrameType | None) -> None:
     raise Hang(f"more than {LONGEST_S:g} s")
 
 
-# The parent.
-
-
 def main(args: Args) -> dict[str, Tally]:
     """Fuzz every target, then the commands; print and write the table; exit with 1 if anything broke."""
     if args.worker:
         work(args)
         return {}
+    from homeward.parallel import run_tasks  # not where coverage counts what is imported
+
     names = args.targets or tuple(targets()) if args.minutes > 0.0 else ()
-    tallies: dict[str, Tally] = {}
-    turns = [(name, 60.0 * args.minutes * args.workers / len(names)) for name in names]
-    running: dict[str, _Turn] = {}
-    while turns or running:
-        while turns and len(running) < args.workers:
-            name, seconds = turns.pop(0)
-            running[name] = _Turn(name, seconds, args)
-        time.sleep(0.2)
-        for name, turn in list(running.items()):
-            if turn.ended():
-                tallies[name] = turn.tally()
-                del running[name]
-                print(_row(name, tallies[name]), flush=True)
+    turns = {name: (name, 60.0 * args.minutes * args.workers / len(names), args) for name in names}
+    tallies = run_tasks(_turn, turns, jobs=args.workers, keep=lambda name, one: print(_row(name, one), flush=True))
     if args.commands:
         tallies["commands"] = _commands(args)
         print(_row("commands", tallies["commands"]), flush=True)
@@ -571,81 +557,59 @@ def main(args: Args) -> dict[str, Tally]:
     return tallies
 
 
-class _Turn:
+def _turn(task: tuple[str, float, Args]) -> Tally:
     """A target's time, in as many worker processes as it takes."""
+    name, seconds, args = task
+    out, end_s, deaths = args.out / name.replace(" ", "_"), time.monotonic() + seconds, 0
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    guidable = targets()[name].guidable and _has_atheris()
+    while deaths == 0 or (end_s - time.monotonic() > 1.0 and deaths < 200):
+        guided, left_s = guidable and deaths % 2 == 0, max(end_s - time.monotonic(), 0.0)
+        minutes = (0.5 if guided else 1.0) * left_s / 60.0
+        line = [sys.executable, __file__, "--worker", name, "--minutes", str(minutes), "--out", str(out),
+                "--seed", str(args.seed + deaths), *(["--guided"] if guided else [])]  # fmt: skip
+        with (out / "log").open("ab") as log:
+            env = {**os.environ, "OMP_NUM_THREADS": "1"}
+            process = subprocess.Popen(line, stdout=log, stderr=log, env=env)
+        code, tally = _ended(process, out)
+        if code is None:
+            _keep_last(out, deaths, "hangs where no signal ends it")
+        elif code not in (0, 1) or not tally.is_file():
+            _keep_last(out, deaths, f"died with {code}")
+        deaths += 1
+    written = (json.loads(path.read_text()) for path in out.glob("tally.*.json"))
+    return sum((Tally(**one | {"findings": Counter(one["findings"])}) for one in written), Tally())
 
-    def __init__(self, name: str, seconds: float, args: Args) -> None:
-        self.name, self.args, self.out = name, args, args.out / name.replace(" ", "_")
-        shutil.rmtree(self.out, ignore_errors=True)
-        self.end_s, self.deaths = time.monotonic() + seconds, 0
-        self.guide = targets()[name].guidable and _has_atheris()
-        self._start()
 
-    def _start(self) -> None:
-        left = max(self.end_s - time.monotonic(), 0.0)
-        guided = self.guide and self.deaths % 2 == 0
-        half = 0.5 * left if guided else left
-        command = [sys.executable, __file__, "--worker", self.name, "--minutes", str(half / 60.0),
-                   "--out", str(self.out), "--seed", str(self.args.seed + self.deaths)]  # fmt: skip
-        paths = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-        self.out.mkdir(parents=True, exist_ok=True)
-        with (self.out / "log").open("ab") as log:
-            env = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
-            line = [*command, *(["--guided"] if guided else [])]
-            self.process = subprocess.Popen(line, stdout=log, stderr=log, env=env)
-        self.guided, self.start_s = guided, time.monotonic()
+def _ended(process: subprocess.Popen[bytes], out: Path) -> tuple[int | None, Path]:
+    """Wait for a worker's end: its exit code, or None if it said nothing for too long; and the file of its tally."""
+    tally, began_s = out / f"tally.{process.pid}.json", time.time()
+    while process.poll() is None:
+        time.sleep(0.2)
+        if time.time() - (tally.stat().st_mtime if tally.is_file() else began_s) > _DEAD_S:
+            process.kill()
+            process.wait()
+            return None, tally
+    return process.returncode, tally
 
-    def ended(self) -> bool:
-        code = self.process.poll()
-        if code is None and self._silent_s() > _DEAD_S:
-            self.process.kill()
-            code = self.process.wait()
-            self._keep_last("hangs where no signal ends it")
-        elif code is None:
-            return False
-        elif code not in (0, 1) or not list(self.out.glob(f"tally.{self.process.pid}.json")):
-            self._keep_last(f"died with {code}")
-        self.deaths += 1
-        if self.end_s - time.monotonic() > 1.0 and self.deaths < 200:
-            self._start()
-            return False
-        return True
 
-    def _silent_s(self) -> float:
-        tally = self.out / f"tally.{self.process.pid}.json"
-        last = tally.stat().st_mtime if tally.is_file() else time.time() - (time.monotonic() - self.start_s)
-        return time.time() - last
-
-    def _keep_last(self, how: str) -> None:
-        last = self.out / "last"
-        path = Path(last.read_text()) if last.is_file() else None
-        if path is None:
-            raise SystemExit(f"no input of {self.name} was read: see {self.out / 'log'}")
-        if path.is_file():
-            data = path.read_bytes()
-            shutil.copy(path, self.out / f"death{self.deaths}{path.suffix}")
-            (self.out / f"death{self.deaths}.trace").write_text(f"{how}, {len(data)} bytes\n")
-            tally = Tally(inputs=1, findings=Counter({how: 1}))
-            (self.out / f"tally.death{self.deaths}.json").write_text(json.dumps(vars(tally)))
-
-    def tally(self) -> Tally:
-        total = Tally()
-        for path in self.out.glob("tally.*.json"):
-            one = json.loads(path.read_text())
-            total.inputs += one["inputs"]
-            total.read += one["read"]
-            total.refused += one["refused"]
-            total.longest_s = max(total.longest_s, one["longest_s"])
-            total.guided |= one["guided"]
-            total.findings.update(one["findings"])
-        return total
+def _keep_last(out: Path, deaths: int, how: str) -> None:
+    """Keep the input that a worker died of, where it is still there."""
+    last = out / "last"
+    if not last.is_file():
+        raise RuntimeError(f"no input was read: see {out / 'log'}")
+    path = Path(last.read_text())
+    if path.is_file():
+        data = path.read_bytes()
+        shutil.copy(path, out / f"death{deaths}{path.suffix}")
+        (out / f"death{deaths}.trace").write_text(f"{how}, {len(data)} bytes\n")
+        tally = Tally(inputs=1, findings=Counter({how: 1}))
+        (out / f"tally.death{deaths}.json").write_text(json.dumps(vars(tally)))
 
 
 def _has_atheris() -> bool:
     return importlib.util.find_spec("atheris") is not None
-
-
-# Commands.
 
 
 _RUN = ("--out", "OUT")
@@ -750,19 +714,17 @@ def _commands(args: Args) -> Tally:
     out = args.out / "commands"
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None) as name:
+    with tempfile.TemporaryDirectory(dir=_FAST) as name:
         folder = Path(name)
         lines = Lines(folder, np.random.default_rng([args.seed, 1]))
         for line in lines.plain():
-            _warm(command.run, line, folder)
+            warm(command.run, line, folder)
         gc.collect()
         gc.freeze()  # or every fork copies what its collector looks at
         for number in range(args.commands):
             line = lines.draw()
             end = _forked(command.run, line, folder)
-            tally.inputs += 1
-            tally.longest_s = max(tally.longest_s, end.took_s)
-            tally.read, tally.refused = tally.read + (end.code == 0), tally.refused + (end.code == 2)
+            tally += Tally(1, end.code == 0, end.code == 2, end.took_s)
             if number % _SHOWN == 0:
                 print(_row("commands", tally), flush=True)
             if fault := end.fault():
@@ -772,19 +734,6 @@ def _commands(args: Args) -> Tally:
                     (out / f"{number}.trace").write_text(f"{' '.join(line)}\n{fault}\n{end.said}")
                     shutil.copytree(folder, out / str(number), ignore=shutil.ignore_patterns("out"))
     return tally
-
-
-def _warm(run: Callable[[], int], line: list[str], folder: Path) -> None:
-    """Run a command in this process, so that forks of it need not compile or import."""
-    argv, here = sys.argv, Path.cwd()
-    sys.argv = ["homeward", *line]
-    os.chdir(folder)
-    try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), _quiet():
-            run()
-    finally:
-        sys.argv = argv
-        os.chdir(here)
 
 
 @dataclass(frozen=True)
@@ -809,34 +758,10 @@ class End:
         return ""
 
 
-def _forked(run: Callable[[], int], line: list[str], folder: Path) -> End:
-    """Run a command in a child; it ends with 1 after a traceback, with -24 or -9 if it took too long."""
+def _forked(run: Run, line: list[str], folder: Path) -> End:
+    """Run a command in a child; it ends with -24 or -9 if it took too long."""
     said, printed = folder / "said", folder / "printed"
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            os.chdir(folder)
-            for number, path in ((1, printed), (2, said)):
-                os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
-            sys.argv = ["homeward", *line]
-            sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
-            sys.stdin = open(os.devnull)  # noqa: SIM115 - of a process that ends
-            size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-            resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
-            resource.setrlimit(resource.RLIMIT_CPU, (int(LONGEST_S), int(LONGEST_S) + 1))
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            code = run()
-        except SystemExit as error:
-            code = error.code if isinstance(error.code, int) else 1
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            with contextlib.suppress(Exception):
-                sys.stdout.flush()
-                sys.stderr.flush()
-            os._exit(code)
-    end_s = time.monotonic() + _COMMAND_S
+    child, end_s = fork(run, line, folder, said, printed, _limit), time.monotonic() + _COMMAND_S
     while True:
         ended, status, used = os.wait4(child, os.WNOHANG)
         if ended:
@@ -848,6 +773,12 @@ def _forked(run: Callable[[], int], line: list[str], folder: Path) -> End:
                said.read_text(errors="replace"), printed.read_text(errors="replace"))  # fmt: skip
 
 
+def _limit() -> None:
+    _limit_memory()
+    resource.setrlimit(resource.RLIMIT_CPU, (int(LONGEST_S), int(LONGEST_S) + 1))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
 def _row(name: str, one: Tally) -> str:
     guided = " (coverage)" if one.guided else ""
     found = sum(one.findings.values())
@@ -855,14 +786,10 @@ def _row(name: str, one: Tally) -> str:
 
 
 def _table(tallies: dict[str, Tally]) -> str:
-    total = Tally(sum(one.inputs for one in tallies.values()), sum(one.read for one in tallies.values()),
-                  sum(one.refused for one in tallies.values()),
-                  max((one.longest_s for one in tallies.values()), default=0.0))  # fmt: skip
-    total.findings = sum((one.findings for one in tallies.values()), Counter[str]())
     head = ["| what is read | inputs | read | refused in one line | longest | broke |", "|---|---|---|---|---|---|"]
     rows = [_row(name, one) for name, one in tallies.items()]
     ways = [f"* {name}: {end} ({count})" for name, one in tallies.items() for end, count in one.findings.items()]
-    return "\n".join([*head, *rows, _row("all", total), "", *ways]) + "\n"
+    return "\n".join([*head, *rows, _row("all", sum(tallies.values(), Tally())), "", *ways]) + "\n"
 
 
 if __name__ == "__main__":

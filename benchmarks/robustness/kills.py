@@ -16,8 +16,6 @@ from __future__ import annotations
 import contextlib
 import csv
 import ctypes
-import hashlib
-import io
 import json
 import os
 import resource
@@ -27,7 +25,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import traceback
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -36,6 +33,11 @@ from typing import Any
 
 import numpy as np
 import tyro
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+
+from benchmarks.robustness.forks import fork, warm
+from homeward.__main__ import run
 
 ROOT = Path(__file__).resolve().parents[2]
 _SMALL = 3000
@@ -48,8 +50,6 @@ _TINY = [
     "--start", "scratch", "--n-envs", "32", "--n-steps", "16", "--batch-size", "128", "--epochs", "2", "--hidden", "16",
     "--curve", "2", "--steps", "2048", "--decision-s", "120", "--checkpoint-s", "0", "--env", "homeward/OutAndBack-v0",
 ]  # fmt: skip
-
-
 _LONGEST_S = 600.0
 _ON_CLUSTERS = ("sweep", "fleet")
 _ENDS = {".html": b"</html>", ".png": b"IEND\xaeB`\x82"}
@@ -76,7 +76,7 @@ class Command:
     """A command, and what of its output folder a result is."""
 
     words: list[str]
-    result: Callable[[Path], str]
+    result: Callable[[Path], object]
     other: list[str]  # words that make it another job, whose results are not those that are there
 
 
@@ -94,35 +94,29 @@ class Outcome:
     undisturbed_s: float = 0.0
 
 
-def _digest(*contents: bytes) -> str:
-    return hashlib.sha256(b"\0".join(contents)).hexdigest()
+def _of_files(*patterns: str) -> Callable[[Path], object]:
+    """What files hold, by pattern, with their names."""
 
-
-def _of_files(*patterns: str) -> Callable[[Path], str]:
-    """A digest of files by pattern, with their names."""
-
-    def result(folder: Path) -> str:
-        files = sorted({file for pattern in patterns for file in folder.glob(pattern)})
+    def result(folder: Path) -> object:
+        files = {str(file.relative_to(folder)): file.read_bytes() for one in patterns for file in folder.glob(one)}
         if not files:
             raise FileNotFoundError(f"{folder} holds none of {', '.join(patterns)}")
-        return _digest(*(part for one in files for part in (str(one.relative_to(folder)).encode(), one.read_bytes())))
+        return files
 
     return result
 
 
-def _of_training(folder: Path) -> str:
+def _of_training(folder: Path) -> object:
     """The steps of a training and the points of its curve: one that goes on takes new missions, so weights differ."""
-    description = json.loads((folder / "policy.json").read_text())
     with (folder / "curve.csv").open(newline="") as file:
         points = [row["steps"] for row in csv.DictReader(file)]
-    return json.dumps([description["steps"], points])
+    return json.loads((folder / "policy.json").read_text())["steps"], points
 
 
-def _of_table(folder: Path) -> str:
+def _of_table(folder: Path) -> object:
     """Episodes less what they took."""
     with (folder / "episodes.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    return _digest(json.dumps([{k: v for k, v in row.items() if not k.endswith("_us")} for row in rows]).encode())
+        return [{k: v for k, v in row.items() if not k.endswith("_us")} for row in csv.DictReader(file)]
 
 
 def commands(folder: Path) -> dict[str, Command]:
@@ -138,7 +132,7 @@ def commands(folder: Path) -> dict[str, Command]:
                             ["--seed", "1"]),
         "sweep": Command(
             ["sweep", "--seeds", "0", "1", *_TINY],
-            lambda folder: "".join(map(_of_training, sorted(folder.glob("seed_*")))), ["--seeds", "5"],
+            lambda folder: list(map(_of_training, sorted(folder.glob("seed_*")))), ["--seeds", "5"],
         ),
         "fleet": Command(["fleet", str(folder / "garage"), "--robot", "husky"], _of_files("fleet.csv", "*/*.json"),
                          ["--seed", "1"]),
@@ -164,7 +158,7 @@ def _recordings(folder: Path) -> list[Path]:
 
 def _start(words: list[str], out: Path, **options: Any) -> subprocess.Popen[bytes]:
     line = [sys.executable, "-m", "homeward", *words, "--out", str(out)]
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", **options.pop("env", {})}
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     return subprocess.Popen(line, cwd=out.parent, env=env, start_new_session=True, stdout=subprocess.DEVNULL,
                             stderr=options.pop("stderr", subprocess.PIPE), **options)  # fmt: skip
 
@@ -176,34 +170,8 @@ def _finish(words: list[str], out: Path, **options: Any) -> tuple[int, str]:
 
 
 def _forked(words: list[str], out: Path) -> int:
-    """Start a command in a fork, the leader of a process group; what it says is in a file beside its folder."""
-    child = os.fork()
-    if child:
-        return child
-    code = 1
-    try:
-        os.setsid()
-        os.chdir(out.parent)
-        for number, name in ((1, os.devnull), (2, _said(out))):
-            os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
-        sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
-        code = _run(words, out)
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        with contextlib.suppress(Exception):
-            sys.stderr.flush()
-        os._exit(code)
-
-
-def _run(words: list[str], out: Path) -> int:
-    from homeward import __main__ as command
-
-    sys.argv = ["homeward", *words, "--out", str(out)]
-    try:
-        return command.run()
-    except SystemExit as error:
-        return error.code if isinstance(error.code, int) else 1
+    """Start a command in a fork; what it says is in a file beside its folder."""
+    return fork(run, [*words, "--out", str(out)], out.parent, _said(out))
 
 
 def _said(out: Path) -> Path:
@@ -281,8 +249,7 @@ def _disturb(
     folder.mkdir()
     folder.chmod(0o755)
     outcome = Outcome()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        _run(command.words, folder / "warm")  # loads and compiles what there is, which forks then have
+    warm(run, [*command.words, "--out", str(folder / "warm")], folder)
     began = time.monotonic()
     code, said = _finish_fork(command.words, folder / "undisturbed")
     if code != 0:
@@ -299,7 +266,7 @@ def _disturb(
 
 
 def _one_run(
-    command: Command, out: Path, wanted: str, kills: int, outcome: Outcome, rng: np.random.Generator
+    command: Command, out: Path, wanted: object, kills: int, outcome: Outcome, rng: np.random.Generator
 ) -> None:  # fmt: skip
     """A run that is killed, goes on, is perhaps killed again, and ends."""
     outcome.runs += 1
@@ -348,7 +315,7 @@ def _read_only(command: Command, folder: Path) -> str:
 
 
 def _workers_killed(
-    command: Command, folder: Path, wanted: str, kills: int, rng: np.random.Generator
+    command: Command, folder: Path, wanted: object, kills: int, rng: np.random.Generator
 ) -> str:  # fmt: skip
     """On a Ray cluster of this machine, whose workers are killed one after the other as they work."""
     from ray.cluster_utils import Cluster

@@ -46,22 +46,6 @@ class Args:
 
     pythons: tuple[Path, ...] = ()
     """Executables of Python; those of versions 3.11 to 3.13 that are found if left out."""
-    extra: str = "train"
-    """Extra that is installed."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """One environment."""
-
-    version: str
-    package: str
-    steps: dict[str, str]  # "" where a step went well, or the last line that it said
-
-    @property
-    def well(self) -> bool:
-        """Whether all steps went well."""
-        return not any(self.steps.values())
 
 
 def find_pythons() -> list[Path]:
@@ -91,13 +75,17 @@ def build(folder: Path) -> tuple[Path, Path]:
     return next(made.glob("*.whl")), next(made.glob("*.tar.gz"))
 
 
-def install(python: Path, package: Path, extra: str, folder: Path) -> Result:
-    """Install a package into an empty environment and use it outside the checkout."""
+def install(python: Path, package: Path, folder: Path) -> dict[str, str]:
+    """Install a package into an empty environment and use it outside the checkout.
+
+    Returns:
+        By step "", or the last line that was said where it went wrong.
+    """
     folder.mkdir()
     inside = folder / "venv" / "bin" / "python"
     steps: dict[str, list[str | Path]] = {
         "venv": [python, "-m", "venv", str(folder / "venv")],
-        "install": [inside, "-m", "pip", "install", "-q", "-c", str(ROOT / "constraints.txt"), f"{package}[{extra}]"],
+        "install": [inside, "-m", "pip", "install", "-q", "-c", str(ROOT / "constraints.txt"), f"{package}[train]"],
         "README": [inside, "-c", _README, str(ROOT / "README.md")],
         **{line[0]: [inside.parent / "homeward", *line] for line in _COMMANDS},
     }
@@ -107,7 +95,7 @@ def install(python: Path, package: Path, extra: str, folder: Path) -> Result:
         if said[name] and name in ("venv", "install"):
             break
     shutil.rmtree(folder / "venv", ignore_errors=True)
-    return Result(_version(python), "wheel" if package.suffix == ".whl" else "sdist", said)
+    return said
 
 
 def _run(line: list[str | Path], folder: Path, fail: bool = True) -> str:
@@ -125,21 +113,21 @@ def _run(line: list[str | Path], folder: Path, fail: bool = True) -> str:
     return said
 
 
-def main(args: Args) -> list[Result]:
-    """Build, install everywhere, and print a table."""
-    pythons = list(args.pythons) or find_pythons()
-    results = []
+def main(args: Args) -> bool:
+    """Build, install everywhere, and print a table; whether all went well."""
+    pythons, all_well = list(args.pythons) or find_pythons(), True
     print("| Python | package | README and commands |\n|---|---|---|", flush=True)
     with tempfile.TemporaryDirectory() as name:
         wheel, sdist = build(Path(name))
-        for number, (python, package) in enumerate([*((one, wheel) for one in pythons), (pythons[0], sdist)]):
-            result = install(python, package, args.extra, Path(name) / f"environment_{number}")
-            results.append(result)
-            wrong = "; ".join(f"{step}: {said}" for step, said in result.steps.items() if said)
-            well = f"all well: {', '.join(result.steps)}"
-            print(f"| {result.version} | {result.package} | {wrong or well} |", flush=True)
-    return results
+        packages = [*((python, "wheel", wheel) for python in pythons), (pythons[0], "sdist", sdist)]
+        for number, (python, kind, package) in enumerate(packages):
+            steps = install(python, package, Path(name) / f"environment_{number}")
+            wrong = "; ".join(f"{step}: {said}" for step, said in steps.items() if said)
+            well = f"all well: {', '.join(steps)}"
+            print(f"| {_version(python)} | {kind} | {wrong or well} |", flush=True)
+            all_well &= not wrong
+    return all_well
 
 
 if __name__ == "__main__":
-    sys.exit(0 if all(one.well for one in main(tyro.cli(Args, description=__doc__))) else 1)
+    sys.exit(0 if main(tyro.cli(Args, description=__doc__)) else 1)

@@ -14,8 +14,8 @@ from benchmarks.concealed.plants.effects import EFFECTS
 from benchmarks.concealed.plants.instruments import FAULTS, NOISES, Logging, record
 from benchmarks.concealed.plants.outside import OUTSIDE, make_outside
 from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, SCOUT, VEHICLES
-from benchmarks.concealed.scoring.count import Share, false_alarm, found_first, tables, wrongly_named
-from benchmarks.concealed.scoring.outcome import Diagnosis, Outcome, read_diagnosis
+from benchmarks.concealed.scoring.count import false_alarm, found_first, share, tables, wrongly_named
+from benchmarks.concealed.scoring.outcome import Outcome, read_diagnosis
 
 ALLOWED = {
     "time_s", "speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad", "elevation_m",
@@ -111,7 +111,7 @@ def test_counts_of_a_diagnosis_written_by_hand(tmp_path: Path) -> None:
         "verdict": "missing_physics", "summary": "two things", "missing_physics": [entry, second],
         "parameters_off": [{"group": "m / Gamma", "assumed": 1.0, "fitted": 2.0, "ci95": [1.9, 2.1], "unit": "kg"}],
     }))  # fmt: skip
-    diagnosis: Diagnosis = json.loads((tmp_path / "diagnosis.json").read_text())
+    diagnosis = json.loads((tmp_path / "diagnosis.json").read_text())
     right, late = outcome(), outcome(hidden=["radio"], visible={"radio": True}, number=1)
     for made in (right, late):
         read_diagnosis(made, diagnosis, case)
@@ -162,6 +162,6 @@ def test_later_drives_and_intervals_are_counted() -> None:
     assert covered.rows[0][2] == "0.250"
 
 
-def test_wilson_interval_of_nine_in_ten() -> None:
-    assert Share(9, 10).wilson == pytest.approx((0.5958, 0.9821), abs=1e-4)  # Newcombe 1998's formula by hand
-    assert Share.over([True, False]) == Share(1, 2)
+def test_a_share_has_its_wilson_interval() -> None:
+    assert share([True] * 9 + [False]) == "9/10 = 90 % (60–98)"  # Newcombe 1998's formula by hand: 59.58 to 98.21
+    assert share([]) == "–"

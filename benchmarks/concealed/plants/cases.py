@@ -39,7 +39,7 @@ VISIBLE_SHARE = 0.03  # of the mean power, which the best refit must miss for an
 class Later:
     """A drive of the same plant that the tool never sees, with the energy that it truly took."""
 
-    kind: Literal["same conditions", "new route"]
+    kind: str  # "same conditions" or "new route"
     run: Run
     power_w: Array
 
@@ -53,12 +53,12 @@ class Case:
     vehicle: str
     label: str  # noise, kind of control, or mechanism
     hidden: tuple[str, ...]
-    fair: frozenset[str]  # ids that would describe a mechanism outside the catalogue
-    fault: str
     truth: Robot
     nominal: Robot
     recordings: list[pd.DataFrame]
     refit_misses: dict[str, float]  # share of the mean power that the best refit misses, by effect
+    fair: frozenset[str] = frozenset()  # ids that would describe a mechanism outside the catalogue
+    fault: str = "none"
     refit: Robot | None = None  # of the noise-free recordings, for the later drives
     later: list[Later] = field(default_factory=list)
 
@@ -106,9 +106,6 @@ def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
     return _coverage(number, in_turn([*TRUTHS, "none", "none", "none"]), rng, short)
 
 
-# ---- parts ----------------------------------------------------------------------------------------------------------
-
-
 def _as_they_are(vehicle: Vehicle, runs: list[Run], rng: Generator) -> tuple[Vehicle, list[Run]]:
     return vehicle, runs
 
@@ -117,94 +114,72 @@ def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, r
                 fit: Fit = _as_they_are, draws: Mapping[str, Draw] = EFFECTS) -> Case:  # fmt: skip
     """A vehicle that hides effects, by what draws them."""
     vehicle = _vehicle_for(effects, rng)
-    situation = _situation(vehicle, effects, rng, short)
-    vehicle, runs = fit(vehicle, situation.runs, rng)
-    situation = dataclasses.replace(situation, runs=runs)
-    mechanisms = [draws[name](vehicle, rng, len(situation.runs)) for name in effects]
+    routes, mean_c, runs = _drives(vehicle, effects, rng, short)
+    vehicle, runs = fit(vehicle, runs, rng)
+    mechanisms = [draws[name](vehicle, rng, len(runs)) for name in effects]
     read_by = _read_by(effects, rng)
     robot = vehicle.robot
     nominal = robot if rng.random() < 0.5 else misset(robot, rng, 0.03, 0.1)
     noise_seed = int(rng.integers(2**32))
     logging = _logging(vehicle, effects, rng)
-    works = _rollouts(vehicle, situation.runs, mechanisms, read_by, noise_seed)
+    works = _rollouts(vehicle, runs, mechanisms, read_by, noise_seed)
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
     misses = {
-        one.effect: missed_share(
-            works if mechanisms == [one] else _rollouts(vehicle, situation.runs, [one], read_by, noise_seed)
-        )
+        one.effect: missed_share(works if mechanisms == [one] else _rollouts(vehicle, runs, [one], read_by, noise_seed))
         for one in mechanisms
     }
     elsewhere = {"ageing", "odometry_scale", *(BATTERY_LAWS if read_by == "terminals" else ())}
     misses |= {name: 1.0 for name in elsewhere & set(effects)}  # they show in voltage, charge or distance
-    return Case(
-        part, number, robot.name, level, effects, frozenset(), "none", robot, nominal, recordings, misses,
-        _refit(works), [] if part == "cell" else _later(vehicle, situation, mechanisms, read_by, rng, short),
-    )  # fmt: skip
+    later = [] if part == "cell" else _later(vehicle, routes, mean_c, len(runs), mechanisms, read_by, rng, short)
+    return Case(part, number, robot.name, level, effects, robot, nominal, recordings, misses, refit=_refit(works),
+                later=later)  # fmt: skip
 
 
 def control_case(number: int, exact: bool, fault: str, rng: Generator, short: bool, part: Part = "controls",
                  fit: Fit = _as_they_are, draws: Sequence[Draw] = ()) -> Case:  # fmt: skip
     """A vehicle that hides nothing that matters; `draws` are of what it has without being missed."""
     vehicle = _pick([v for v in VEHICLES if fault not in NEEDS_ROOM or v not in (BURGER, RACER)], rng)
-    situation = _situation(vehicle, (), rng, short)
-    vehicle, runs = fit(vehicle, situation.runs, rng)
-    situation = dataclasses.replace(situation, runs=runs)
+    vehicle, runs = fit(vehicle, _drives(vehicle, (), rng, short)[-1], rng)
     nominal = vehicle.robot if exact else misset(vehicle.robot, rng, 0.1, 0.4)
-    mechanisms = [draw(vehicle, rng, len(situation.runs)) for draw in draws]
+    mechanisms = [draw(vehicle, rng, len(runs)) for draw in draws]
     level = ("low", "middle")[int(rng.integers(2))]
     logging = _logging(vehicle, (), rng)
-    works = _rollouts(vehicle, situation.runs, mechanisms, _read_by((), rng), 0)
+    works = _rollouts(vehicle, runs, mechanisms, _read_by((), rng), 0)
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
     if fault != "none":
         bad = rng.random()
         recordings = [FAULTS[fault](frame, work, bad, rng) for frame, work in zip(recordings, works, strict=True)]
-    return Case(
-        part, number, vehicle.robot.name, "exact" if exact else "misset", (), frozenset(), fault, vehicle.robot,
-        nominal, recordings, {},
-    )  # fmt: skip
+    label, truth = "exact" if exact else "misset", vehicle.robot
+    return Case(part, number, truth.name, label, (), truth, nominal, recordings, {}, fault=fault)
 
 
 def _outside(number: int, name: str, rng: Generator, short: bool) -> Case:
     vehicle = _pick(VEHICLES, rng)
-    situation = _situation(vehicle, (), rng, short)
-    mechanism, fair = make_outside(name, vehicle, rng, len(situation.runs))
+    *_, runs = _drives(vehicle, (), rng, short)
+    mechanism, fair = make_outside(name, vehicle, rng, len(runs))
     level = ("low", "middle")[int(rng.integers(2))]
     read_by = _read_by((), rng)
-    works = _rollouts(vehicle, situation.runs, [mechanism], read_by, int(rng.integers(2**32)))
+    works = _rollouts(vehicle, runs, [mechanism], read_by, int(rng.integers(2**32)))
     logging = _logging(vehicle, (), rng)
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
-    return Case(
-        "outside", number, vehicle.robot.name, name, (name,), fair, "none", vehicle.robot, vehicle.robot, recordings,
-        {name: missed_share(works)},
-    )  # fmt: skip
+    truth, misses = vehicle.robot, {name: missed_share(works)}
+    return Case("outside", number, truth.name, name, (name,), truth, truth, recordings, misses, fair=fair)
 
 
 def _coverage(number: int, effect: str, rng: Generator, short: bool) -> Case:
     """A plant in the catalogue's own form, whose true numbers are known."""
     vehicle = _vehicle_for((effect,), rng)
-    situation = _situation(vehicle, (effect,), rng, short)
+    *_, runs = _drives(vehicle, (effect,), rng, short)
     truth = vehicle.robot
     if effect != "none":
         truth = dataclasses.replace(truth, effects={effect: TRUTHS[effect](vehicle, rng)})
     nominal = vehicle.robot if effect != "none" and rng.random() < 0.5 else misset(vehicle.robot, rng, 0.1, 0.3)
     level = ("low", "middle")[int(rng.integers(2))]
-    works = [replayed(vehicle, truth, run) for run in situation.runs]
+    works = [replayed(vehicle, truth, run) for run in runs]
     recordings = [record(work, NOISES[level], Logging(charge=False), rng) for work in works]
     hidden = () if effect == "none" else (effect,)
-    return Case(
-        "coverage", number, truth.name, level, hidden, frozenset(), "none", truth, nominal, recordings,
-        {name: missed_share(works) for name in hidden},
-    )  # fmt: skip
-
-
-# ---- what they share ------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Situation:
-    routes: list[Route]
-    mean_c: float
-    runs: list[Run]
+    misses = {name: missed_share(works) for name in hidden}
+    return Case("coverage", number, truth.name, level, hidden, truth, nominal, recordings, misses)
 
 
 def _pick(vehicles: Sequence[Vehicle], rng: Generator) -> Vehicle:
@@ -213,9 +188,8 @@ def _pick(vehicles: Sequence[Vehicle], rng: Generator) -> Vehicle:
 
 def _go_together(first: str, second: str) -> bool:
     """Two effects of which at most one is an instrument's, and not both changes of the battery's law."""
-    battery = ("internal_resistance", "rate_capacity", "cold_battery")
     both = {first, second}
-    return first != second and not both <= set(INSTRUMENTS) and not both <= set(battery)
+    return first != second and not both <= set(INSTRUMENTS) and not both <= set(BATTERY_LAWS)
 
 
 def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Vehicle:
@@ -228,13 +202,16 @@ def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Vehicle:
     return _pick(fit, rng)
 
 
-def _situation(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator, short: bool) -> _Situation:
+def _drives(
+    vehicle: Vehicle, effects: tuple[str, ...], rng: Generator, short: bool
+) -> tuple[list[Route], float, list[Run]]:
+    """Routes, mean temperature of the day, and drives."""
     routes = [_route(vehicle, effects, rng) for _ in range(int(rng.integers(1, 3)))]
     mean_c = rng.uniform(4.0, 24.0) if vehicle.outdoor else rng.uniform(17.0, 23.0)
     for effect in effects:
         mean_c = rng.uniform(*COLD_C[effect]) if effect in COLD_C else mean_c
-    return _Situation(routes, mean_c, make_drives(vehicle, routes, rng, 2 if short else int(rng.integers(3, 7)), mean_c,
-                                                  short))  # fmt: skip
+    count = 2 if short else int(rng.integers(3, 7))
+    return routes, mean_c, make_drives(vehicle, routes, rng, count, mean_c, short)
 
 
 def _route(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator) -> Route:
@@ -279,17 +256,17 @@ def _rollouts(vehicle: Vehicle, runs: Sequence[Run], mechanisms: Sequence[Mechan
     return [rollout(vehicle, run, mechanisms, np.random.default_rng([seed, run.index]), read_by) for run in runs]
 
 
-def _later(vehicle: Vehicle, situation: _Situation, mechanisms: Sequence[Mechanism], read_by: ReadBy, rng: Generator,
-           short: bool) -> list[Later]:  # fmt: skip
+def _later(vehicle: Vehicle, routes: list[Route], mean_c: float, before: int, mechanisms: Sequence[Mechanism],
+           read_by: ReadBy, rng: Generator, short: bool) -> list[Later]:  # fmt: skip
     """Two drives on the known routes and two on new ones, after all changes; with the energy that it truly took."""
     physical = [mechanism for mechanism in mechanisms if mechanism.stage != "instrument"]
     new = [_route(vehicle, tuple(m.effect for m in mechanisms), rng) for _ in range(2)]
     later = []
-    for kind, routes in (("same conditions", situation.routes), ("new route", new)):
-        for run in make_drives(vehicle, routes, rng, 2, situation.mean_c, short):
-            after = dataclasses.replace(run, index=len(situation.runs) + run.index)
+    for kind, ways in (("same conditions", routes), ("new route", new)):
+        for run in make_drives(vehicle, ways, rng, 2, mean_c, short):
+            after = dataclasses.replace(run, index=before + run.index)
             work = rollout(vehicle, after, physical, rng, read_by)
-            later.append(Later("same conditions" if kind == "same conditions" else "new route", after, work.chemical_w))
+            later.append(Later(kind, after, work.chemical_w))
     return later
 
 

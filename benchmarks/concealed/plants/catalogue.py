@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.concealed.plants.chain import Work
-from benchmarks.concealed.plants.drives import Run
+from benchmarks.concealed.plants.drives import Array, Run
 from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Vehicle, rolling_power_w, typical_power_w
 from homeward.physics import Robot, replay
 
@@ -53,14 +53,19 @@ TRUTHS: dict[str, Truth] = {
 """Effects that a replay of recorded channels alone can drive, and how their true numbers are drawn."""
 
 
-def replayed(vehicle: Vehicle, truth: Robot, run: Run) -> Work:
-    """The drive as the replay has it, ready to be recorded."""
+def replayed_w(robot: Robot, run: Run) -> Array:
+    """Power of the drive as the replay has it, W; shape (n,)."""
     power_w = replay(
-        truth, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
+        robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
         temperature_c=run.temperature_c, sensing_hz=run.sensing_hz, base_distance_m=run.base_distance_m,
         direction=run.direction,
     ).power_w  # fmt: skip
+    return np.asarray(power_w, dtype=np.float64)
+
+
+def replayed(vehicle: Vehicle, truth: Robot, run: Run) -> Work:
+    """The drive as the replay has it, ready to be recorded."""
     work = Work(run, vehicle, "gauge")
-    work.power_w = work.chemical_w = work.seen_w = np.asarray(power_w, dtype=np.float64)
+    work.power_w = work.chemical_w = work.seen_w = replayed_w(truth, run)
     work.soc = np.full(run.time_s.size, 0.95)
     return work

@@ -51,7 +51,7 @@ class Run:
         return float(self.time_s[1] - self.time_s[0])
 
 
-def make_route(vehicle: Vehicle, rng: Generator, hilly: bool = True) -> Route:
+def make_route(vehicle: Vehicle, rng: Generator) -> Route:
     """Draw a route: hills as a periodic spline, steepest as the vehicle's ground is; bends as another spline."""
     loop = bool(rng.random() < 0.4)
     length_m = vehicle.leg_m * rng.uniform(0.7, 1.4) * (2.0 if loop else 1.0)
@@ -61,7 +61,7 @@ def make_route(vehicle: Vehicle, rng: Generator, hilly: bool = True) -> Route:
     height[-1] = height[0]
     hills = CubicSpline(at_m, height, bc_type="periodic")
     slope = np.abs(hills(np.linspace(0.0, length_m, 400), 1)).max()
-    steepest = vehicle.steepest_grade_rad * rng.uniform(0.5, 1.0) if hilly else 0.0
+    steepest = vehicle.steepest_grade_rad * rng.uniform(0.5, 1.0)
     elevation = CubicSpline(at_m, height * steepest / slope, bc_type="periodic")
     bend = rng.normal(size=knots + 1) * rng.uniform(0.5, 2.0) / (length_m / 6.0)
     bend += (2.0 * np.pi / length_m if loop else 0.0) - bend[:-1].mean()

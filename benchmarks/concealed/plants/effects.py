@@ -50,9 +50,6 @@ def since_start_m(run: Run) -> Array:
     return run.distance_m - np.maximum.accumulate(standing)
 
 
-# ---- drive ----------------------------------------------------------------------------------------------------------
-
-
 def turning(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     """Scrub of skid-steered wheels about their instantaneous centres of rotation, Coulomb with a viscous share.
 
@@ -257,9 +254,6 @@ def motor_heating(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("motor_heating", "motor", change)
 
 
-# ---- battery --------------------------------------------------------------------------------------------------------
-
-
 def _discharge(work: Work, series_ohm: Array, slow_ohm: float, slow_s: float) -> None:
     """Solve the Thevenin circuit with one RC pair for the current that gives the power asked for (Plett, vol. 1)."""
     open_v = work.voltage_v
@@ -323,9 +317,6 @@ def cold_battery(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
         _discharge(work, ohm * cold, 0.2 * ohm * float(cold.mean()), 30.0)
 
     return Mechanism("cold_battery", "battery", change)
-
-
-# ---- ancillary ------------------------------------------------------------------------------------------------------
 
 
 def standby(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
@@ -414,9 +405,6 @@ def intermittent_load(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
             start_s += period_s * jitter.uniform(0.97, 1.03)
 
     return Mechanism("intermittent_load", "load", change)
-
-
-# ---- instruments ----------------------------------------------------------------------------------------------------
 
 
 def sensor_offset(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:

@@ -102,9 +102,8 @@ def read_power(work: Work) -> Array:
     return np.asarray(late_w * work.read_gain + work.read_offset_w, dtype=np.float64)
 
 
-# ---- ordinary faults, none of them physics of the vehicle -----------------------------------------------------------
-
-# A fault takes the clean recording of a drive, how bad the fault is in all drives of the case (0 to 1), and chance.
+# An ordinary fault, no physics of the vehicle: it takes the clean recording of a drive, how bad it is in all drives of
+# the case (0 to 1), and chance.
 Fault = Callable[[pd.DataFrame, Work, float, Generator], pd.DataFrame]
 
 

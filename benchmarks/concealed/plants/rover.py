@@ -57,10 +57,8 @@ def make(number: int, build: Build, level: str, rng: Generator, short: bool) -> 
     works, recordings = recorded(vehicle, scenario, trips, level, rng)
     label = level if scenario.truth else "exact" if exact else "misset"
     label = scenario.truth[0] if set(scenario.truth) & set(OUTSIDE) else label
-    return Case(
-        "rover", number, robot.name, label, scenario.truth, frozenset(), "none", robot,
-        robot if exact else misset(robot, rng, *wrong), recordings, dict.fromkeys(scenario.truth, missed_share(works)),
-    )  # fmt: skip
+    nominal, misses = robot if exact else misset(robot, rng, *wrong), dict.fromkeys(scenario.truth, missed_share(works))
+    return Case("rover", number, robot.name, label, scenario.truth, robot, nominal, recordings, misses)
 
 
 def recorded(

@@ -9,6 +9,7 @@ import numpy as np
 from benchmarks.concealed.plants.drives import Array
 
 TICKS_PER_S = 50
+YAW_RADPS2 = 0.3  # most change of the yaw rate
 Command = tuple[Array, Array]
 """Speed, m/s, and yaw rate, rad/s, of shape (n,) at 50 Hz."""
 
@@ -23,7 +24,7 @@ class Leg:
     weave_s: float = np.inf
 
 
-def command(legs: list[Leg], seconds: float, acceleration_mps2: float, yaw_radps2: float = 0.3) -> Command:
+def command(legs: list[Leg], seconds: float, acceleration_mps2: float) -> Command:
     """Legs one after the other, the last for as long as it takes, with limited change of speed and yaw rate."""
     speed, yaw = [], []
     for leg in [*legs, Leg(seconds, legs[-1].speed_mps)]:
@@ -32,7 +33,7 @@ def command(legs: list[Leg], seconds: float, acceleration_mps2: float, yaw_radps
         yaw.append(leg.yaw_radps * (np.sin(2 * np.pi * time_s / leg.weave_s) if np.isfinite(leg.weave_s) else 1.0)
                    * np.ones(time_s.size))  # fmt: skip
     n = round(seconds * TICKS_PER_S)
-    return _limited(np.concatenate(speed)[:n], acceleration_mps2), _limited(np.concatenate(yaw)[:n], yaw_radps2)
+    return _limited(np.concatenate(speed)[:n], acceleration_mps2), _limited(np.concatenate(yaw)[:n], YAW_RADPS2)
 
 
 def cruise(speeds_mps: list[float], seconds: float, acceleration_mps2: float = 0.001) -> Command:

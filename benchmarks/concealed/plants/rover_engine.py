@@ -83,7 +83,6 @@ class Log:
     heading_rad: Array
     place_m: Array
     grade_rad: Array
-    changed: Array  # share of the wheels that stand on a patch
     power_w: Array
     left_a: Array
     right_a: Array
@@ -139,13 +138,13 @@ class _Cart:
             self._load("payload", payload_kg)
             self.payload_kg = payload_kg
         asked = self._steer(speed_mps, yaw_radps)
-        grade_rad, changed = self._stand()
+        grade_rad = self._stand()
         steps = round(_TICK_S / self.model.opt.timestep)
         change = (asked - self.data.ctrl) / steps
         for _ in range(steps):
             self.data.ctrl += change  # in steps so small that the torque at the end stands for the whole of it
             mujoco.mj_step(self.model, self.data)
-        return self._read(grade_rad, changed)
+        return self._read(grade_rad)
 
     def _steer(self, speed_mps: float, yaw_radps: float) -> Array:
         """Speeds that the wheels are to turn at, rad/s; array of shape (4,)."""
@@ -157,18 +156,21 @@ class _Cart:
             self.model.dof_frictionloss[6:] = self.brake(WHEEL_RADIUS_M * self.data.qvel[6:], yaw_radps)
         return np.array([speed_mps - half_mps] * 2 + [speed_mps + half_mps] * 2) / WHEEL_RADIUS_M
 
-    def _stand(self) -> tuple[float, float]:
-        """Put under each wheel the ground that lies there, and under the robot the slope: gravity is what tilts."""
+    def _stand(self) -> float:
+        """Put under each wheel the ground that lies there, and under the robot the slope: gravity is what tilts.
+
+        Returns:
+            Slope in the direction that it heads for, rad.
+        """
         grounds = [self.world.below(float(self.data.geom_xpos[2 + wheel, 0])) for wheel in range(4)]
         for friction, ground in zip(self.model.pair_friction, grounds, strict=True):
             friction[:2] = ground.sliding
             friction[3:] = ground.rolling * WHEEL_RADIUS_M
         slope = float(np.interp(self.data.qpos[0], *self.knots))
         self.model.opt.gravity[:] = -9.80665 * np.sin(slope), 0.0, -9.80665 * np.cos(slope)
-        changed = sum(ground is not self.world.ground for ground in grounds) / 4.0
-        return float(np.arcsin(np.sin(slope) * np.cos(self.heading_rad))), changed
+        return float(np.arcsin(np.sin(slope) * np.cos(self.heading_rad)))
 
-    def _read(self, grade_rad: float, changed: float) -> tuple[float, ...]:
+    def _read(self, grade_rad: float) -> tuple[float, ...]:
         w, x, y, z = self.data.qpos[3:7]
         turned = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) - self.heading_rad
         self.heading_rad += (turned + np.pi) % (2 * np.pi) - np.pi  # goes on beyond half a turn
@@ -183,7 +185,7 @@ class _Cart:
         rims = WHEEL_RADIUS_M * wheels
         return (
             forward, rims[:2].mean(), rims[2:].mean(), self.data.qvel[5], self.heading_rad,
-            self.data.qpos[0], grade_rad, changed, self.rover.idle_w + electric.sum(), amps[:2].sum(), amps[2:].sum(),
+            self.data.qpos[0], grade_rad, self.rover.idle_w + electric.sum(), amps[:2].sum(), amps[2:].sum(),
         )  # fmt: skip
 
     def _load(self, body: str, mass_kg: float) -> None:

@@ -12,48 +12,27 @@ import numpy as np
 from benchmarks.concealed.plants.cases import NEEDS
 from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS
 from benchmarks.concealed.plants.instruments import NOISES
-from benchmarks.concealed.scoring.outcome import Interval, Outcome
+from benchmarks.concealed.scoring.outcome import Interval, LaterError, Outcome
+from homeward.agents.evaluation.statistics import wilson
 
 USABLE_ENERGY = "usable energy"
 NAMES_GRADE = re.compile(r"grade|elevation|slope|altitude|hills?\b", re.IGNORECASE)
 NOT_SAID = ("wind", "intermittent_load")
 """Effects that a robot file cannot say: weather, and a rhythm without its beat."""
-STANDARD_NORMAL_975 = 1.959963984540054
 
 
-@dataclass(frozen=True)
-class Share:
-    """So many of so many."""
+def share(flags: Iterable[bool]) -> str:
+    """So many of so many, with the 95 % interval of the share.
 
-    hits: int
-    of: int
-
-    @classmethod
-    def over(cls, flags: Iterable[bool]) -> Share:
-        """Count what is true."""
-        listed = list(flags)
-        return cls(sum(listed), len(listed))
-
-    @property
-    def wilson(self) -> tuple[float, float]:
-        """95 % interval of the share (Wilson 1927).
-
-        >>> [round(bound, 3) for bound in Share(9, 10).wilson]
-        [0.596, 0.982]
-        """
-        if self.of == 0:
-            return 0.0, 1.0
-        z2 = STANDARD_NORMAL_975**2
-        p = self.hits / self.of
-        middle = (p + z2 / (2 * self.of)) / (1 + z2 / self.of)
-        half = STANDARD_NORMAL_975 * np.sqrt(p * (1 - p) / self.of + z2 / (4 * self.of**2)) / (1 + z2 / self.of)
-        return float(max(middle - half, 0.0)), float(min(middle + half, 1.0))
-
-    def __str__(self) -> str:
-        if self.of == 0:
-            return "–"
-        low, high = self.wilson
-        return f"{self.hits}/{self.of} = {100 * self.hits / self.of:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
+    >>> share([True, False, True, True])
+    '3/4 = 75 % (30–95)'
+    """
+    listed = list(flags)
+    if not listed:
+        return "–"
+    hits, of = sum(listed), len(listed)
+    low, high = wilson(hits, of)
+    return f"{hits}/{of} = {100 * hits / of:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
 
 
 @dataclass(frozen=True)
@@ -68,9 +47,6 @@ class Table:
         """The table in Markdown."""
         lines = [f"### {self.title}", "", "| " + " | ".join(self.columns) + " |", "|" + "---|" * len(self.columns)]
         return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in self.rows), ""])
-
-
-# ---- what counts as what --------------------------------------------------------------------------------------------
 
 
 def told(outcome: Outcome) -> list[list[str]]:
@@ -101,26 +77,18 @@ def wrongly_named(outcome: Outcome) -> bool:
     return any(entry[0] in EFFECTS and not fair & set(entry) for entry in outcome.classes)
 
 
-def covers(low: float, true: float, high: float) -> bool:
-    """Whether an interval holds the true value."""
-    return low <= true <= high
-
-
-# ---- tables ---------------------------------------------------------------------------------------------------------
-
-
 def tables(outcomes: Sequence[Outcome]) -> list[Table]:
     """All tables for which there are outcomes."""
     made: list[Table] = []
-    makers: dict[str, Callable[[list[Outcome]], list[Table]]] = {
+    makers: dict[str, Callable[[list[Outcome]], Table]] = {
         "singles": _singles, "pairs": _pairs, "controls": _controls, "outside": _outside, "coverage": _coverage,
     }  # fmt: skip
     for part in (None, *NEEDS):  # those of others' simulators apart from the own one
         for kind, maker in makers.items():
             chosen = [o for o in outcomes if o.kind == kind and part == (o.part if o.part in NEEDS else None)]
             if chosen:
-                named = f", {part}" if part else ""
-                made += [dataclasses.replace(table, title=table.title + named) for table in maker(chosen)]
+                table = maker(chosen)
+                made.append(dataclasses.replace(table, title=f"{table.title}, {part}" if part else table.title))
     hidden = [outcome for outcome in outcomes if outcome.part in ("singles", "pairs")]
     return [*made, *(_later(hidden) if hidden else []), _cost(outcomes)]
 
@@ -130,35 +98,35 @@ def _class_size(outcomes: Sequence[Outcome]) -> str:
     return f"{np.mean(sizes):.2f}" if sizes else "–"
 
 
-def _singles(outcomes: list[Outcome]) -> list[Table]:
+def _singles(outcomes: list[Outcome]) -> Table:
     columns = ("", "found first", "of these visible", *NOISES, "first by name", "visible but no mismatch", "class size")
 
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
         visible = [o for o in chosen if all(o.visible.values())]
-        levels = [Share.over(found_first(o) for o in chosen if o.label == level) for level in NOISES]
-        by_name = Share.over(bool(o.classes) and o.classes[0][0] == o.hidden[0] for o in chosen)
-        blind = Share.over(o.verdict in ("no_mismatch", "parameters_off", "not_testable") for o in visible)
-        shares = (Share.over(map(found_first, chosen)), Share.over(map(found_first, visible)), *levels, by_name, blind)
-        return (name, *map(str, shares), _class_size(chosen))
+        levels = [share(found_first(o) for o in chosen if o.label == level) for level in NOISES]
+        by_name = share(bool(o.classes) and o.classes[0][0] == o.hidden[0] for o in chosen)
+        blind = share(o.verdict in ("no_mismatch", "parameters_off", "not_testable") for o in visible)
+        found = share(map(found_first, chosen)), share(map(found_first, visible))
+        return (name, *found, *levels, by_name, blind, _class_size(chosen))
 
     rows = [row("all", outcomes), row("physics", [o for o in outcomes if o.hidden[0] not in INSTRUMENTS])]
     rows.append(row("instruments", [o for o in outcomes if o.hidden[0] in INSTRUMENTS]))
     for effect in EFFECTS:
         chosen = [o for o in outcomes if o.hidden[0] == effect]
         rows += [row(effect, chosen)] if chosen else []
-    return [Table("One hidden effect", columns, rows)]
+    return Table("One hidden effect", columns, rows)
 
 
-def _pairs(outcomes: list[Outcome]) -> list[Table]:
+def _pairs(outcomes: list[Outcome]) -> Table:
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
         in_class = [[any(effect in entry for entry in told(o)) for effect in o.hidden] for o in chosen]
         by_name = [[any(effect == entry[0] for entry in told(o)) for effect in o.hidden] for o in chosen]
         shares = (map(all, in_class), map(all, by_name), map(any, in_class), map(found_first_of_pair, chosen))
-        return (name, *(str(Share.over(share)) for share in shares))
+        return (name, *map(share, shares))
 
     columns = ("", "both in some class", "both by name", "one or both in some class", "first named is one of them")
     rows = [row("all", outcomes), row("both visible", [o for o in outcomes if all(o.visible.values())])]
-    return [Table("Two hidden effects", columns, rows)]
+    return Table("Two hidden effects", columns, rows)
 
 
 def found_first_of_pair(outcome: Outcome) -> bool:
@@ -166,7 +134,7 @@ def found_first_of_pair(outcome: Outcome) -> bool:
     return bool(set(outcome.hidden) & set([*told(outcome), []][0]))
 
 
-def _controls(outcomes: list[Outcome]) -> list[Table]:
+def _controls(outcomes: list[Outcome]) -> Table:
     columns = ("", "missing or unknown physics", "exact called parameters_off", "misset called parameters_off",
                "misset and usable called so", "crashes", "refused")  # fmt: skip
 
@@ -174,20 +142,22 @@ def _controls(outcomes: list[Outcome]) -> list[Table]:
         exact = [o for o in chosen if o.label == "exact"]
         misset = [o for o in chosen if o.label == "misset"]
         return (
-            name, str(Share.over(map(false_alarm, chosen))), *(
-                str(Share.over(o.verdict == "parameters_off" for o in group))
+            name, share(map(false_alarm, chosen)),
+            *(
+                share(o.verdict == "parameters_off" for o in group)
                 for group in (exact, misset, [o for o in misset if usable(o)])
-            ), *(str(Share.over(o.verdict == what for o in chosen)) for what in ("crash", "refused")),
+            ),
+            *(share(o.verdict == what for o in chosen) for what in ("crash", "refused")),
         )  # fmt: skip
 
     clean = [o for o in outcomes if o.fault == "none"]
     rows = [row("all", outcomes), row("clean", clean), row("faulty", [o for o in outcomes if o.fault != "none"])]
     for fault in sorted({o.fault for o in outcomes} - {"none"}):
         rows.append(row(fault, [o for o in outcomes if o.fault == fault]))
-    return [Table("Controls: no physics is missing", columns, rows)]
+    return Table("Controls: no physics is missing", columns, rows)
 
 
-def _outside(outcomes: list[Outcome]) -> list[Table]:
+def _outside(outcomes: list[Outcome]) -> Table:
     columns = ("", "wrongly named", "unknown or empirical", "fairly named", "no mismatch seen", "crashes")
 
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
@@ -199,12 +169,12 @@ def _outside(outcomes: list[Outcome]) -> list[Table]:
             (o.verdict in ("no_mismatch", "parameters_off", "not_testable") for o in chosen),
             (o.verdict == "crash" for o in chosen),
         )
-        return (name, *(str(Share.over(flag)) for flag in flags))
+        return (name, *map(share, flags))
 
     rows = [row("all", outcomes)]
     for name in sorted({o.label for o in outcomes}):
         rows.append(row(name, [o for o in outcomes if o.label == name]))
-    return [Table("Mechanisms outside the catalogue", columns, rows)]
+    return Table("Mechanisms outside the catalogue", columns, rows)
 
 
 def _later(outcomes: list[Outcome]) -> list[Table]:
@@ -216,17 +186,13 @@ def _later(outcomes: list[Outcome]) -> list[Table]:
         drives = [d for o in outcomes for d in o.later if kind in ("all", d["kind"])]
         if not drives:
             continue
-        nominal, refit = (np.array([d["nominal_pct"] for d in drives]), np.array([d["refit_pct"] for d in drives]))
-        corrected = np.array([d["corrected_pct"] for d in drives])
-        shares = [Share.over((corrected > other + 1.0).tolist()) for other in (refit, nominal)]
+        nominal, refit, corrected = np.array([_errors_pct(drive) for drive in drives]).T
+        shares = [share((corrected > other + 1.0).tolist()) for other in (refit, nominal)]
         figures = [np.median(errors) for errors in (nominal, refit, corrected)]
         figures += [np.quantile(errors, 0.9) for errors in (refit, corrected)]
-        rows.append((kind, *map(str, shares), *(f"{figure:.2f}" for figure in figures)))
-    means = [_mean_pct(o) for o in outcomes if o.later]
-    files = [
-        Share.over(own > refit + 1.0 for _, refit, own in means),
-        Share.over(own > as_was + 1.0 for as_was, _, own in means),
-    ]
+        rows.append((kind, *shares, *(f"{figure:.2f}" for figure in figures)))
+    means = [np.mean([_errors_pct(drive) for drive in o.later], axis=0).tolist() for o in outcomes if o.later]
+    files = share(own > refit + 1.0 for _, refit, own in means), share(own > was + 1.0 for was, _, own in means)
     wanted = [
         (effect, ["ageing"] if effect == "ageing" and USABLE_ENERGY in o.off else o.holds)  # a smaller battery
         for o in outcomes
@@ -234,36 +200,33 @@ def _later(outcomes: list[Outcome]) -> list[Table]:
         if seen and effect not in (*INSTRUMENTS, *NOT_SAID)
     ]
     kept = [
-        ("any effect", str(Share.over(bool(holds) for _, holds in wanted))),
-        ("the hidden effect", str(Share.over(effect in holds for effect, holds in wanted))),
+        ("any effect", share(bool(holds) for _, holds in wanted)),
+        ("the hidden effect", share(effect in holds for effect, holds in wanted)),
     ]
-    by_file = Table("Mean error of a file over its later drives", ("", *columns[1:3]), [("all", *map(str, files))])
+    by_file = Table("Mean error of a file over its later drives", ("", *columns[1:3]), [("all", *files)])
     held = Table("Visible effects that a file can say, for which corrected.toml holds", ("", "share"), kept)
     return [Table("Energy of later drives", columns, rows), by_file, held]
 
 
-def _mean_pct(outcome: Outcome) -> tuple[float, float, float]:
-    """Mean error over the later drives of nominal, refitted and corrected file, %."""
-    errors = [(drive["nominal_pct"], drive["refit_pct"], drive["corrected_pct"]) for drive in outcome.later]
-    nominal, refit, corrected = np.mean(errors, axis=0).tolist()
-    return nominal, refit, corrected
+def _errors_pct(drive: LaterError) -> tuple[float, float, float]:
+    return drive["nominal_pct"], drive["refit_pct"], drive["corrected_pct"]
 
 
-def _coverage(outcomes: list[Outcome]) -> list[Table]:
+def _coverage(outcomes: list[Outcome]) -> Table:
     intervals = [interval for outcome in outcomes for interval in outcome.intervals]
     columns = ("", "covers the truth", "median relative width")
 
     def row(name: str, chosen: list[Interval]) -> tuple[str, ...]:
-        share = Share.over(covers(i["low"], i["true"], i["high"]) for i in chosen)
         widths = [(i["high"] - i["low"]) / abs(i["true"]) for i in chosen if i["true"] != 0.0]
-        return name, str(share), f"{np.median(widths):.3f}" if widths else "–"
+        held = share(i["low"] <= i["true"] <= i["high"] for i in chosen)
+        return name, held, f"{np.median(widths):.3f}" if widths else "–"
 
     effects, groups = ([i for i in intervals if ("." in i["name"]) == of_effect] for of_effect in (True, False))
     rows = [row("all", intervals), row("parameters of effects", effects), row("groups of the robot", groups)]
     rows.append(row("of these said to be off", [i for i in groups if i["off"]]))
     names = sorted({i["name"] for i in intervals})
     rows += [row(name, [i for i in intervals if i["name"] == name]) for name in names]
-    return [Table("Intervals of 95 %", columns, rows)]
+    return Table("Intervals of 95 %", columns, rows)
 
 
 def _cost(outcomes: Sequence[Outcome]) -> Table:
@@ -271,6 +234,6 @@ def _cost(outcomes: Sequence[Outcome]) -> Table:
     for part in dict.fromkeys(o.part for o in outcomes):
         asked = [o.diagnose_s for o in outcomes if o.part == part]
         made = [o.make_s for o in outcomes if o.part == part]
-        crashes = Share.over(o.verdict == "crash" for o in outcomes if o.part == part)
-        rows.append((part, f"{np.mean(made):.1f}", f"{np.mean(asked):.1f}", f"{np.max(asked):.1f}", str(crashes)))
+        crashes = share(o.verdict == "crash" for o in outcomes if o.part == part)
+        rows.append((part, f"{np.mean(made):.1f}", f"{np.mean(asked):.1f}", f"{np.max(asked):.1f}", crashes))
     return Table("Seconds a case", ("", "plant", "diagnosis, mean", "diagnosis, longest", "crashes"), rows)

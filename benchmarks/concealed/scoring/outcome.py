@@ -10,15 +10,16 @@ import time
 import traceback
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 
 from benchmarks.concealed.plants.cases import NEEDS, Case, Later, Part, make_case
+from benchmarks.concealed.plants.catalogue import replayed_w
 from benchmarks.concealed.plants.effects import EFFECTS
 from homeward.commands import diagnose
 from homeward.diagnosis import RecordingError
-from homeward.physics import Robot, load_robot, replay
+from homeward.physics import Robot, load_robot
 
 
 class Interval(TypedDict):
@@ -82,7 +83,7 @@ def run_case(part: Part, seed: int, number: int, out: Path) -> Outcome:
     return outcome
 
 
-def ask(case: Case, folder: Path, seed: int = 0) -> Outcome:
+def ask(case: Case, folder: Path) -> Outcome:
     """Write the case's recordings into the folder, diagnose them, and read diagnosis.json and corrected.toml."""
     outcome = Outcome(case.part, case.number, case.vehicle, case.label, list(case.hidden), case.visible,
                       sorted(case.fair), case.fault)  # fmt: skip
@@ -93,7 +94,7 @@ def ask(case: Case, folder: Path, seed: int = 0) -> Outcome:
         runs.append(recordings / f"drive{index}.parquet")
         frame.to_parquet(runs[-1], index=False)
     (folder / "nominal.toml").write_text(case.nominal.to_toml())
-    args = diagnose.Args(runs=tuple(runs), robot=str(folder / "nominal.toml"), out=folder, seed=seed)
+    args = diagnose.Args(runs=tuple(runs), robot=str(folder / "nominal.toml"), out=folder)
     start_s = time.perf_counter()
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
@@ -110,33 +111,7 @@ def ask(case: Case, folder: Path, seed: int = 0) -> Outcome:
     return outcome
 
 
-class _Parameter(TypedDict):
-    value: float
-    ci95: list[float]
-
-
-class _Missing(TypedDict):
-    effect: str
-    confused_with: list[str]
-    parameters: dict[str, _Parameter]
-
-
-class _Group(TypedDict):
-    group: str
-    ci95: list[float]
-
-
-class Diagnosis(TypedDict):
-    """What is read of diagnosis.json."""
-
-    verdict: str
-    summary: str
-    missing_physics: list[_Missing]
-    parameters: list[_Group]
-    parameters_off: list[_Group]
-
-
-def read_diagnosis(outcome: Outcome, diagnosis: Diagnosis, case: Case) -> None:
+def read_diagnosis(outcome: Outcome, diagnosis: dict[str, Any], case: Case) -> None:
     """Take over the verdict, the classes and, where the true values are known, the intervals."""
     outcome.verdict, outcome.summary = diagnosis["verdict"], diagnosis["summary"]
     missing, off = diagnosis["missing_physics"], diagnosis["parameters_off"]
@@ -186,10 +161,5 @@ def _read_corrected(outcome: Outcome, case: Case, folder: Path) -> None:
 def _error_pct(robot: Robot, drive: Later) -> float:
     """Error of a trip's energy without its sign, %."""
     run = drive.run
-    model = replay(
-        robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
-        temperature_c=run.temperature_c, sensing_hz=run.sensing_hz, base_distance_m=run.base_distance_m,
-        direction=run.direction,
-    )  # fmt: skip
     true_j = float(np.sum(drive.power_w)) * run.dt_s
-    return float(abs(np.sum(model.power_w) * run.dt_s - true_j) / abs(true_j) * 100.0)
+    return float(abs(np.sum(replayed_w(robot, run)) * run.dt_s - true_j) / abs(true_j) * 100.0)

@@ -78,7 +78,7 @@ def test_rows_are_printed_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture
     args = Args(missions=("OutAndBack",), difficulties=("harsh",), training=24, episodes=24, epochs=1, out=tmp_path)
     main(args)
     kept = json.loads((tmp_path / "beyond.json").read_text())
-    rows = kept["OutAndBack, harsh"]["rows"]
+    rows = kept["results"]["OutAndBack, harsh"]
     assert list(rows) == ["learned from", "seed 7", "seed 29"]
     for row in rows.values():
         assert row["1 %"]["last"] > 0.0 and row["planner"]["stranded"] == sorted(row["planner"]["stranded"])[::-1]

@@ -9,8 +9,8 @@ import pytest
 from benchmarks.agents import conditions
 from benchmarks.agents.conditions import CONDITIONS, EXACT, Args, main, rows_of, score_at
 from benchmarks.agents.tune import RULES
+from homeward.agents import AgentError
 from homeward.agents.evaluation import Episodes
-from homeward.agents.oracle import Optimum
 from homeward.envs.options import OptionError, Options, constants_of
 
 
@@ -34,12 +34,9 @@ def test_shares_are_of_the_same_episodes() -> None:
         "uncertain, exact": {"planner": episodes([10.0, 30.0, 0.0, 40.0])},
         "uncertain": {"planner": episodes([10.0, 20.0, 10.0, 20.0])},
     }
-    optimum = Optimum(np.array([20.0, 20.0]), np.array([30.0, 20.0]), ())
-    exact, metered = rows_of("OutAndBack", found, {"uncertain": optimum}, 0)
+    exact, metered = rows_of("OutAndBack", found, 0)
     assert exact["stranded_rate"] == 0.25 and "of_exact" not in exact
     assert metered["of_exact"] == pytest.approx(60.0 / 80.0)
-    assert metered["of_rollout"] == pytest.approx(30.0 / 40.0)  # of the first two
-    assert metered["of_bound"] == pytest.approx(30.0 / 50.0)
     low, high = metered["of_exact_ci95"]
     assert low < metered["of_exact"] < high
 
@@ -60,16 +57,17 @@ def test_tables_are_printed_and_figures_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(conditions, "RULES", {"dmax": (RULES["dmax"][0], (0.1, 0.3))})
-    main(Args(("OutAndBack",), ("known", "uncertain, exact", "uncertain"), episodes=8, optimum=2, out=tmp_path))
+    main(Args(("OutAndBack",), ("dmax_adaptive", "planner"), episodes=8, out=tmp_path))
     printed = capsys.readouterr().out
     content = json.loads((tmp_path / "conditions.json").read_text())
-    assert len(content["rows"]) == 9 and len(content["curves"]) == 1
+    assert len(content["rows"]) == 2 * len(CONDITIONS) and len(content["curves"]) == 2
     assert content["curves"][0]["reserves"] == pytest.approx([0.1, 0.3, 0.375, 0.45, 0.6])
-    assert all(0.5 < row["of_rollout"] <= 1.01 for row in content["rows"] if row["condition"] == "known")
-    for told in ("8 episodes, episode_seeds(0, 8)", "optimum of the first 2", "uncertain, of exact", "dmax_belief"):
+    for told in ("8 episodes, episode_seeds(0, 8)", "of exact (95 %)", "dmax_adaptive", "planner above it"):
         assert told in printed
 
 
-def test_an_unknown_condition_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(OptionError, match="give --conditions of known; uncertain"):
-        main(Args(conditions=("arctic",), out=tmp_path))
+def test_what_cannot_be_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(OptionError, match="at least 2 --episodes"):
+        main(Args(episodes=1, out=tmp_path))
+    with pytest.raises(AgentError, match="--agents of random"):
+        main(Args(agents=("sleepy",), out=tmp_path))

@@ -51,7 +51,7 @@ def test_rows_are_printed_and_kept(
     args = Args(seeds=2, steps=1, episodes=8, out=tmp_path)
     main(args)
     first = capsys.readouterr().out
-    runs = json.loads((tmp_path / "OutAndBack-uncertain.json").read_text())["runs"]
+    runs = json.loads((tmp_path / "OutAndBack-uncertain.json").read_text())["results"]
     assert list(runs) == [*RULES, "seed 0", "seed 1"]
     for told in (*RULES, "seed 1, greedy", "seed 1, sampled", "episode_seeds(0, 8)"):
         assert told in first

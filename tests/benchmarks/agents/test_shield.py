@@ -19,8 +19,8 @@ def test_rows_are_printed_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture
     file, first = tmp_path / "shield.json", capsys.readouterr().out
     content = json.loads(file.read_text())
     setting = "OutAndBack, uncertain, generated"
-    assert list(content["rows"]) == [f"{setting}, reference", f"{setting}, onward"]
-    row = content["rows"][f"{setting}, onward"]
+    assert list(content["results"]) == [f"{setting}, reference", f"{setting}, onward"]
+    row = content["results"][f"{setting}, onward"]
     assert row["bare"]["stranded"] > 0 and row["shielded"]["stranded"] == 0
     assert row["difference"] == row["shielded"]["score"] - row["bare"]["score"] > 0.0
     row["shielded"]["stranded"] = 77
@@ -33,7 +33,7 @@ def test_other_episodes_are_run_anew(tmp_path: Path) -> None:
     setting = {"policies": ("onward",), "missions": ("Patrol",), "difficulties": ("known",), "routes": ("generated",)}
     for episodes in (4, 8):
         main(Args(**setting, episodes=episodes, out=tmp_path))  # type: ignore[arg-type]
-    rows = json.loads((tmp_path / "shield.json").read_text())["rows"]
+    rows = json.loads((tmp_path / "shield.json").read_text())["results"]
     again = row_of(("onward", Options("Patrol", difficulty="known"), 8, 0))
     assert rows["Patrol, known, generated, onward"]["difference_ci95"] == again["difference_ci95"]
 

@@ -6,9 +6,9 @@ import io
 import numpy as np
 import pandas as pd
 
-from benchmarks.diagnosis.make_recording import packed, record, true_robot
+from benchmarks.diagnosis.make_recording import packed, true_robot
 from homeward.datasets import shipped_recording
-from homeward.synthetic import RESOLUTION
+from homeward.synthetic import RESOLUTION, record
 
 
 def test_the_shipped_recording_is_what_its_script_makes() -> None:

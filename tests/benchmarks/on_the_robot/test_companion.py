@@ -14,10 +14,10 @@ def test_missions_come_home_and_parts_are_kept(tmp_path: Path, capsys: pytest.Ca
     main(Args(missions=8, out=tmp_path))
     file, first = tmp_path / "companion.json", capsys.readouterr().out
     content = json.loads(file.read_text())
-    part = content["parts"]["0"]
-    assert part["stranded"] == [] and min(part["score"]) > 0.5 * max(part["shield_score"])
+    part = content["results"]["0"]
+    assert part["stranded"] == 0 and min(part["score"]) > 0.5 * max(part["shield_score"])
     assert sum(part["score"]) > 0.9 * sum(part["shield_score"])
-    part["stranded"] = [1, 2, 3]
+    part["stranded"] = 3
     file.write_text(json.dumps(content))
     main(Args(missions=8, out=tmp_path))
     assert "3, 37.500%" in capsys.readouterr().out and "0, 0.000%" in first

@@ -30,13 +30,14 @@ def test_half_a_file_is_a_fault(tmp_path: Path, name: str, whole: bytes) -> None
 
 @pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")
 def test_a_fork_is_killed_or_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(words: list[str], out: Path) -> int:
-        (out.parent / words[0]).write_text("begun")
-        time.sleep(float(words[1]))
+    def run() -> int:
+        _, name, seconds, *_ = sys.argv
+        Path(name).write_text("begun")
+        time.sleep(float(seconds))
         print("refused", file=sys.stderr)
         return 2
 
-    monkeypatch.setattr(kills, "_run", run)
+    monkeypatch.setattr(kills, "run", run)
     assert kills._kill_after(["long", "60"], tmp_path / "out", 1.0)
     assert (tmp_path / "long").read_text() == "begun"
     assert not kills._kill_after(["short", "0"], tmp_path / "out", 30.0)

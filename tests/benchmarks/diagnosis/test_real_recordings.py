@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchmarks.diagnosis.ground_groups import group_runs
+from benchmarks.diagnosis.real_recordings import group_runs
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse
 
