@@ -20,7 +20,6 @@ from typing import Any, final
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from sb3_contrib import RecurrentPPO
@@ -28,10 +27,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.tables import rate, span, table
 from homeward import cli
 from homeward.agents.base import Observations, Policy
 from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
-from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
+from homeward.agents.evaluation.statistics import Bootstrap, interval
 from homeward.agents.learning.ppo import one_thread
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import TrainingError
@@ -185,20 +185,17 @@ def _run(model: RecurrentPPO, args: Args, options: Options, seeds: Sequence[int]
 
 def _table(args: Args, name: str, learned: Episodes, planner: Episodes) -> Table:
     used = ", ".join(f"{one} {version(one)}" for one in ("sb3-contrib", "torch"))
-    table = Table(
-        title=f"{name}\n{args.episodes} unseen missions, episode_seeds({args.seed}, {args.episodes}); {used}",
-        box=box.SIMPLE_HEAD,
+    made = table(
+        f"{name}\n{args.episodes} unseen missions, episode_seeds({args.seed}, {args.episodes}); {used}",
+        ["agent"],
+        ["mean score", "stranded (95 %)", "minus planner (95 %)"],
     )
-    for heading in ("agent", "mean score", "stranded (95 %)", "minus planner (95 %)"):
-        table.add_column(heading, justify="left" if heading == "agent" else "right")
     means = Bootstrap({"learned": learned.score[None], "planner": planner.score[None]}, args.seed).means()
-    low, high = interval(means["learned"] - means["planner"])
-    gained = f"{(learned.score - planner.score).mean():+.4g} ({low:+.4g} to {high:+.4g})"
+    gained = span(float((learned.score - planner.score).mean()), interval(means["learned"] - means["planner"]), "+.4g")
     for agent, episodes, over in (("recurrent, greedy", learned, gained), ("planner", planner, "")):
-        low, high = wilson(int(episodes.stranded.sum()), args.episodes)
-        stranded = f"{episodes.stranded.mean():.2%} ({low:.2%} to {high:.2%})"
-        table.add_row(agent, f"{episodes.score.mean():.4g}", stranded, over)
-    return table
+        stranded = rate(int(episodes.stranded.sum()), args.episodes)
+        made.add_row(agent, f"{episodes.score.mean():.4g}", stranded, over)
+    return made
 
 
 if __name__ == "__main__":
