@@ -81,5 +81,5 @@ def test_wrong_requests_say_what_is_allowed() -> None:
         make_policy("soc5", env)
     with pytest.raises(AgentError, match="takes no file"):
         make_policy("dmax", env, "file")
-    with pytest.raises(AgentError, match=r"no/such.*train\.py wrote"):
+    with pytest.raises(AgentError, match=r"no/such.*homeward train` wrote"):
         make_policy("ppo", env, "no/such")
