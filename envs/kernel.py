@@ -27,6 +27,8 @@ _FORECAST_INTEREST = 0.3
 """Standard deviation of the forecast's error of the interest, as a share: chosen so that the forecast ranks stretches
 rightly as a rule, and does not say what there is to find."""
 _KEYS = 2.0**53
+_PER_COUNT = 1.0 / np.maximum(np.arange(MAX_PLACES + 1), 1)
+"""Inverse of a number of places, as there is no time for hundreds of divisions at each start; that of none is 1."""
 
 
 @inline
@@ -80,7 +82,7 @@ def note_ahead(route: Any, shared: Any, sines: Any, interests: Any) -> None:
         for stretch in range(len(AHEAD)):
             first, last = min(k + AHEAD[stretch][0], count), min(k + AHEAD[stretch][1], count)
             kind = 0 if shared.route_is_known or stretch < IN_SIGHT else 1
-            per_place = 1.0 / max(last - first, 1)
+            per_place = _PER_COUNT[last - first]
             place.sine_ahead[stretch] = (sines[kind, last] - sines[kind, first]) * per_place
             place.interest_ahead[stretch] = (interests[kind, last] - interests[kind, first]) * per_place
 

@@ -290,6 +290,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
         return float(d_max(one, float(optimal_speed(one)), duty=duty, sensing_hz=sensing_hz))
 
     s["energy_per_m"] = robot.usable_energy_j / mission_range_m(robot)
+    s["out_and_home_j_per_m"] = s["energy_per_m"] + s["cruise_w"] / s["cruise_mps"]
     half_m = 0.5 * mission_range_m(scale)
     if mission == SURVEY and interest <= 0.0:
         raise OptionError(

@@ -37,7 +37,7 @@ def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
     if shared.mission == PATROL:
         return 0.5 * max(margin_j, 0.0) * shared.per_energy_per_m / shared.length_m
     # Out as the mission drives on average, and home with nothing sensed.
-    out_m = max(margin_j, 0.0) / (shared.energy_per_m + shared.cruise_w / shared.cruise_mps)
+    out_m = max(margin_j, 0.0) * shared.per_out_and_home_j_per_m
     room_m = min(out_m, shared.length_m - m.position_m)
     if shared.mission == OUT_AND_BACK:
         return max(m.position_m + room_m - m.furthest_m, 0.0)

@@ -122,6 +122,7 @@ INVERSES = {
     "per_max_decisions": "max_decisions",
     "per_decision": "decision_s",
     "per_energy_per_m": "energy_per_m",
+    "per_out_and_home_j_per_m": "out_and_home_j_per_m",
     "per_place_m": "place_m",
     "per_return_decisions": "return_decisions",
     "per_soc_step": "soc_step",
@@ -150,6 +151,7 @@ SHARED_DTYPE = np.dtype(
         ("cruise_w", np.float64),  # power that drives this battery empty at cruise
         ("cruise_mps", np.float64),  # speed at which the way home is costed
         ("energy_per_m", np.float64),  # of the robot's own model, from d_max
+        ("out_and_home_j_per_m", np.float64),  # that out and, with nothing sensed, back home
         ("saturation_per_m", np.float64),  # samples per metre that give half of the information
         ("backlog_limit", np.float64),  # samples
         ("radio_hz", np.float64),  # samples the radio sends per second beside the base

@@ -131,7 +131,7 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
     sine = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
     keeps = np.exp(-1.0 / (INTEREST_LENGTH * count))
     new, weight = np.sqrt(1.0 - keeps * keeps), rng.standard_normal()
-    first = 0
+    first, east, north = 0, np.cos(heading), np.sin(heading)
     for knot in range(KNOTS):
         # The new part of an autoregressive step that keeps half: sqrt(1 - 0.5^2).
         slope = 0.5 * slope + 0.8660254 * rng.standard_normal()
@@ -144,7 +144,7 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
         step = (after - sine) / max(last - first, 1)
         curvature = 3.0 * turn / length_m
         bend = curvature * length_m / count
-        east, north, cos_bend, sin_bend = np.cos(heading), np.sin(heading), np.cos(bend), np.sin(bend)
+        cos_bend, sin_bend = np.cos(bend), np.sin(bend)
         for k in range(first, last):
             place = route.places[k]
             sine += 0.5 * step
@@ -155,7 +155,6 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
             place.east, place.north = east, north
             place.interest = MEAN_INTEREST * np.exp(INTEREST_DEVIATION * (weight - 0.5 * INTEREST_DEVIATION))
             weight = keeps * weight + new * rng.standard_normal()
-            heading += bend
             east, north = east * cos_bend - north * sin_bend, north * cos_bend + east * sin_bend
         sine, first = after, last
     m.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
