@@ -26,7 +26,6 @@ from homeward import cli
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
 from homeward.diagnosis import Analysis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.chain import STAGES
-from homeward.diagnosis.read.bags import is_bag
 from homeward.diagnosis.tell import terminal
 from homeward.diagnosis.tell.report import check_writable, write_outputs
 from homeward.diagnosis.tell.series import MCAP
@@ -36,6 +35,7 @@ from homeward.groups.report import show_groups, write_groups
 from homeward.groups.runs import compare_driving, compare_standing
 from homeward.groups.standing import stands
 from homeward.installed import advice
+from homeward.logs.bags import is_bag
 from homeward.physics import RobotError
 
 ASSUMED = "husky"

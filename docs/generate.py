@@ -26,7 +26,6 @@ from docs import reference_scores as reference
 from homeward.agents.registry import AGENTS
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.menu import MENU, SAMPLES, Manoeuvre
-from homeward.diagnosis.read.channels import CHANNELS, Array
 from homeward.envs import IDS
 from homeward.envs.actions import action_space
 from homeward.envs.batch import observation_space
@@ -34,6 +33,7 @@ from homeward.envs.conditions.difficulty import DIFFICULTY, DRAWN
 from homeward.envs.conditions.instruments import INSTRUMENTS, Instruments
 from homeward.envs.features import FEATURES, RANGES
 from homeward.envs.options import Options, known_of
+from homeward.logs.channels import CHANNELS, Array
 from homeward.physics import CAUSES, EFFECTS, Robot, d_max, load_robot, optimal_speed, preset_names
 from homeward.physics.effects import Parameter
 from homeward.physics.kernel import BASE_CAUSES

@@ -14,10 +14,10 @@ import pytest
 
 from homeward.agents.trained.policy_file import PolicyFileError, load_policy
 from homeward.diagnosis import RecordingError, load_columns, read_recording
-from homeward.diagnosis.read.bags.topics import load_topics
-from homeward.diagnosis.read.propose import propose
 from homeward.envs.conditions.instruments import InstrumentError, load_instruments
 from homeward.envs.routes import RouteError, load_route
+from homeward.logs.bags.topics import load_topics
+from homeward.logs.propose import propose
 from homeward.physics import RobotError, load_robot
 
 BROKEN = Path(__file__).parent / "broken"

@@ -29,7 +29,7 @@ from homeward import cli
 from homeward.datasets import DatasetError, fetch
 from homeward.diagnosis import Analysis, analyse
 from homeward.diagnosis.fit.fitted import bounded
-from homeward.diagnosis.read.channels import Array
+from homeward.logs.channels import Array
 
 GROUNDS = ("FLOORING", "ASPHALT", "ICE", "SNOW")
 _MOST_GROUPS = 6

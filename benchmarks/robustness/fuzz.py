@@ -101,7 +101,7 @@ class Hang(BaseException):
 
 _GUIDED = (
     "homeward.files", "homeward.physics.plausible", "homeward.physics.robot", "homeward.physics.uncertainty",
-    "homeward.envs.conditions.instruments", "homeward.envs.routes", "homeward.diagnosis.read", "gpxpy", "tomllib",
+    "homeward.envs.conditions.instruments", "homeward.envs.routes", "homeward.logs", "gpxpy", "tomllib",
 )  # fmt: skip
 """Modules whose coverage is looked at: they read what the guided targets read, and hold nothing that is compiled."""
 
@@ -111,11 +111,11 @@ def targets() -> dict[str, Target]:
     from homeward.agents.trained.policy_file import PolicyFileError, load_policy
     from homeward.agents.trained.setting import setting_of
     from homeward.diagnosis import RecordingError, load_columns, read_recording
-    from homeward.diagnosis.read.bags.topics import load_topics
-    from homeward.diagnosis.read.propose import propose
     from homeward.envs.conditions.instruments import InstrumentError, load_instruments
     from homeward.envs.options import OptionError
     from homeward.envs.routes import RouteError, load_route
+    from homeward.logs.bags.topics import load_topics
+    from homeward.logs.propose import propose
     from homeward.physics import RobotError, load_robot
 
     def policy(path: Path) -> Any:
@@ -133,7 +133,7 @@ def targets() -> dict[str, Target]:
 
     recording = (RecordingError,)
     exported = (PolicyFileError, OptionError, RobotError, RouteError)
-    maps = "homeward/diagnosis/read"
+    maps = "homeward/logs"
     return {
         "robot TOML": Target(load_robot, ".toml", (RobotError,), lambda: _files("homeward/robots/*.toml"), True),
         "route CSV": Target(route, ".csv", (RouteError,), _route_seeds, True),
@@ -211,7 +211,7 @@ def _parquet_seeds() -> list[bytes]:
 
 
 def _bag_seeds(form: str) -> list[bytes]:
-    from tests.diagnosis.read.bag_writer import Stream, write_bag
+    from tests.logs.bag_writer import Stream, write_bag
 
     time_s = np.arange(0.0, 8.0, 0.5)
     streams = {
@@ -229,7 +229,7 @@ def _bag_seeds(form: str) -> list[bytes]:
 
 def _flight_seeds() -> tuple[bytes, bytes]:
     """Logs of PX4 and of ArduPilot."""
-    from tests.diagnosis.read.flight_writer import write_dataflash, write_ulog
+    from tests.logs.flight_writer import write_dataflash, write_ulog
 
     time_s = np.arange(0.0, 8.0, 0.5)
     speed, current = 0.5 + 0.1 * np.sin(time_s), 3.0 + time_s

@@ -17,11 +17,11 @@ from rich import box
 from rich.table import Table
 
 from homeward import cli
-from homeward.diagnosis.read.channels import CHANNELS
-from homeward.diagnosis.read.columns import Columns, RecordingError, Source
-from homeward.diagnosis.read.propose import SURE, Proposal, propose
-from homeward.diagnosis.read.recordings import Recording, read_recording
 from homeward.files import write_whole
+from homeward.logs.channels import CHANNELS
+from homeward.logs.columns import Columns, RecordingError, Source
+from homeward.logs.propose import SURE, Proposal, propose
+from homeward.logs.recordings import Recording, read_recording
 
 
 @dataclass(frozen=True)

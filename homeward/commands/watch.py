@@ -28,8 +28,8 @@ from rich.table import Table
 
 from homeward import cli, installed, quantities
 from homeward.companion import CompanionError
-from homeward.diagnosis import RecordingError, read_recording
 from homeward.diagnosis.tell.report import check_writable, write_files
+from homeward.logs import RecordingError, read_recording
 from homeward.physics import RobotError, load_robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.live import LiveView

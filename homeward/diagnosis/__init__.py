@@ -2,9 +2,9 @@
 
 from homeward.diagnosis.chain import analyse, diagnose
 from homeward.diagnosis.evidence import Analysis
-from homeward.diagnosis.read.columns import Columns, load_columns
-from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.result import Diagnosis
+from homeward.logs.columns import Columns, load_columns
+from homeward.logs.recordings import Recording, RecordingError, read_recording
 
 __all__ = [
     "Analysis",

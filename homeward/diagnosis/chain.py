@@ -24,14 +24,14 @@ from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.read.columns import Columns
-from homeward.diagnosis.read.recordings import Recording, RecordingError, read_recording
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
 from homeward.diagnosis.tell.handover import determined, hand_over
 from homeward.diagnosis.tell.missing import missing_physics
 from homeward.diagnosis.tell.next_drive import next_experiment
 from homeward.diagnosis.tell.words import nothing_usable, summary
+from homeward.logs.channels import Array, Index
+from homeward.logs.columns import Columns
+from homeward.logs.recordings import Recording, RecordingError, read_recording
 from homeward.physics import Robot, d_max, load_robot
 
 Progress = Callable[[str], None]

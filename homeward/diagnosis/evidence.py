@@ -16,8 +16,8 @@ from homeward.diagnosis.fit.held_out import range_accuracy_pct
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.result import Diagnosis, FittedGroup, Product
+from homeward.logs.channels import Array, Index
 from homeward.physics import Robot
 
 

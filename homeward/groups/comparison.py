@@ -16,10 +16,10 @@ from typing import Literal
 import numpy as np
 from scipy.stats import t as student
 
-from homeward.diagnosis.read.channels import Array
-from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.tell.notation import interval, number
 from homeward.groups.standing import mean_interval
+from homeward.logs.channels import Array
+from homeward.logs.recordings import Recording
 
 SCHEMA = 1
 LEVEL = 0.05

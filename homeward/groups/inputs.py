@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from homeward.datasets import DATASETS, fetch
-from homeward.diagnosis import RecordingError
+from homeward.logs import RecordingError
 
 _NAME = re.compile(r"[\w.+ -]{1,40}")
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.fit.refit import estimates, standard_errors
-from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.read.recordings import Recording, RecordingError
 from homeward.diagnosis.tell.notation import interval, number
 from homeward.diagnosis.tell.words import why_open
 from homeward.groups.comparison import Comparison, Difference, Quantity, compare, comparison_of
 from homeward.groups.standing import StandingRun, mean_interval, standing_run
+from homeward.logs.channels import Array, Index
+from homeward.logs.recordings import Recording, RecordingError
 
 _OWN = 0.01  # of a column in a run: with less the run cannot tell it from the others
 _TOO_UNCERTAIN = 0.5  # a standard error of a run's value, over what all runs say or a plausible change

@@ -7,10 +7,11 @@ import numpy as np
 from scipy.stats import t as student
 
 from homeward.diagnosis.fit.folds import correlation_windows
-from homeward.diagnosis.read.channels import MOTION
-from homeward.diagnosis.read.columns import RecordingError
-from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, usual_step_s, windows
+from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, windows
+from homeward.logs.channels import MOTION
+from homeward.logs.columns import RecordingError
+from homeward.logs.recordings import Recording
+from homeward.logs.times import usual_step_s
 
 _STANDS_MPS = 0.01
 _STANDS_RADPS = 0.02

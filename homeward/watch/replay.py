@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from homeward.companion import Advice, Companion, CompanionError
 from homeward.diagnosis.fit.usable import fault_of
-from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.signals import Signals, signals, speed_of, steps_s
 from homeward.estimation import WAY_DTYPE, Prior
 from homeward.estimation.drive import modelled_driving
+from homeward.logs.recordings import Recording
 from homeward.physics import Robot, d_max, optimal_speed, replay
 from homeward.physics.terminals import at_terminals
 from homeward.watch.charge import watch_charge

@@ -1,45 +1,18 @@
-"""Recordings for the tests: a plain one to spoil, and drives of a known robot through the project's own kernel."""
+"""Drives of a known robot through the project's own kernel, for the tests."""
 
 import dataclasses
 import functools
 from collections.abc import Callable
-from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
 from homeward.synthetic import STEP_S, record
+from tests.logs.conftest import csv as csv
+from tests.logs.conftest import table as table
 
 Drive = Callable[..., list[Recording]]
-
-
-@pytest.fixture
-def table() -> pd.DataFrame:
-    """A valid recording of 600 samples at 10 Hz."""
-    rng = np.random.default_rng(0)
-    time_s = np.arange(600) / 10.0
-    speed = 0.5 + 0.4 * np.sin(time_s / 5.0)
-    return pd.DataFrame({
-        "time_s": time_s,
-        "speed_mps": speed,
-        "grade_rad": 0.05 * np.sin(time_s / 11.0),
-        "power_w": 80.0 + 100.0 * speed + rng.normal(size=600),
-    })  # fmt: skip
-
-
-@pytest.fixture
-def csv(tmp_path: Path) -> Callable[[pd.DataFrame], Path]:
-    """Write a table as a CSV file."""
-
-    def write(table: pd.DataFrame) -> Path:
-        path = tmp_path / "run.csv"
-        table.to_csv(path, index=False)
-        return path
-
-    return write
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ import ruptures
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index
+from homeward.logs.channels import Array, Index
 
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]

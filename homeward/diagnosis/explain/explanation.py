@@ -21,7 +21,7 @@ from homeward.diagnosis.explain.residual_test import Dependence, dependences, in
 from homeward.diagnosis.fit.doubt import is_much, times_noise, untold
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Index
+from homeward.logs.channels import Index
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.parameter_groups import AT_REST
 from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index
+from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 

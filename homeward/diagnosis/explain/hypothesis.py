@@ -22,7 +22,7 @@ from homeward.diagnosis.explain.residual_test import TESTED
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.diagnosis.read.channels import Array, Mask
+from homeward.logs.channels import Array, Mask
 from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6

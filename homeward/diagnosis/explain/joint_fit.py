@@ -16,8 +16,8 @@ from homeward.diagnosis.fit.fitted import bounded, excited
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
 from homeward.diagnosis.fit.refit import Refit, holding, standard_errors
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Value
+from homeward.logs.channels import Array, Index, Mask
 
 _ITERATIONS = 6
 _PASSES = 3  # of fitting to loads that depend on what is fitted

@@ -12,8 +12,8 @@ import numpy as np
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import WithEffects, average
-from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Signals, Unit
+from homeward.logs.channels import Array
 from homeward.physics import Robot
 
 SAMPLES = 300

@@ -15,7 +15,7 @@ from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FEWEST_RUNS
 from homeward.diagnosis.fit.held_out import black_box, held_out
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index, Mask
+from homeward.logs.channels import Array, Index, Mask
 
 MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
 """Channels of what the robot does; those of where and when could stand for anything that changes."""

@@ -26,7 +26,7 @@ from homeward.diagnosis.fit.doubt import doubted, meter_error
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index
+from homeward.logs.channels import Array, Index
 
 _TRIED = 6  # hypotheses that are put to the proof, the best first
 _PAIRED = 12  # single hypotheses that are tried in pairs

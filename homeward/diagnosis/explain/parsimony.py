@@ -18,7 +18,7 @@ from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Mask
+from homeward.logs.channels import Array, Mask
 
 
 def needless(fit: Refit, runs: Runs) -> Mask | None:

@@ -10,8 +10,8 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.residual_test import TESTED, Dependence, ResidualChannel
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Mask
 from homeward.diagnosis.result import Place
+from homeward.logs.channels import Array, Mask
 
 WHOLE_RUN = "all of the run"
 _PAUSE_S = 2.0

@@ -25,7 +25,7 @@ from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.fit.fitted import Fitted, bounded
 from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of, per_block
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index, Mask
+from homeward.logs.channels import Array, Index, Mask
 
 FOLDS = 5
 """Of blocks or stretches, over which hypotheses are compared."""

@@ -19,7 +19,7 @@ from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index
+from homeward.logs.channels import Array, Index
 from homeward.physics import ancillary_power
 
 _DRAWS = 8000

@@ -20,8 +20,8 @@ from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.result import Product, Range, Together, Value
+from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, d_max
 
 _STEP = 1e-3  # of a group, for differences

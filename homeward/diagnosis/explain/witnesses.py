@@ -25,9 +25,9 @@ from homeward.diagnosis.fit.folds import FEWEST_RUNS, per_block
 from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.refit import Refit, standard_errors
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.signals import ODOMETER_PARTS
 from homeward.diagnosis.result import Proof, Value
+from homeward.logs.channels import Array, Index
 from homeward.physics import Robot
 from homeward.physics.terminals import lost_inside
 

@@ -10,9 +10,9 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.noise import white_noise
-from homeward.diagnosis.read.signals import usual_step_s
+from homeward.logs.channels import Array
+from homeward.logs.times import usual_step_s
 
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose error is known."""

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 
 from homeward.diagnosis.fit.parameter_groups import Parameters
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Mask
+from homeward.logs.channels import Array, Mask
 
 if TYPE_CHECKING:
     from homeward.diagnosis.fit.refit import Refit

@@ -8,7 +8,7 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index
+from homeward.logs.channels import Array, Index
 
 _SHORTEST = 10  # windows
 _STRETCH = 4  # windows: two seconds, what a change of level is held to last at least

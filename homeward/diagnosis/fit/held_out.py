@@ -10,8 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Arm
+from homeward.logs.channels import Array, Index, Mask
 
 _DRAWS = 2000
 _FEWEST_FOR_TREES = 60  # twice the smallest leaf: a split

@@ -12,9 +12,10 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.refit import standard_errors
-from homeward.diagnosis.read.channels import Array
-from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.read.signals import WINDOW_S, Signals, slope_of, usual_step_s, windows
+from homeward.diagnosis.read.signals import WINDOW_S, Signals, slope_of, windows
+from homeward.logs.channels import Array
+from homeward.logs.recordings import Recording
+from homeward.logs.times import usual_step_s
 from homeward.physics import Robot
 
 _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel

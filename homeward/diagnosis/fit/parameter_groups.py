@@ -14,7 +14,7 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
-from homeward.diagnosis.read.channels import Array
+from homeward.logs.channels import Array
 from homeward.physics import Robot
 from homeward.physics.model import rolling_force
 

@@ -20,7 +20,7 @@ from homeward.diagnosis.fit.fitted import Fitted, excited
 from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index, Mask
+from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 
 Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]

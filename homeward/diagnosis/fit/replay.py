@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis.read.channels import Array, Index
-from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, usual_step_s, windows
+from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, windows
+from homeward.logs.channels import Array, Index
+from homeward.logs.times import usual_step_s
 from homeward.physics import Robot, replay
 from homeward.physics.effects import payload
 from homeward.physics.terminals import at_terminals

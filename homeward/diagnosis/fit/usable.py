@@ -9,11 +9,12 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.fit.lags import late_slope, without_drift
 from homeward.diagnosis.fit.replay import average as average_runs
 from homeward.diagnosis.fit.replay import predict
-from homeward.diagnosis.read.channels import lacking
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
-from homeward.diagnosis.read.recordings import Recording
-from homeward.diagnosis.read.signals import Signals, gaps, known, signals, usual_step_s
+from homeward.diagnosis.read.signals import Signals, gaps, known, signals
+from homeward.logs.channels import lacking
+from homeward.logs.recordings import Recording
+from homeward.logs.times import usual_step_s
 from homeward.physics import Robot
 
 _STANDS_MPS = 0.01

@@ -1,1 +1,1 @@
-"""Recordings in, signals out: tables, ROS bags, and what their instruments do to them."""
+"""Recordings in, signals out: what their instruments do to them."""

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.read.noise import white_noise
-from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.signals import speed_of
+from homeward.logs.channels import Array, Index, Mask
+from homeward.logs.recordings import Recording
 from homeward.physics import Robot
 
 _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")

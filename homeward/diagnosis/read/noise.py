@@ -13,7 +13,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 from scipy.optimize import minimize_scalar
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.read.channels import Array
+from homeward.logs.channels import Array
 
 _LOG_RATIOS = (-12.0, 26.0)  # of the noise's variance over that of the differences
 _PRECISE = 0.05  # of the logarithm of a ratio of variances: 5 %

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Signals, gaps
+from homeward.logs.channels import Array
 
 _PLACES = 40  # along the way, compared out and home
 _FEWEST_PLACES = 20  # half of them, so that most of the way was driven both ways

@@ -14,10 +14,11 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.read.noise import smoothed, white_noise
-from homeward.diagnosis.read.recordings import Recording
 from homeward.diagnosis.read.slope import slope_along
+from homeward.logs.channels import Array, Index, Mask
+from homeward.logs.recordings import Recording
+from homeward.logs.times import usual_step_s
 from homeward.physics import Robot
 
 Unit = Literal["W", "A"]
@@ -293,11 +294,6 @@ class Windows:
         """For each of `count` samples the value of its window, or of the kept one before it; the reverse of `means`."""
         window = np.searchsorted(self.start, np.arange(count), side="right") - 1
         return np.asarray(means[np.maximum(np.cumsum(self.keep)[window] - 1, 0)])
-
-
-def usual_step_s(time_s: Array) -> float:
-    """Median time between samples, s."""
-    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
 
 
 def steps_s(time_s: Array) -> Array:

@@ -7,8 +7,8 @@ it as closely as its noise allows; it may bend freely where the robot turns back
 import numpy as np
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.noise import smoothed
+from homeward.logs.channels import Array
 
 _STEEPEST = 1.0  # rise over run: no ground robot climbs it
 _FEWEST = 8  # heights, for a level, a slope, and how both vary

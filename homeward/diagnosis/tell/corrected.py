@@ -11,8 +11,8 @@ from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.fit.parameter_groups import AT_REST, ROLLING, with_ancillary, with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
-from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import Unit
+from homeward.logs.channels import Array
 from homeward.physics import Robot
 
 

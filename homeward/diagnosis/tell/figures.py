@@ -18,8 +18,8 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.tell.notation import CLEAR
+from homeward.logs.channels import Array, Index
 
 _MOST_RUNS = 12  # in the time plot
 _MOST_POINTS = 2000  # of a line

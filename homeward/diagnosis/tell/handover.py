@@ -20,9 +20,9 @@ from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Index, Mask
 from homeward.diagnosis.result import Handed, Verdict
 from homeward.diagnosis.tell.corrected import can_be_said, of_capacity, replayed, said, written
+from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 
 Model = TypeVar("Model", Refit, Corrected)

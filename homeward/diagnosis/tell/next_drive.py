@@ -22,7 +22,7 @@ from homeward.diagnosis.fit.folds import noise_of
 from homeward.diagnosis.fit.parameter_groups import derivatives
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array, Mask
+from homeward.logs.channels import Array, Mask
 
 GUIDE = "docs/recording_guide.md"
 """The page that says how to drive and record each drive of the menu."""

@@ -13,10 +13,10 @@ from homeward.diagnosis.explain.uncertainty import Joint
 from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.fit.parameter_groups import GROUPS
 from homeward.diagnosis.fit.replay import wheels_mps
-from homeward.diagnosis.read.channels import Array, Index
 from homeward.diagnosis.read.noise import white_noise
-from homeward.diagnosis.read.signals import usual_step_s
 from homeward.diagnosis.tell.corrected import rounded
+from homeward.logs.channels import Array, Index
+from homeward.logs.times import usual_step_s
 from homeward.physics.uncertainty import Uncertainty
 
 FittedTo = Literal["nothing", "others", "all"]

@@ -15,7 +15,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from homeward.companion import CompanionError
-from homeward.diagnosis.read.bags.messages import known_types
+from homeward.logs.bags.messages import known_types
 
 _BASES: dict[str, Any] = {
     "bool": bool, "string": str,

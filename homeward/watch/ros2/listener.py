@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from homeward import quantities
-from homeward.diagnosis import RecordingError
-from homeward.diagnosis.read.bags import grade
-from homeward.diagnosis.read.bags.messages import WrongField, getter
-from homeward.diagnosis.read.bags.topics import (
+from homeward.logs import RecordingError
+from homeward.logs.bags import grade
+from homeward.logs.bags.messages import WrongField, getter
+from homeward.logs.bags.topics import (
     ACCELERATION,
     BATTERY,
     IMU,
@@ -28,7 +28,7 @@ from homeward.diagnosis.read.bags.topics import (
     Topics,
     best_topics,
 )
-from homeward.diagnosis.read.channels import CHANNELS, POWER
+from homeward.logs.channels import CHANNELS, POWER
 from homeward.watch.ros2.charge import Charge
 from homeward.watch.ros2.odometry import Odometry
 from homeward.watch.ros2.stamps import Stamps

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from homeward.companion import Advice, Companion, CompanionError
-from homeward.diagnosis.read.bags.topics import Topics
 from homeward.files import read_json, write_whole
+from homeward.logs.bags.topics import Topics
 from homeward.watch.ros2 import advising
 from homeward.watch.ros2.listener import Listener
 from homeward.watch.ros2.network import Network

@@ -12,7 +12,7 @@ from typing import Any
 from homeward import quantities
 from homeward.cli import Terminal
 from homeward.companion import Companion
-from homeward.diagnosis.read.bags.topics import load_topics
+from homeward.logs.bags.topics import load_topics
 from homeward.physics import Robot
 from homeward.watch.live import LiveView, kind_of
 from homeward.watch.ros2.node import PERIOD_S, Node

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis.read.bags import grade
-from homeward.diagnosis.read.bags.topics import ACCELERATION, ORIENTATION, Topic
+from homeward.logs.bags import grade
+from homeward.logs.bags.topics import ACCELERATION, ORIENTATION, Topic
 
 POSE = "pose.pose.position.x", "pose.pose.position.y"
 Value = Callable[[dict[str, float]], float]

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Recording
-from homeward.diagnosis.read.channels import Array
 from homeward.diagnosis.read.signals import gaps, signals, windows
+from homeward.logs.channels import Array
 
 
 def run(**channels: np.ndarray) -> Recording:

@@ -13,9 +13,7 @@ from homeward.diagnosis import RecordingError
 @pytest.mark.parametrize("package", ["cyclonedds", "rosbags"])
 def test_without_the_extra_a_line_names_it(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [
-        one
-        for one in sys.modules
-        if one.startswith(("homeward.watch.ros2", f"{package}.", "homeward.diagnosis.read.bags."))
+        one for one in sys.modules if one.startswith(("homeward.watch.ros2", f"{package}.", "homeward.logs.bags."))
     ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, package, None)

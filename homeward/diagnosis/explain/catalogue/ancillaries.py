@@ -7,7 +7,7 @@ import numpy as np
 from homeward.diagnosis.explain.change_points import Schedule
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Numbers, Setting, Spread, everywhere, temperatures
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.read.channels import Array
+from homeward.logs.channels import Array
 from homeward.physics.effects import compute, heater, intermittent_load, radio, standby
 
 _ON_BELOW_C = heater.EFFECT.parameters[1]

@@ -7,7 +7,7 @@ import numpy as np
 
 from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term, temperatures
 from homeward.diagnosis.explain.menu import Drive
-from homeward.diagnosis.read.channels import Array
+from homeward.logs.channels import Array
 from homeward.physics.effects import ageing, breakaway, cold_battery, internal_resistance, rate_capacity
 
 IN_STEP_WITH_LOAD, IN_STEP_WITH_COLD = rate_capacity.EFFECT.id, cold_battery.EFFECT.id

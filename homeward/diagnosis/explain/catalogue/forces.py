@@ -9,7 +9,7 @@ from homeward.diagnosis.explain.hypothesis import CHECKS, Hypothesis, Numbers, S
 from homeward.diagnosis.explain.menu import Drive
 from homeward.diagnosis.fit.parameter_groups import DRAG, ROLLING
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.diagnosis.read.channels import Array
+from homeward.logs.channels import Array
 from homeward.physics.effects import hidden_grade, inertia, payload, slip, surface, viscous, wind
 
 _CHANGE = 1e-3

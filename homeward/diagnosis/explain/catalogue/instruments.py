@@ -9,7 +9,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue.battery import share_of_the_drive
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.diagnosis.read.signals import usual_step_s
+from homeward.logs.times import usual_step_s
 from homeward.physics.effects import Parameter
 
 _LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))

@@ -15,7 +15,7 @@ Axes as in REP 103: x forward, y left, z up.
 import numpy as np
 import pandas as pd
 
-from homeward.diagnosis.read.channels import Array
+from homeward.logs.channels import Array
 
 GRAVITY_MPS2 = 9.80665  # standard gravity
 _ORIENTATION_S = 1.0

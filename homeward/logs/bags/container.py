@@ -9,9 +9,9 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 
-from homeward.diagnosis.read.bags import storage_files
-from homeward.diagnosis.read.bags.salvage import Remains
-from homeward.diagnosis.read.columns import RecordingError
+from homeward.logs.bags import storage_files
+from homeward.logs.bags.salvage import Remains
+from homeward.logs.columns import RecordingError
 
 
 class Bag(contextlib.ExitStack):

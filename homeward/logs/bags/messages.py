@@ -86,7 +86,7 @@ def known_types() -> Typestore:
 
 def shipped_definitions() -> list[dict[str, str]]:
     """Message definitions that ship, by type: one mapping for the newest layouts, then one for older ones."""
-    folder = files("homeward.diagnosis.read.bags") / "definitions"
+    folder = files("homeward.logs.bags") / "definitions"
     newest: dict[str, str] = {}
     older: dict[str, str] = {}
     for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):

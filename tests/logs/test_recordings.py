@@ -246,24 +246,24 @@ def test_standard_input(table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) ->
 def test_a_file_that_unpacks_to_gigabytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: bytes, said: str
 ) -> None:
-    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_ROWS", 100_000)
+    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 100_000)
     path = tmp_path / "run.csv.gz"
     with gzip.open(path, "wb") as file:
         file.write(b"time_s,speed_mps,power_w\n")
         for _ in range(1000):
             file.write(lines * (600 if len(lines) < 10 else 1))
     assert said in refusal(path)
-    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_BYTES", 2**20)
-    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_ROWS", 10**9)
+    monkeypatch.setattr("homeward.logs.tables.MOST_BYTES", 2**20)
+    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 10**9)
     assert "GB, unpacked" in refusal(path) or len(lines) > 10
 
 
 def test_a_parquet_file_of_too_many_rows(tmp_path: Path, table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
     table.to_parquet(tmp_path / "run.parquet")
-    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_ROWS", 100)
+    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 100)
     assert "more than 100 rows" in refusal(tmp_path / "run.parquet")
-    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_ROWS", 1000)
-    monkeypatch.setattr("homeward.diagnosis.read.tables.MOST_BYTES", 1000)
+    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 1000)
+    monkeypatch.setattr("homeward.logs.tables.MOST_BYTES", 1000)
     assert "GB, unpacked" in refusal(tmp_path / "run.parquet")
 
 

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from homeward.diagnosis import RecordingError, load_columns, read_recording
-from homeward.diagnosis.read.channels import CHANNELS
-from homeward.diagnosis.read.propose import propose
+from homeward.logs.channels import CHANNELS
+from homeward.logs.propose import propose
 
 TRUTH = pd.DataFrame(
     {

@@ -21,11 +21,11 @@ pytest.importorskip("rosbags")
 import diagnose
 from homeward import load_robot
 from homeward.diagnosis import Analysis, Recording, RecordingError, read_recording
-from homeward.diagnosis.read.bags import clock
-from homeward.diagnosis.read.bags.messages import WrongField, getter, shipped_definitions
-from homeward.diagnosis.read.bags.topics import load_topics, shipped_topics
 from homeward.diagnosis.read.signals import signals
-from tests.diagnosis.read.bag_writer import KINDS, START_S, Array, Stream, write_bag
+from homeward.logs.bags import clock
+from homeward.logs.bags.messages import WrongField, getter, shipped_definitions
+from homeward.logs.bags.topics import load_topics, shipped_topics
+from tests.logs.bag_writer import KINDS, START_S, Array, Stream, write_bag
 
 DEFINITIONS = {**shipped_definitions()[0]}
 OLDER = shipped_definitions()[1]
@@ -542,7 +542,7 @@ def test_a_recording_of_a_bag_knows_when_it_began(tmp_path: Path) -> None:
 
 def test_a_missing_package_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bag = write_bag(tmp_path, "ros1", HUSKY)
-    monkeypatch.setitem(sys.modules, "homeward.diagnosis.read.bags.reading", None)
+    monkeypatch.setitem(sys.modules, "homeward.logs.bags.reading", None)
     with pytest.raises(RecordingError, match=r"a bag needs rosbags; install it with pip install 'homeward\[logs\]'"):
         read_recording(bag)
 

@@ -15,8 +15,8 @@ from typing import Any, BinaryIO, cast
 
 import pandas as pd
 
-from homeward.diagnosis.read.columns import RecordingError
 from homeward.files import open_regular
+from homeward.logs.columns import RecordingError
 
 MOST_ROWS = 10_000_000
 """Rows of a recording: 27 hours at 100 Hz."""

@@ -7,9 +7,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from homeward.diagnosis.read.bags.messages import WrongField, getter
-from homeward.diagnosis.read.channels import CHANNELS, MOTION, POWER, first_set
-from homeward.diagnosis.read.columns import RecordingError, Source, read_mapping, shipped, source_of
+from homeward.logs.bags.messages import WrongField, getter
+from homeward.logs.channels import CHANNELS, MOTION, POWER, first_set
+from homeward.logs.columns import RecordingError, Source, read_mapping, shipped, source_of
 
 ORIENTATION, ACCELERATION = "orientation", "acceleration"
 """Entries that are no channels: a quaternion and a vector of specific force, from which the grade follows."""
@@ -17,7 +17,7 @@ ORIENTATION, ACCELERATION = "orientation", "acceleration"
 IMU, BATTERY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/BatteryState"
 
 _KEYS = ("name", "type", "except", "stamp")
-_FOLDER = files("homeward.diagnosis.read.bags") / "maps"
+_FOLDER = files("homeward.logs.bags") / "maps"
 
 
 class Offer(Protocol):

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from homeward.diagnosis.read.channels import CHANNELS
 from homeward.files import STANDARD_INPUT, read_toml
+from homeward.logs.channels import CHANNELS
 
-_MAPS = files("homeward.diagnosis.read") / "maps"
+_MAPS = files("homeward.logs") / "maps"
 
 
 class RecordingError(ValueError):

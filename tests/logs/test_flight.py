@@ -13,8 +13,8 @@ pytest.importorskip("pyulog", reason="needs the extra logs")
 pytest.importorskip("pymavlink", reason="needs the extra logs")
 
 from homeward.diagnosis import Recording, RecordingError, read_recording
-from homeward.diagnosis.read.bags.flight import FlightLog
-from tests.diagnosis.read.flight_writer import BOOT_US, Array, write_dataflash, write_ulog
+from homeward.logs.bags.flight import FlightLog
+from tests.logs.flight_writer import BOOT_US, Array, write_dataflash, write_ulog
 
 FAST_S, SLOW_S = np.arange(0.0, 40.0, 0.05), np.arange(0.0, 40.0, 0.1)
 SPEED_MPS = 0.8 * np.cos(FAST_S / 6.0)  # in reverse for half of the time

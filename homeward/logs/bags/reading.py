@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from homeward.diagnosis.read.bags import clock, grade, is_flight_log
-from homeward.diagnosis.read.bags.container import Bag
-from homeward.diagnosis.read.bags.flight import FlightLog
-from homeward.diagnosis.read.bags.samples import read_samples, times_s
-from homeward.diagnosis.read.bags.topics import (
+from homeward.logs.bags import clock, grade, is_flight_log
+from homeward.logs.bags.container import Bag
+from homeward.logs.bags.flight import FlightLog
+from homeward.logs.bags.samples import read_samples, times_s
+from homeward.logs.bags.topics import (
     ACCELERATION,
     BATTERY,
     IMU,
@@ -19,9 +19,9 @@ from homeward.diagnosis.read.bags.topics import (
     best_topics,
     load_topics,
 )
-from homeward.diagnosis.read.channels import CHANNELS, MOTION, POWER, Array, first_set
-from homeward.diagnosis.read.columns import RecordingError
-from homeward.diagnosis.read.times import is_epoch
+from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, first_set
+from homeward.logs.columns import RecordingError
+from homeward.logs.times import is_epoch
 
 _MOVES_MPS = 0.05
 _LEVEL_M = 0.05
@@ -149,7 +149,7 @@ class _Reading:
         return replace(current, values=-current.values)
 
     def _grade(self, speed: Series) -> dict[str, Series]:
-        """The grade by the first method of `homeward.diagnosis.read.bags.grade` that the bag allows."""
+        """The grade by the first method of `homeward.logs.bags.grade` that the bag allows."""
         orientations = self.candidates[ORIENTATION]
         ways = [
             *((ORIENTATION, *one) for one in orientations if one[1].msgtype == IMU),

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from homeward.diagnosis.read import tables
-from homeward.diagnosis.read.channels import CHANNELS, Array
-from homeward.diagnosis.read.columns import RecordingError, known_columns, numeric
-from homeward.diagnosis.read.times import from_iso, from_time_of_day
 from homeward.files import open_regular
+from homeward.logs import tables
+from homeward.logs.channels import CHANNELS, Array
+from homeward.logs.columns import RecordingError, known_columns, numeric
+from homeward.logs.times import from_iso, from_time_of_day
 
 SURE = ("certain", "likely", "a guess")
 """How sure a proposal is: name and unit say it; the name does and the values fit; a weak name, or values alone."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from homeward.diagnosis.read.channels import Array
+from homeward.logs.channels import Array
 
 _EPOCH_S = 6.3e8, 4.1e9
 """Years 1990 to 2099 in seconds since 1970; the ranges in ms, us and ns lie apart from it and from each other."""
@@ -17,6 +17,11 @@ LONGEST_STEP_S = 30.0
 
 _TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
 _UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)
+
+
+def usual_step_s(time_s: Array) -> float:
+    """Median time between samples, s."""
+    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
 
 
 def from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:

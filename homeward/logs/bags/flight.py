@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from homeward.diagnosis.read.bags.samples import Samples
-from homeward.diagnosis.read.channels import Array
-from homeward.diagnosis.read.columns import RecordingError
 from homeward.files import open_regular
 from homeward.installed import advice
+from homeward.logs.bags.samples import Samples
+from homeward.logs.channels import Array
+from homeward.logs.columns import RecordingError
 
 Fields = dict[str, Array]
 """Numbers of one message by field, shape (n,) each."""
@@ -75,7 +75,7 @@ class FlightLog(contextlib.ExitStack):
         self._about = path.name, kind
 
     def samples(self, wanted: Mapping[str, Collection[str]]) -> tuple[dict[str, Samples], list[str]]:
-        """Read fields of some messages, as `homeward.diagnosis.read.bags.samples.read_samples` does of topics.
+        """Read fields of some messages, as `homeward.logs.bags.samples.read_samples` does of topics.
 
         Raises:
             RecordingError: A message has no such field.

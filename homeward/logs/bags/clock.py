@@ -8,8 +8,8 @@ linear in between. Nothing is carried across a gap: there the value is missing.
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from homeward.diagnosis.read.channels import Array
-from homeward.diagnosis.read.signals import usual_step_s
+from homeward.logs.channels import Array
+from homeward.logs.times import usual_step_s
 
 _GAP = 5.0  # usual steps between samples, beyond which nothing is known in between
 _FASTEST_S = 0.02  # a finer clock says no more about energy

@@ -15,13 +15,13 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from homeward.diagnosis.read import tables
-from homeward.diagnosis.read.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
-from homeward.diagnosis.read.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
-from homeward.diagnosis.read.columns import Columns, RecordingError, known_columns, load_columns, numeric
-from homeward.diagnosis.read.times import LONGEST_STEP_S, from_epoch, from_iso, from_time_of_day
 from homeward.files import STANDARD_INPUT, open_regular
 from homeward.installed import advice
+from homeward.logs import tables
+from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
+from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
+from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
+from homeward.logs.times import LONGEST_STEP_S, from_epoch, from_iso, from_time_of_day
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
@@ -72,7 +72,7 @@ def read_recording(
         path: A .csv, .csv.gz, .tsv, .txt or .parquet file, a bag (.bag, .mcap, .db3, or the folder of a ROS 2 bag) or a
             log of an autopilot (.ulg, .bin). One file or folder is one run. "-" is standard input.
         columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag or log it names topics, see
-            `homeward.diagnosis.read.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
+            `homeward.logs.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
             A table that VESC Tool wrote needs none.
         standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
 
@@ -118,7 +118,7 @@ def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.Data
     if isinstance(mapping, Columns):
         raise RecordingError("a bag takes a mapping of topics, not of columns")
     try:
-        from homeward.diagnosis.read.bags.reading import read_bag  # only now: it needs a further package
+        from homeward.logs.bags.reading import read_bag  # only now: it needs a further package
     except ImportError:
         raise RecordingError(f"a bag needs rosbags; install it with {advice('logs', 'rosbags')}") from None
     return read_bag(path, mapping)

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
-from homeward.diagnosis.read.bags.container import Bag
-from homeward.diagnosis.read.bags.messages import UnknownType, WrongField, decoder, getter
-from homeward.diagnosis.read.channels import Array
-from homeward.diagnosis.read.columns import RecordingError
+from homeward.logs.bags.container import Bag
+from homeward.logs.bags.messages import UnknownType, WrongField, decoder, getter
+from homeward.logs.channels import Array
+from homeward.logs.columns import RecordingError
 
 _CLOCKS_DIFFER_S = 5.0
 _LATEST_NS = np.iinfo(np.int64).max  # of a time of receipt, which a damaged record exceeds
