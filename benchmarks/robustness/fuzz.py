@@ -41,6 +41,8 @@ from typing import Any
 import numpy as np
 import tyro
 
+if __name__ == "__main__":  # a fork has no threads but one, and numba reads this when it is imported
+    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
 from benchmarks.robustness.forks import Run, fork, warm
@@ -793,6 +795,5 @@ def _table(tallies: dict[str, Tally]) -> str:
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")  # a fork has no threads but one
     found = main(tyro.cli(Args, description=__doc__))
     sys.exit(1 if any(one.findings for one in found.values()) else 0)

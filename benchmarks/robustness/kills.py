@@ -34,6 +34,9 @@ from typing import Any
 import numpy as np
 import tyro
 
+if __name__ == "__main__":  # a fork has no threads but one, and numba reads this when it is imported
+    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
 from benchmarks.robustness.forks import fork, warm
@@ -384,7 +387,5 @@ def _table(outcomes: dict[str, Outcome]) -> str:
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")  # a fork has no threads but one
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
     tried = main(tyro.cli(Args, description=__doc__))
     sys.exit(1 if any(count for one in tried.values() for count in one.faults.values()) else 0)
