@@ -111,7 +111,7 @@ SWEPT: dict[str, tuple[float, ...]] = {
     "dmax_belief": _DEVIATIONS,
     "planner": _DEVIATIONS,
 }
-"""Reserves that are tried of the agents that have one, as many of each; the same are tried in tuning."""
+"""Reserves that are tried of the agents that have one, as many of each; `benchmarks/agents/tune.py` tries others."""
 
 FROM_FILES = frozenset({"ppo", "ppo_scratch"})
 """Agents that take a file."""

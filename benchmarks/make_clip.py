@@ -24,7 +24,7 @@ Frame = NDArray[np.uint8]
 
 STILLS = {
     "viewer_survey": ("Survey", "uncertain", "dmax_adaptive", 3, 0.30),
-    "viewer_stranded": ("OutAndBack", "harsh", "dmax_adaptive", 3, 1.0),
+    "viewer_stranded": ("OutAndBack", "harsh", "soc50", 5, 1.0),
     "viewer_patrol": ("Patrol", "known", "dmax_adaptive", 5, 0.5),
 }
 """File, mission, difficulty, agent, seed, and when in the mission the picture is taken: a share of its decisions."""

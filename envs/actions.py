@@ -108,9 +108,20 @@ def decode_actions(known: Known, actions: NDArray[Any]) -> Commands:
     if known.shared["discrete"][0]:
         speed, sensing, mode = actions[:, 0] / (LEVELS - 1), actions[:, 1] / (LEVELS - 1), actions[:, 2]
     else:
-        shares = 0.5 * (actions.astype(np.float64) + 1.0)
-        speed, sensing, mode = shares[:, 0], shares[:, 1], np.minimum((3.0 * shares[:, 2]).astype(np.int64), 2)
+        speed, sensing, mode = *(0.5 * (actions[:, :2].astype(np.float64) + 1.0)).T, modes(actions)
     return Commands(slowest + speed * (fastest - slowest), sensing * most, mode.astype(np.int64))
+
+
+def modes(actions: NDArray[Any]) -> NDArray[np.int64]:
+    """Modes of actions, shape (n, 3), of either space: `STOP`, `GO` or `RETURN`, shape (n,)."""
+    if actions.dtype.kind != "f":
+        return actions[:, 2].astype(np.int64)
+    return np.minimum(thirds(actions).astype(np.int64), RETURN)
+
+
+def thirds(actions: NDArray[Any]) -> NDArray[np.float64]:
+    """Where the last number of continuous actions, shape (n, 3), lies in thirds of [-1, 1]: a mode has one, (n,)."""
+    return 0.5 * len(MODES) * (actions[:, 2].astype(np.float64) + 1.0)
 
 
 def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:

@@ -69,7 +69,9 @@ INFO_KEYS = ("energy_j", "reward_terms", "score", "cost", "position_m", "home", 
 
 
 def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
-    """What missions tell in `info`: read-only arrays of shape (n,), in `energy_j` by cause, in `reward_terms` by term.
+    """What missions hold in `info`: the truth, for scoring, not what the robot reads.
+
+    Read-only arrays of shape (n,), in `energy_j` by cause, in `reward_terms` by term.
 
     Args:
         records: `MISSION_DTYPE`, shape (n,).

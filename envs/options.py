@@ -38,7 +38,8 @@ RETURN_SHARE = 0.015
 """Decisions in a row that must ask for the return before it is final, over those in which the battery lasts at cruise:
 as a rule three of two hundred. With one, a policy that chooses at random ends its mission after three decisions; with
 eight it never comes to know what a return is worth: stable-baselines3's PPO had learned to stand still after 0.3 M
-decisions of OutAndBack, and with three to come home (0.4 M, 96 % of 200 unseen missions; one seed of training each)."""
+decisions of OutAndBack, and with three to come home (0.4 M, 96 % of 200 unseen missions; one seed of training each, at
+commit b39fd99, which had other features). `benchmarks/agents/plain_ppo.py` measures what it comes to today."""
 _MOST_HALF, _MOST_ERROR = 0.6, 0.5
 """Half of the widest range of a robot's number that is drawn from its file, and the largest error of an instrument."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation

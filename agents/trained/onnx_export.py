@@ -25,7 +25,7 @@ from homeward.agents.trained.inputs import COLUMNS
 from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
 from homeward.agents.trained.policy_file import NetworkPolicy, PolicyFileError, load_policy
 from homeward.agents.trained.setting import setting_of
-from homeward.envs.actions import limits
+from homeward.envs.actions import limits, thirds
 from homeward.envs.features import FEATURES
 from homeward.envs.options import Known, OptionError
 from homeward.envs.routes import RouteError
@@ -106,7 +106,7 @@ def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDA
         best = [np.sort(part, axis=1)[:, -2:] for part in parts]
         undecided = np.stack([second >= first - _ALMOST for second, first in (one.T for one in best)], axis=1)
     else:
-        borders = 1.5 * (actions[:, 2] + 1.0)
+        borders = thirds(actions)
         undecided[:, 2] = np.abs(borders - np.rint(borders)) < _ALMOST
     undecided[:, 1] |= undecided[:, 2]  # who does not go senses nothing
     return undecided

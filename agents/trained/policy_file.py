@@ -17,6 +17,7 @@ from safetensors.numpy import load, save
 
 from homeward.agents.base import Observations, Policy
 from homeward.agents.trained.inputs import COLUMNS, BeliefInputs, inputs_from
+from homeward.envs.actions import modes
 from homeward.envs.features import NAMES
 from homeward.envs.options import Known
 from homeward.envs.state import GO
@@ -44,9 +45,8 @@ def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
     vain, and learns that stops do not pay.
     """
     continuous = actions.dtype.kind == "f"
-    modes = (1.5 * (actions[:, 2] + 1.0)).astype(np.int64) if continuous else actions[:, 2]
     kept: NDArray[Any] = actions.copy()
-    kept[modes != GO, 1] = -1 if continuous else 0
+    kept[modes(actions) != GO, 1] = -1 if continuous else 0
     return kept
 
 

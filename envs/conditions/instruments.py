@@ -71,12 +71,15 @@ INSTRUMENTS: dict[str, Instruments] = {
     # A battery monitor with a shunt: state of charge in steps of 0.1 % and a current within 0.4 % (Victron BMV-700
     # manual, technical data), by a shunt of class 0.5 (IEC 60051-8): 1 % together. Wheel speed and a pitch of 0.2
     # degrees (Xsens MTi-300 data sheet: 0.2 to 0.3 degrees RMS), averaged over the ten and more seconds of a place.
+    # Chosen: noise of power and speed, half of the gain error, as means over a decision have little.
     "meter": Instruments(
         soc_step=1e-3, power_gain=0.01, power_noise=0.005, speed_noise=0.005, grade_noise=0.001
     ),
     # The management system of a battery pack: relative state of charge in whole per cent, filtered (Smart Battery Data
     # Specification 1.1, RelativeStateOfCharge), and a current within 3 % and 0.5 % of the range, as sensors without
-    # calibration have it (Allegro ACS712 data sheet: 1.5 % at 25 C, with temperature 3 % and more). A low-cost IMU.
+    # calibration have it (Allegro ACS712 data sheet: 1.5 % at 25 C, with temperature 3 % and more).
+    # Chosen: noise and lag of the state of charge (a third of a step, and a decision), noise of power and speed (twice
+    # those of the meter) and of the grade (three times, for a low-cost IMU).
     "gauge": Instruments(
         soc_step=1e-2, soc_noise=3e-3, soc_lag_s=30.0, power_gain=0.03, power_offset=0.005, power_noise=0.01,
         speed_noise=0.01, grade_noise=0.003,

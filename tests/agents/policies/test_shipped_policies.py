@@ -1,6 +1,7 @@
 """The policies that ship: they load, say how they were trained, and do what their cards say."""
 
 import json
+from pathlib import Path
 
 import pytest
 from scipy import stats
@@ -61,6 +62,7 @@ def test_its_card_tells_of_the_very_policy(agent: str, mission: str) -> None:
     card = (folder / "card.md").read_text()
     assert description["weights_sha256"][:16] in card
     assert description["command"] in card
+    assert (Path(__file__).parents[3] / description["command"].split()[0]).is_file()
 
 
 def test_nothing_else_ships() -> None:

@@ -16,6 +16,7 @@ from homeward.agents.trained.onnx_graph import to_onnx  # noqa: E402
 from homeward.agents.trained.onnx_policy import load_onnx  # noqa: E402
 from homeward.agents.trained.policy_file import PolicyFileError, load_policy  # noqa: E402
 from homeward.agents.trained.setting import setting_of  # noqa: E402
+from homeward.envs.options import MISSIONS  # noqa: E402
 from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
 
 
@@ -26,7 +27,8 @@ def exported(mission: str, start: str, folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("mission", "start"), [("OutAndBack", "dmax"), ("Survey", "dmax"), ("Patrol", "scratch")])
+@pytest.mark.parametrize("start", ["dmax", "scratch"])
+@pytest.mark.parametrize("mission", MISSIONS)
 def test_a_file_alone_decides_what_the_policy_decides(mission: str, start: str, tmp_path: Path) -> None:
     ours, known = load_onnx(exported(mission, start, tmp_path))
     policy = load_policy(shipped(mission, start), known)
