@@ -678,6 +678,8 @@ class Companion:
             CompanionError: It cannot be used.
             OSError: It cannot be read.
         """
+        if Path(path).is_dir():
+            raise CompanionError(f"{path}: is a folder; give the file that `save` wrote")
         try:
             state = read_json(Path(path))
         except ValueError as error:

@@ -56,7 +56,7 @@ _STILL_M, _DRIVEN_M = 0.2, 20.0
 _BACK = 3
 """Readings in a row from before the last one until the clock is taken to have been set back."""
 _STAYS_S = 60.0
-"""Time for which a warning is shown."""
+"""Time for which a warning is shown, and for which a robot may be silent about its motion when it begins."""
 _GAP = 3.0
 """Usual times between readings beyond which readings are missing."""
 
@@ -99,7 +99,7 @@ class Readings:
         self._most_mps = _SPEEDS * robot.max_speed_mps
         self._last_s, self._ignored_s, self._back = math.nan, math.nan, 0
         self._power, self._grade, self._heading = _Held(), _Held(), _Held()
-        self._clock = _Held()
+        self._clock, self._motion = _Held(), _Held()
         self._place: Position | None = None
         self._place_at_s, self._jumps = 0.0, 0
         self._anchor: Position | None = None
@@ -114,7 +114,7 @@ class Readings:
             given: Values by name, None where an instrument was silent.
 
         Raises:
-            CompanionError: A value is not a number.
+            CompanionError: A value is not a number, or nothing was ever read of where the robot is or how fast it drives.
         """
         given = {name: _number(name, value) for name, value in given.items() if name != "position"} | {
             "position": checked_position("position", given["position"])
@@ -142,6 +142,7 @@ class Readings:
         if had_power and math.isnan(power):
             silent_s = max(self.clock_s - self._power.at_s, dt_s)
             self.say(f"no power for {silent_s:.0f} s: the model fills in", "no power")
+        self._check_motion(speed, given["position"], dt_s)
         sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, 1e5, "Hz")
         temperature = self._within("temperature_c", given["temperature_c"], -60.0, 60.0, "kelvin?")
         interest = self._within("interest", given["interest"], 0.0, 1e6, "a weight")
@@ -152,6 +153,22 @@ class Readings:
             sensing if math.isfinite(sensing) else 0.0, temperature, interest,
             self._place_now(given["position"], driven_m),
         )  # fmt: skip
+
+    def _check_motion(self, speed: float, position: Position | None, dt_s: float) -> None:
+        """Say that neither speed nor position is read, and refuse to go on where neither ever was."""
+        kind = "neither speed nor position"
+        self._motion.see(speed if position is None else 0.0, self.clock_s)
+        if math.isfinite(self._motion.now(self.clock_s, dt_s)):
+            return
+        if math.isfinite(self._motion.value):
+            silent_s = max(self.clock_s - self._motion.at_s, dt_s)
+            self.say(f"{kind} for {silent_s:.0f} s: taken to drive on as before", kind)
+        elif self.clock_s <= _STAYS_S:
+            self.say(f"{kind} was read yet: taken to stand", kind)
+        else:
+            raise CompanionError(
+                f"{kind} was read in {self.clock_s:.0f} s: give position= (metres from home, or east and north) or speed_mps="
+            )
 
     def say(self, text: str, kind: str | None = None) -> None:
         """Warn for a while; a warning of the same kind is replaced."""
@@ -203,7 +220,7 @@ class Readings:
         if position is None:
             if self._place is not None and self.clock_s - self._place_at_s > _LEAST_HOLD_S:
                 away_s = self.clock_s - self._place_at_s
-                self.say(f"no position for {away_s:.0f} s: reckoned from speed and heading", "no position")
+                self.say(f"no position for {away_s:.0f} s: the way is reckoned", "no position")
             return None
         if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
             apart_m = float(np.linalg.norm(np.subtract(position, self._place)))
@@ -212,6 +229,8 @@ class Readings:
                 self._jumps += 1
                 self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
+            if apart_m > most_m:
+                self.say(f"{_JUMPS + 1} positions in a row lie {apart_m:.0f} m away: believed, and the way there is a leap")
         if self._stays(position, driven_m):
             return None
         self._place, self._place_at_s, self._jumps = position, self.clock_s, 0

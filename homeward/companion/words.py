@@ -37,7 +37,7 @@ def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, has_cutoff: b
     }[("power" in has, "soc" in has)]
     sentences = [energy, _HOME[home]]
     if "position" not in has:
-        sentences.append("no position: the way is reckoned from speed and heading")
+        sentences.append("no position: home is where it began, and the way is reckoned from speed and heading")
     if "grade" not in has and home != "route":
         sentences.append("no slopes: the ground is taken to be flat, within 4 %")
     if "heading" not in has:

@@ -298,6 +298,16 @@ def test_a_state_that_cannot_be_used_is_refused(tmp_path: Path, content: str) ->
     (tmp_path / "state.json").write_text(content)
     with pytest.raises(CompanionError, match="state"):
         companion().load(tmp_path / "state.json")
+    with pytest.raises(CompanionError, match="is a folder; give the file"):
+        companion().load(tmp_path)
+
+
+def test_the_state_of_a_long_and_winding_way_stays_small(tmp_path: Path) -> None:
+    one = Companion("husky", home="here")
+    for step in range(3000):
+        one.update(20.0 * step, speed_mps=0.9, heading_rad=0.01 * step % 6.0, power_w=100.0)
+    one.save(tmp_path / "state.json")
+    assert 1_000 < (tmp_path / "state.json").stat().st_size < 70_000
 
 
 @pytest.mark.parametrize(
@@ -313,6 +323,28 @@ def test_a_state_that_cannot_be_used_is_refused(tmp_path: Path, content: str) ->
 def test_arguments_that_cannot_be_used(keywords: dict[str, Any], said: str) -> None:
     with pytest.raises(CompanionError, match=said):
         companion(**keywords)
+
+
+@pytest.mark.parametrize("home", [(0.0, 0.0), "here", None])
+@pytest.mark.parametrize("read", [{"power_w": 60.0}, {"soc": 0.5}, {"power_w": 60.0, "heading_rad": 0.1}, {}])
+def test_a_robot_whose_motion_is_never_read_is_not_taken_to_be_at_home(home: Any, read: dict[str, float]) -> None:
+    one = Companion("husky", home=home)
+    advice = one.update(0.0, **read)
+    assert advice.warnings == ("neither speed nor position was read yet: taken to stand",)
+    with pytest.raises(CompanionError, match=r"neither speed nor position was read in 61 s: give position="):
+        for time_s in range(1, 100):
+            one.update(float(time_s), **read)
+
+
+def test_a_speed_that_falls_silent_is_said_where_there_are_no_positions() -> None:
+    one = Companion("husky", home="here")
+    for time_s in range(600):
+        before = one.update(float(time_s), speed_mps=1.0, heading_rad=0.0, power_w=100.0)
+    assert before.warnings == ()
+    for time_s in range(600, 700):
+        after = one.update(float(time_s), power_w=100.0)
+    assert after.way_home_m == pytest.approx(before.way_home_m + 100.0, abs=2.0)  # the safer of both
+    assert "neither speed nor position for 100 s: taken to drive on as before" in after.warnings
 
 
 def test_no_way_to_know_where_it_is() -> None:
