@@ -114,7 +114,7 @@ class Readings:
             given: Values by name, None where an instrument was silent.
 
         Raises:
-            CompanionError: A value is not a number, or nothing was ever read of where the robot is or how fast it drives.
+            CompanionError: A value is not a number, or neither position nor speed was ever read.
         """
         given = {name: _number(name, value) for name, value in given.items() if name != "position"} | {
             "position": checked_position("position", given["position"])
@@ -167,7 +167,8 @@ class Readings:
             self.say(f"{kind} was read yet: taken to stand", kind)
         else:
             raise CompanionError(
-                f"{kind} was read in {self.clock_s:.0f} s: give position= (metres from home, or east and north) or speed_mps="
+                f"{kind} was read in {self.clock_s:.0f} s: give position= (metres from home, or east and north) "
+                "or speed_mps="
             )
 
     def say(self, text: str, kind: str | None = None) -> None:
@@ -230,7 +231,7 @@ class Readings:
                 self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
             if apart_m > most_m:
-                self.say(f"{_JUMPS + 1} positions in a row lie {apart_m:.0f} m away: believed, and the way there is a leap")
+                self.say(f"{_JUMPS + 1} positions in a row lie {apart_m:.0f} m away: believed, as if it had leapt")
         if self._stays(position, driven_m):
             return None
         self._place, self._place_at_s, self._jumps = position, self.clock_s, 0

@@ -57,7 +57,7 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     at_rest = [one.fitted or one.assumed or 0.0 for one in evidence.estimates if one.group.name == "rest_current"]
     count = len(runs.signals)
     return Uncertainty(
-        source=f"diagnose.py, {count} run{'s' if count > 1 else ''}, unexplained and between_runs held out by {evidence.held_out_by}",
+        source=f"diagnose.py, {count} run{'s' if count > 1 else ''}, unexplained held out by {evidence.held_out_by}",
         fitted=fitted,
         covariance=covariance,
         between_runs=between_runs(left, predicted, runs.run, fitted_to),
