@@ -142,7 +142,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     if corrected is not None and any(one.term.axis == "time" for one in explanation.naming.named):
         # What happened at some moment of a run says nothing of other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
-    capacity, shown = witnesses(fitted, _as_drawn(runs, corrected), block, seed) if enough else (None, ())
+    capacity, shown = witnesses(fitted, _without_meter_faults(runs, corrected), block, seed) if enough else (None, ())
     progress("proving")
     # A group that stays as the file has it because an effect makes up for it is confounded with the effect.
     named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
@@ -180,7 +180,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
-def _as_drawn(runs: Runs, corrected: Corrected | None) -> Runs:
+def _without_meter_faults(runs: Runs, corrected: Corrected | None) -> Runs:
     """The runs without what a named fault of the meter reads beyond what was drawn."""
     if corrected is None:
         return runs

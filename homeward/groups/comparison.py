@@ -25,7 +25,7 @@ SCHEMA = 1
 LEVEL = 0.05
 """Probability of at least one false name where no group differs."""
 
-_MOST_SAID = 4  # differences that are spelled out
+_MOST_SHOWN = 4  # differences that are spelled out
 _SMALLEST_SPREAD = 1e-6  # of the largest value: runs that agree better are rounded
 
 GroupVerdict = Literal["groups_differ", "no_difference", "not_testable"]
@@ -129,8 +129,8 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
     named, largest = [], 0.0
     for rank, pair in enumerate(sorted(pairs, key=lambda one: one.p_value)):
         largest = max(largest, min((len(pairs) - rank) * pair.p_value, 1.0))
-        foretold = pair.held_out_rmse < pair.held_out_rmse_without_groups
-        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= LEVEL and foretold))
+        predicts_better = pair.held_out_rmse < pair.held_out_rmse_without_groups
+        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= LEVEL and predicts_better))
     return levels, named
 
 
@@ -197,16 +197,16 @@ def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tup
             "group differ is not known."
         )
     tested = f"{len(differences)} compared"
-    named = [_said(one) for one in differences if one.named]
+    named = [_sentence(one) for one in differences if one.named]
     if not named:
         between = f"No difference between {', '.join(groups)} stands out from the spread between runs"
         return "no_difference", f"{between} ({tested}, Holm, 5 % in all)."
-    more = f"; and {len(named) - _MOST_SAID} more" if len(named) > _MOST_SAID else ""
-    said = f"{'; '.join(named[:_MOST_SAID])}{more}"
-    return "groups_differ", f"{said}. {len(named)} of {tested} can be named (Holm, 5 % in all)."
+    more = f"; and {len(named) - _MOST_SHOWN} more" if len(named) > _MOST_SHOWN else ""
+    shown = f"{'; '.join(named[:_MOST_SHOWN])}{more}"
+    return "groups_differ", f"{shown}. {len(named)} of {tested} can be named (Holm, 5 % in all)."
 
 
-def _said(one: Difference) -> str:
+def _sentence(one: Difference) -> str:
     """A difference in words, the higher group first."""
     high, low = (one.group, one.minus) if one.value > 0.0 else (one.minus, one.group)
     near, far = sorted(abs(end) for end in one.ci95)

@@ -56,8 +56,8 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     where = np.array([used.get(one.name, -1) for one in recordings])
     values = {name: np.where(where >= 0, one[where], np.nan) for name, one in values_of_runs(evidence).items()}
     levels, differences = compare(labels, values)
-    told = estimates(evidence.fitted, evidence.runs, evidence.block)
-    for one in (one for one in told if one.status in _OPEN):
+    estimated = estimates(evidence.fitted, evidence.runs, evidence.block)
+    for one in (one for one in estimated if one.status in _OPEN):
         others = f"; a difference in {', '.join(one.mixed_with)} may be in it" if one.mixed_with else ""
         remarks.append(f"{one.group.symbol}: not compared, {why_open(one)}{others}")
     if analysis.diagnosis.verdict == "unknown_physics" or evidence.remains is not None:
@@ -72,8 +72,8 @@ def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
     (runs,), NaN where the run cannot tell.
     """
     runs, fit, effects = evidence.runs, evidence.fitted, _steady_effects(evidence)
-    told = estimates(fit, runs, evidence.block)
-    index = np.array([j for j, one in enumerate(told) if one.status not in _OPEN], dtype=np.intp)
+    estimated = estimates(fit, runs, evidence.block)
+    index = np.array([j for j, one in enumerate(estimated) if one.status not in _OPEN], dtype=np.intp)
     problem = fit.parameters
     per_step = (problem.scale * problem.to_group)[index]
     quantities = [Quantity(problem.groups[j].symbol, problem.groups[j].unit) for j in index]

@@ -220,7 +220,7 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
             if _possible(channel, values * factor + offset):
                 return _signed(Guess(name, channel, factor, offset, 0, f"its name says {word}"), values)
     for word, factor in [(about.unit, 1.0), *about.mistaken]:
-        if _possible(channel, values * factor) and _usual(channel, values * factor):
+        if _possible(channel, values * factor) and _plausible(channel, values * factor):
             sure = 1 if factor == 1.0 else 2
             why = f"its name says no unit; values fit {word}" if about.unit != "1" else "its values lie in 0 to 1"
             return _signed(Guess(name, channel, factor, 0.0, sure, why if sure == 1 else f"values fit {word}"), values)
@@ -234,7 +234,7 @@ def _possible(channel: str, values: Array) -> bool:
     return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= 0.01
 
 
-def _usual(channel: str, values: Array) -> bool:
+def _plausible(channel: str, values: Array) -> bool:
     """Whether values without a unit are in the range of a ground robot's, and not only possible."""
     finite = np.abs(values[np.isfinite(values)])
     largest, step = float(finite.max()), float(np.median(np.diff(values))) if len(values) > 1 else 0.0

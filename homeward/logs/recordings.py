@@ -187,8 +187,8 @@ def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> l
 
 
 def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
-    told = mapping or Columns("", {}, {})
-    table = tables.sniff(path, told.separator, told.decimal)
+    given = mapping or Columns("", {}, {})
+    table = tables.sniff(path, given.separator, given.decimal)
     if mapping is None and (mapping := known_columns(table.header)) is not None:
         notes.append(f"mapping {mapping.name}, known by the names of the columns")
     wanted = _wanted(table.header, mapping, standing)

@@ -19,7 +19,7 @@ _TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
 _UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)
 
 
-def usual_step_s(time_s: Array) -> float:
+def median_step_s(time_s: Array) -> float:
     """Median time between samples, s."""
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
 

@@ -23,7 +23,7 @@ from homeward.logs.channels import Array, Index
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
 
-STANDS_MPS = 0.05
+STANDSTILL_MPS = 0.05
 """A robot slower than this stands."""
 
 _AROUND_S = 4.0  # a change that was found is taken to lie within this of the true one
@@ -85,15 +85,15 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
         comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
-        return comes_on >= rules.IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= rules.COMES_BACK
+        return comes_on >= rules.RUNS_WITH_SWITCH or sum(len(changes) for changes in within) >= rules.FEWEST_SWITCHES
     speeds = np.abs(runs.context["speed_mps"])
-    stood = []
+    at_standstill = []
     for run, changes in zip(np.unique(runs.run), within, strict=True):
         here = np.flatnonzero(runs.run == run)
         for change in changes:
             near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND_S]
-            stood.append(bool((speeds[near] < STANDS_MPS).any()))
-    return all(stood) if how == "standing" else not stood or not all(stood)
+            at_standstill.append(bool((speeds[near] < STANDSTILL_MPS).any()))
+    return all(at_standstill) if how == "standing" else not at_standstill or not all(at_standstill)
 
 
 def place_of(runs: Runs) -> Array | None:
@@ -103,7 +103,7 @@ def place_of(runs: Runs) -> Array | None:
         return None
     driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())
     extent_m = float(np.ptp(place_m))
-    return place_m if extent_m > 0.0 and driven_m >= rules.MET_AGAIN * extent_m else None
+    return place_m if extent_m > 0.0 and driven_m >= rules.REVISITED * extent_m else None
 
 
 def search(
@@ -190,12 +190,12 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
         gain = left - remaining - explained
-        if gain <= penalty or gain < rules.LEVEL_WORTH * explained:
+        if gain <= penalty or gain < rules.SMALLEST_LEVEL_GAIN * explained:
             break
         level, levels, explained = number, count, explained + gain
     if signed and levels > 1:  # the level met most is the usual one
-        usual = int(np.argmax(np.bincount(level, weight, minlength=levels)))
-        level = np.where(level == usual, 0, np.where(level < usual, level + 1, level))
+        reference = int(np.argmax(np.bincount(level, weight, minlength=levels)))
+        level = np.where(level == reference, 0, np.where(level < reference, level + 1, level))
     return level, levels
 
 

@@ -18,7 +18,7 @@ from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate, where_at_work
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
-from homeward.diagnosis.fit.doubt import is_much, times_noise, untold
+from homeward.diagnosis.fit.doubt import is_material, times_noise, unexplained
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Index
@@ -59,19 +59,19 @@ def explain(
     if not found:
         return Explanation()
     progress("locating")
-    ask = _Question(fit, runs, found[0], block, fold, seed, progress)
+    residual = _Residual(fit, runs, found[0], block, fold, seed, progress)
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
-    naming = ask.naming()
-    if naming.told_by_no_channel(runs):
+    naming = residual.naming()
+    if naming.needs_unrecorded_channel(runs):
         return Explanation(replace(naming.nothing_named(), unrecorded=True))
-    naming, location = ask.without_what_motion_tells(naming, location)
+    naming, location = residual.checked_against_motion(naming, location)
     if not naming.named and location is None:
-        if ask.by_motion() < rules.HALF:
-            if in_time and untold(fit, runs):
+        if residual.by_motion() < rules.HALF:
+            if in_time and unexplained(fit, runs):
                 return Explanation(naming, locate(in_time[0], runs))
-            return Explanation(ask.instead_of_parameters(naming))
-        if is_much(fit, runs):
+            return Explanation(residual.instead_of_parameters(naming))
+        if is_material(fit, runs):
             location = locate(most, runs)  # where most of what motion tells shows
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and most.channel.name != "time_s"
@@ -83,7 +83,7 @@ def explain(
             naming = naming.nothing_named()
         else:
             empirical = None
-    remains = None if naming.corrected is None else ask.remains(naming.corrected)
+    remains = None if naming.corrected is None else residual.remains(naming.corrected)
     if remains is not None and most.found and _of_another_channel(naming, remains, most):
         naming, remains = naming.nothing_named(), None
         empirical = propose(fit, runs, block, fold, seed)
@@ -91,7 +91,7 @@ def explain(
 
 
 @dataclass(frozen=True)
-class _Question:
+class _Residual:
     """A refit of some runs, of which is asked what it leaves."""
 
     fit: Refit
@@ -133,17 +133,17 @@ class _Question:
 
         That is asked where the refit takes up all that is missing.
         """
-        taken_up = not is_much(self.fit, self.runs) or times_noise(self.fit, self.runs) <= 1.0
+        taken_up = not is_material(self.fit, self.runs) or times_noise(self.fit, self.runs) <= 1.0
         held = needless(self.fit, self.runs) if taken_up else None
         if held is None:
             return naming
-        sparing = replace(self, fit=holding(self.fit, self.runs, held))
-        again = sparing.without_what_motion_tells(sparing.naming(varying=False), None)[0]
-        if not again.named or again.told_by_no_channel(self.runs):
+        restricted = replace(self, fit=holding(self.fit, self.runs, held))
+        again = restricted.checked_against_motion(restricted.naming(varying=False), None)[0]
+        if not again.named or again.needs_unrecorded_channel(self.runs):
             return naming
         return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
 
-    def without_what_motion_tells(self, naming: Naming, location: Location | None) -> tuple[Naming, Location | None]:
+    def checked_against_motion(self, naming: Naming, location: Location | None) -> tuple[Naming, Location | None]:
         """Name nothing where the named effects are little of what is missing, or what the first needs a schedule for is
         told by motion, its history or the place.
 
@@ -154,27 +154,27 @@ class _Question:
         first, corrected = naming.named[0], naming.corrected
         where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
         by_its_channel = self.most.found and self.most.channel.name in first.term.hypothesis.channels
-        if untold(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.HALF:
+        if unexplained(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.HALF:
             return naming.nothing_named(), where
         by_motion = self.by_motion()
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming, by_motion) else naming.nothing_named()), location
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
-        if by_motion < rules.AS_WELL * first.held_out_gain and by_place < rules.TOLD_BY_PLACE * first.held_out_gain:
+        if by_motion < rules.EQUIVALENT * first.held_out_gain and by_place < rules.BY_PLACE * first.held_out_gain:
             return naming, location
         again = self.naming(varying=False)
-        if self.by(again) >= rules.MOSTLY * first.held_out_gain:
+        if self.by(again) >= rules.SIMPLER * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
         """Whether the named effects, or the first alone, explain most of what motion and its history tell."""
         share = self.by(naming)
-        if naming.named[0].held_out_gain >= rules.MOSTLY * by_motion or share >= rules.AS_WELL * by_motion:
+        if naming.named[0].held_out_gain >= rules.SIMPLER * by_motion or share >= rules.EQUIVALENT * by_motion:
             return True
         if naming.corrected is None or share < rules.HALF * by_motion:
             return False
-        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.MUCH_BETTER)
+        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.CLEARLY_BETTER)
 
 
 def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> bool:
@@ -184,7 +184,7 @@ def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> b
     would hide it.
     """
     named = (term for one in naming.named for term in (one.term, *one.rivals))
-    told = {channel for term in named for channel in term.hypothesis.channels}
+    covered = {channel for term in named for channel in term.hypothesis.channels}
     by_named = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
-    untold_channel = most.channel.name not in told and remains.channel == most.channel.name
-    return untold_channel and most.held_out_gain > by_named
+    not_covered = most.channel.name not in covered and remains.channel == most.channel.name
+    return not_covered and most.held_out_gain > by_named

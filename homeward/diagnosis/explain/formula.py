@@ -32,7 +32,7 @@ _MOST_SEARCHED = 20_000  # windows; of more the search takes every second, third
 _MOST_ALTERNATIVES = 3
 _RIDGE = 1e-8
 _MILD_C = 20.0
-_STANDS_MPS = 0.02
+_STANDSTILL_MPS = 0.02
 _PLAIN, _SQUARED, _ROOT_TOO = (1.0,), (1.0, 2.0), (0.5, 1.0, 2.0)  # powers of a group
 
 
@@ -81,19 +81,19 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Em
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
     chosen: list[int] = []
-    p_value = paid = 0.0
+    p_value = total_bic_gain = 0.0
     while len(chosen) < _MOST_TERMS:
         scores = search.scores(library.parts, chosen)
         best = int(np.argmax(scores))
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
-        pays = delta_bic(runs.observed, before, after, runs.run) - float(library.cost[best])
+        bic_gain = delta_bic(runs.observed, before, after, runs.run) - float(library.cost[best])
         gained = gain(runs.observed, before, after, block, seed)
-        if pays < rules.VERY_STRONG or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if bic_gain < rules.VERY_STRONG_BIC or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), seed)
         if p_value_of_term > 1.0 / (rules.PLACEBOS + 1):
             break
-        chosen, paid, p_value = [*chosen, best], paid + pays, max(p_value, p_value_of_term)
+        chosen, total_bic_gain, p_value = [*chosen, best], total_bic_gain + bic_gain, max(p_value, p_value_of_term)
     if not chosen:
         return None
     chosen, alternatives = _reconsidered(search, chosen)
@@ -107,7 +107,7 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Em
     texts = " ".join(one.text for one in terms)
     return Empirical(
         "P" if runs.unit == "W" else "I", terms, constants(texts, fit.parameters.nominal, runs), columns,
-        columns * sizes, paid, gained.share, gained.ci95, p_value,
+        columns * sizes, total_bic_gain, gained.share, gained.ci95, p_value,
     )  # fmt: skip
 
 
@@ -148,7 +148,7 @@ class Search:
     fit: Fitted
     runs: Runs
     fold: Index
-    memory: float | None = None  # of what is left, in windows; by default that of the refit's residual
+    correlation: float | None = None  # of what is left, in windows; by default that of the refit's residual
 
     def scores(self, parts: Array, present: Sequence[int]) -> Array:
         """Evidence for each candidate beside the refit and the terms present, shape (candidates,).
@@ -164,7 +164,7 @@ class Search:
         without, with_it = _squared_errors([
             (known[one].T @ known[one], *self.library.products(parts[thin][one], known[one])) for one in folds
         ])  # fmt: skip
-        effective = max(len(residual) / (self.memory or noise_of(residual, self.runs.run).memory), 2.0)
+        effective = max(len(residual) / (self.correlation or noise_of(residual, self.runs.run).correlation), 2.0)
         return np.asarray(effective * np.log(without / with_it) - np.log(effective) - self.library.cost)
 
     def held_out(self, present: Sequence[int]) -> Array:
@@ -184,12 +184,12 @@ def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float,
     for test in range(len(folds)):
         rest, power, moment = (np.delete(one, test, axis=0).sum(axis=0) for one in (gram, square, beside))
         inverse = np.linalg.inv(rest[:-1, :-1] + _RIDGE * np.eye(len(rest) - 1))
-        weights, said = inverse @ rest[:-1, -1], moment[:, :-1] @ inverse
-        own = power - (said * moment[:, :-1]).sum(axis=1)
+        weights, spanned = inverse @ rest[:-1, -1], moment[:, :-1] @ inverse
+        own = power - (spanned * moment[:, :-1]).sum(axis=1)
         seen = own > 1e-6 * np.maximum(power, 1e-300)  # else what is in the model says the same
         size = np.where(seen, (moment[:, -1] - moment[:, :-1] @ weights) / np.where(seen, own, 1.0), 0.0)
         plain = np.append(-weights, 1.0)
-        left = plain + np.pad(said * size[:, None], ((0, 0), (0, 1)))  # of the target, less size times the candidate
+        left = plain + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))  # of the target, less size times the candidate
         without += max(float(plain @ gram[test] @ plain), 0.0)
         squared = ((left @ gram[test]) * left - 2.0 * size[:, None] * beside[test] * left).sum(axis=1)
         with_it += np.maximum(squared + size**2 * square[test], 0.0)
@@ -199,13 +199,13 @@ def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float,
 def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
     """Each term chosen anew beside the others, as the first had to stand in for the second; and what does as well."""
     left = search.runs.observed - search.held_out(chosen)
-    judge = replace(search, memory=correlation_windows(left, search.runs.run))
+    judge = replace(search, correlation=correlation_windows(left, search.runs.run))
     final, alternatives = list(chosen), []
     for index in range(len(final)):
         scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])
         best_first = np.argsort(-scores, kind="stable").tolist()
         final[index] = best_first[0]
-        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - rules.VERY_STRONG]
+        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - rules.VERY_STRONG_BIC]
         alternatives.append(tuple(search.library.texts[one] for one in close[:_MOST_ALTERNATIVES]))
     return final, alternatives
 
@@ -317,7 +317,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     sine, warmth = np.sin(channel["grade_rad"]), (channel["temperature_c"] - _MILD_C) / _MILD_C
     far_m, time_s = np.abs(channel["base_distance_m"]), _time_in_run(runs)
     return [
-        ("speed", "[v > 0]", (speed > _STANDS_MPS).astype(np.float64), _PLAIN),
+        ("speed", "[v > 0]", (speed > _STANDSTILL_MPS).astype(np.float64), _PLAIN),
         ("speed", "v / v_max", speed / robot.max_speed_mps, _ROOT_TOO),
         ("turning rate", f"|w| {per}", np.abs(turning) * scale_s, _ROOT_TOO),
         ("turning rate", f"w+ {per}", np.maximum(turning, 0.0) * scale_s, _PLAIN),

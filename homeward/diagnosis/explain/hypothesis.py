@@ -86,7 +86,7 @@ class Term:
     schedule: Schedule | None = None
     spread: Spread = field(default_factory=dict)  # interval of what the schedule shows
     fixed: bool = False  # whether its columns are no response of the kernel
-    natural: bool = True  # whether the size changes as the sizes of this effect do
+    typical: bool = True  # whether the size changes as the sizes of this effect do
     of_rolling_kg: float | None = None  # C_rr m that its sizes are shares of, where they are: before the joint fit
     load: Array | None = None  # what a unit adds where it is at work, (windows,), where that is not everywhere
     at_work: Array | None = None  # how much of each size is at work, (windows, sizes)
@@ -130,7 +130,7 @@ class Setting:
     def rolling_kg(self) -> float:
         """C_rr m, of the robot file where a fit without rough ground takes it for none."""
         fitted, assumed = float(self.theta[ROLLING]), float(self.parameters.start[ROLLING])
-        return fitted if fitted > rules.MATTERS * assumed else assumed
+        return fitted if fitted > rules.MATERIAL_SHARE * assumed else assumed
 
     def response(self, one: Hypothesis, size: float, shape: Numbers) -> Array:
         """What an effect of this size adds, per unit of its size, shape (windows,)."""
@@ -183,18 +183,18 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         ):
             if one.changes == "repeatedly" and schedule.levels > 2:
                 continue  # what is switched is on or off: more levels follow what creeps
-            if axis == "time" and one.by_place and met_again and schedule.changes > one.weather:
+            if axis == "time" and one.by_place and met_again and schedule.changes > one.most_changes:
                 continue  # the ground of a place lasts
-            natural = axis == "place" or change_points.may_change(one.changes, schedule, runs)
-            if not natural and (one.changes not in _PREFERENCES or schedule.changes > rules.SELDOM):
+            typical = axis == "place" or change_points.may_change(one.changes, schedule, runs)
+            if not typical and (one.changes not in _PREFERENCES or schedule.changes > rules.RARE_CHANGES):
                 continue
-            natural = natural and not one.seldom
+            typical = typical and not one.seldom
             rhythm, spread = one.rhythm(schedule, runs)
             cost = 1 if change_points.clearly_apart(schedule) else _COST_OF_A_CHANGE
             at_work = schedule.at_work()
             yield Term(
                 one, load[:, None] * at_work, *one.limits(schedule.levels - 1, one.signed),
-                cost * schedule.changes + int(not natural), rhythm, axis, schedule, spread, natural=natural,
+                cost * schedule.changes + int(not typical), rhythm, axis, schedule, spread, typical=typical,
                 of_rolling_kg=rolling_kg, load=load, at_work=at_work,
             )  # fmt: skip
     for hats in change_points.profiles(runs) if one.by_place else []:
@@ -267,7 +267,7 @@ class Hypothesis:
     signed: bool = False  # whether it may then be below the usual size
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
-    weather: int = rules.SELDOM  # times that it may change in places that are met again
+    most_changes: int = rules.RARE_CHANGES  # times that it may change in places that are met again
     of_rolling: bool = False  # whether it is a share of the rolling resistance, which a file says as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None where a channel tells
     rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = lambda schedule, runs: (
@@ -281,7 +281,7 @@ class Hypothesis:
     searched: tuple[Parameter, ...] = ()  # what recordings may determine beside the size
     within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect  # adds it to a replay
     reach: Callable[[Runs], Numbers] = lambda runs: {}  # numbers in its file that say how far recordings reach
-    of_the_day: bool = False  # whether it is weather, of which no robot file says anything
+    is_weather: bool = False  # whether it is weather, of which no robot file says anything
 
     map_channel: str = ""  # without which it may be but what that channel would have told
 
@@ -337,14 +337,14 @@ class Hypothesis:
             yield from self.varying(self, setting)
 
     def search(
-        self, axis: Axis, load: Array, residual: Array, runs: Runs, told: Mask, shares: Sequence[float]
+        self, axis: Axis, load: Array, residual: Array, runs: Runs, chosen: Mask, shares: Sequence[float]
     ) -> list[Schedule]:
         """Schedules that a search in the windows that it is `told`, shape (windows,), finds, of few changes to many.
 
         Others have the level of those before them. A unit of its size adds `load`, shape (windows,), where it is at
         work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        found = change_points.search(axis, load * told, residual * told, runs, self.signed, shares)
+        found = change_points.search(axis, load * chosen, residual * chosen, runs, self.signed, shares)
         # What begins once was not there before, however long it lasts.
         return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
 

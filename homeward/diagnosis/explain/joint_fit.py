@@ -247,7 +247,7 @@ def immaterial(fit: Refit, runs: Runs) -> Mask:
     The mass on level ground is in the force of turning too, and would trade against it.
     """
     size = np.maximum(np.abs(fit.theta) / fit.parameters.scale, 1.0)
-    return ~excited(fit, runs, rules.MATTERS / size)
+    return ~excited(fit, runs, rules.MATERIAL_SHARE / size)
 
 
 def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:

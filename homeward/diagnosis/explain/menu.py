@@ -44,7 +44,7 @@ class Manoeuvre:
     step_s: Array | float = 1.0
     there: Mapping[str, Array | float] = field(default_factory=dict)  # what of the recordings' load, ground and route
 
-    def signals(self, robot: Robot, unit: Unit, usual_c: float) -> Signals:
+    def signals(self, robot: Robot, unit: Unit, mean_c: float) -> Signals:
         """The drive of a robot as a recording; headings count from where the wind comes from."""
         fastest, steps_s = robot.max_speed_mps, _each(self.step_s)
         time_s = np.concatenate([[0.0], np.cumsum(steps_s[:-1])])
@@ -53,7 +53,7 @@ class Manoeuvre:
         heading = _ACROSS_RAD + np.cumsum(turning * steps_s) if self.heading_rad is None else self.heading_rad
         return Signals(
             "menu", unit, time_s, speed, np.gradient(speed, time_s), _each(self.grade_rad), sensing_hz,
-            turning + self.yaw_rate_radps, _each(usual_c if self.temperature_c is None else self.temperature_c),
+            turning + self.yaw_rate_radps, _each(mean_c if self.temperature_c is None else self.temperature_c),
             fastest * _each(self.base_distance_s), np.ones(SAMPLES), np.zeros(SAMPLES),
             {"speed_mps": speed, "sensing_hz": sensing_hz, "heading_rad": heading},
         )  # fmt: skip
@@ -62,9 +62,9 @@ class Manoeuvre:
 class Drive:
     """A manoeuvre of the refitted robot: what it would record, without any effect and with some."""
 
-    def __init__(self, fit: Refit, manoeuvre: Manoeuvre, unit: Unit, usual_c: float) -> None:
+    def __init__(self, fit: Refit, manoeuvre: Manoeuvre, unit: Unit, mean_c: float) -> None:
         self.fit, self.manoeuvre = fit, manoeuvre
-        self.runs = average([manoeuvre.signals(fit.parameters.nominal, unit, usual_c)])
+        self.runs = average([manoeuvre.signals(fit.parameters.nominal, unit, mean_c)])
         self.plain = self.predict(fit.theta)
 
     def there(self, what: str | None) -> Array | float:

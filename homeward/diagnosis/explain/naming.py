@@ -22,7 +22,7 @@ from homeward.diagnosis.explain.motion import motion_gain
 from homeward.diagnosis.explain.proof import FOLDS, Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.explain.witnesses import not_contradicted
-from homeward.diagnosis.fit.doubt import doubted, meter_error
+from homeward.diagnosis.fit.doubt import channel_error, meter_error
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
@@ -68,7 +68,7 @@ class Naming:
         """How the hypotheses did, with none of them named."""
         return Naming(ranking=self.ranking, absorbed=self.absorbed)
 
-    def told_by_no_channel(self, runs: Runs) -> bool:
+    def needs_unrecorded_channel(self, runs: Runs) -> bool:
         """Whether what was named first, or may be meant by it, is but a channel that was not recorded."""
         terms = [term for one in self.named[:1] for term in (one.term, *one.rivals)]
         lacking = (runs.context.get(one.hypothesis.map_channel) for one in terms if one.hypothesis.map_channel)
@@ -83,7 +83,7 @@ def name_missing(
     fold = np.asarray(block % FOLDS)
     setting = Setting.of(fit, runs)
     material = holding(fit, runs, immaterial(fit, runs))
-    in_doubt = doubted(fit, runs)
+    in_doubt = channel_error(fit, runs)
     refit_error = float(setting.residual @ setting.residual)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
@@ -118,9 +118,9 @@ def name_missing(
 def _beside(one: Named, by_motion: Callable[[], float]) -> bool:
     """Whether what is found beside named effects is no mere leftover of theirs: of what is left, a schedule follows the
     form that they lack, unless its levels stand clear and motion does not tell as much."""
-    if one.term.axis == "time" and not (one.term.natural and clearly_apart(one.term.schedule)):
+    if one.term.axis == "time" and not (one.term.typical and clearly_apart(one.term.schedule)):
         return False
-    return one.term.axis == "steady" or by_motion() < rules.AS_WELL * one.held_out_gain
+    return one.term.axis == "steady" or by_motion() < rules.EQUIVALENT * one.held_out_gain
 
 
 def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> tuple[tuple[Named, ...], Corrected]:
@@ -128,9 +128,9 @@ def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> t
     terms = [one.term for one in named]
     fitted = fit_model(fit, terms, runs, block)
     if any(one.plain is not None for one in terms):
-        as_said = fit_model(fit, [one.plain or one for one in terms], runs, block)
-        errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, as_said)]
-        fitted = as_said if errors[1] <= rules.EQUAL * errors[0] else fitted
+        expressed = fit_model(fit, [one.plain or one for one in terms], runs, block)
+        errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, expressed)]
+        fitted = expressed if errors[1] <= rules.EQUAL * errors[0] else fitted
     fitted = profiled(fit, fitted, runs, block).model
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
@@ -176,11 +176,11 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     for one, other in combinations(dict.fromkeys([*order[:_PAIRED], *most[:_PAIRED]]), 2):
         if bench.candidates[one].effect != bench.candidates[other].effect:
             both = bench.score(bench.share(one, other), independent, one, other)
-            if both > best + rules.MUST_PAY:
+            if both > best + rules.STRONG_BIC:
                 best, pair = both, (one, other)
-    told = _likeliest(bench, _told_by_a_channel(bench, pair[0], shares), shares, alone)
+    preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), shares, alone)
     proven = partial(_proven, alone=alone, independent=independent, seed=seed)
-    yield from ((found,) for index in dict.fromkeys([told, pair[0]]) if (found := proven(bench, index)))
+    yield from ((found,) for index in dict.fromkeys([preferred, pair[0]]) if (found := proven(bench, index)))
     if len(pair) == 2:
         halves = [proven(bench.with_base(other), one) for one, other in (pair, pair[::-1])]
         if all(halves):
@@ -197,7 +197,7 @@ def _best_forms(bench: Bench, scores: Array) -> list[int]:
     return list(first.values())
 
 
-def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
+def _prefer_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     """Prefer a cause that a recorded channel tells to a schedule that explains little more.
 
     A level per stretch follows whatever comes and goes, so it fits at least as well as the cause itself.
@@ -206,7 +206,7 @@ def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     if bench.candidates[chosen].axis == "steady" or not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
-    return best if shares[best] >= rules.MOSTLY * shares[chosen] else chosen
+    return best if shares[best] >= rules.SIMPLER * shares[chosen] else chosen
 
 
 def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
@@ -215,7 +215,7 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
 
     def rarity(index: int) -> tuple[bool, bool, float]:
         term = bench.candidates[index]
-        return not term.hypothesis.physical, not term.natural, -float(alone[index])
+        return not term.hypothesis.physical, not term.typical, -float(alone[index])
 
     equals = [
         index
@@ -230,11 +230,11 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     physical, explained = bench.candidates[chosen].hypothesis.physical, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if physical else rules.SMALLEST_GAIN_OF_A_FAULT
     of_refit = explained / max(bench.refit_error, 1e-300)
-    if delta_bic < rules.MUST_PAY or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
+    if delta_bic < rules.STRONG_BIC or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
         return None
     if explained < meter_error(bench.runs):
         return None
-    if explained <= bench.doubted * _followed(bench, chosen):
+    if explained <= bench.channel_error * _followed(bench, chosen):
         return None  # errors of the channels would do as much
     without, with_it = bench.predictions(chosen)
     interval = gain(bench.target, without, with_it, bench.block, seed).ci95
@@ -273,13 +273,13 @@ def _rivals(bench: Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
     found: dict[str, Term] = {}
     for index in np.argsort(-alone, kind="stable").tolist():
         other = bench.candidates[index]
-        if other.effect == bench.candidates[chosen].effect or alone[index] < rules.MUST_PAY or index in bench.beside:
+        if other.effect == bench.candidates[chosen].effect or alone[index] < rules.STRONG_BIC or index in bench.beside:
             continue
         alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
-        share = rules.ALIKE_BY_NATURE if alike else rules.ALIKE_IN_SIZE
+        share = rules.CONFUSABLE_SHARE if alike else rules.RIVAL_SHARE
         beside = bench.share(index)
-        doubtful = beside * bench.squared_error(index) <= bench.doubted * _followed(bench, index)
-        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.MUST_PAY):
+        doubtful = beside * bench.squared_error(index) <= bench.channel_error * _followed(bench, index)
+        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.STRONG_BIC):
             found.setdefault(other.effect, _with_plain(bench, index))
     return tuple(found.values())
 

@@ -55,7 +55,7 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
     fewer = [one for one in subsets if len(one) + 1 < len(off)]
     with_one = [(criterion((*one, count + index)), one) for one in fewer for index in range(len(effects))]
     best, changed = min(with_one, default=(np.inf, ()))
-    if best + rules.MUST_PAY > without:
+    if best + rules.STRONG_BIC > without:
         return None
     free: Mask = (numbers[list(changed)] != 0.0).any(axis=0)
     return ~free

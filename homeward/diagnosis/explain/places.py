@@ -147,8 +147,8 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
         on = None if term.schedule is None else term.schedule.level > 0
         return places_of(contribution, runs, None, on)
     channels = {channel.name: channel for channel in TESTED}
-    told = (_condition_of(channels[name], contribution, runs) for name in term.hypothesis.channels)
-    return places_of(contribution, runs, next(filter(None, told), term.hypothesis.otherwise))
+    conditions = (_condition_of(channels[name], contribution, runs) for name in term.hypothesis.channels)
+    return places_of(contribution, runs, next(filter(None, conditions), term.hypothesis.otherwise))
 
 
 def where_at_work(term: Term, contribution: Array, runs: Runs) -> Location:
@@ -195,7 +195,7 @@ def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> 
         for side, meant in ((True, values > middle), (False, values < middle)):
             score = 2.0 * float((meant & inside).sum()) / float(meant.sum() + inside.sum())
             best, limit, above = max((best, limit, above), (score, middle, side), key=lambda one: one[0])
-    return _words(channel, above, limit) if best > rules.TELLING else None
+    return _words(channel, above, limit) if best > rules.LEAST_OVERLAP else None
 
 
 def _words(channel: ResidualChannel, above: bool, limit: float) -> str:

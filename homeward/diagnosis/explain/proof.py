@@ -60,7 +60,7 @@ class Bench:
     block: Index
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
     refit_error: float = 0.0  # squared error that the refit leaves, without any effect
-    doubted: float = 0.0  # squared error that the errors of the channels account for
+    channel_error: float = 0.0  # squared error that the errors of the channels account for
 
     def with_base(self, other: int) -> Bench:
         """The same with a hypothesis in the base."""
@@ -189,7 +189,7 @@ class Bench:
         left, run = self._left(chosen), self.runs.run
         clear = chosen and all(clearly_apart(self.candidates[one].schedule) for one in chosen)
         if clear:
-            return max(len(left) / noise_of(left, run, _AROUND_A_STEP).memory, 2.0)
+            return max(len(left) / noise_of(left, run, _AROUND_A_STEP).correlation, 2.0)
         return independent_windows(left, run)
 
     def _left(self, chosen: tuple[int, ...]) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.doubt import doubted, meter_error
+from homeward.diagnosis.fit.doubt import channel_error, meter_error
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
@@ -136,7 +136,7 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int =
 
     def rank(one: Dependence) -> tuple[bool, float]:
         # Every cause that comes and goes is also a matter of time, and a level per stretch is more flexible.
-        behind = one.channel is _TIME and one.held_out_gain < rules.TIME_MUST_BEAT * best
+        behind = one.channel is _TIME and one.held_out_gain < rules.TIME_OVER_CHANNEL * best
         return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
 
     return sorted(found, key=rank)
@@ -162,7 +162,7 @@ def _tested(
         if folds and before.any():
             after = residual - held_out(lambda rows: design @ _least_squares(design[rows], residual[rows]), fold)  # noqa: B023  called at once
             gain = 1.0 - float(after @ after) / float(before @ before)
-        sure = gain * total > least and gain * total > doubted(fit, runs, one.channel.name)
+        sure = gain * total > least and gain * total > channel_error(fit, runs, one.channel.name)
         effect = _least_squares(design, residual)[fit.jacobian.shape[1] :]
         centre = np.array([np.mean(one.values[one.bin == number]) for number in range(len(effect))])
         yield Dependence(

@@ -71,7 +71,7 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
             scales = float(more @ added) / max(_STEP * float(added @ added), 1e-300)
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
-            if cosine > rules.ENTWINED and scales > rules.ENTWINED and one.column is not None:
+            if cosine > rules.CONFOUNDED and scales > rules.CONFOUNDED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[index] * problem.to_group[index]), known.names.index(name)
                 wide = 1.96 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
@@ -88,8 +88,8 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     found = []
     for index, term in enumerate(model.model.terms):
         mine = [first + at for at in model.model.of(index)]
-        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > rules.ENTWINED]
-        if not pairs or term.hypothesis.of_the_day:
+        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > rules.CONFOUNDED]
+        if not pairs or term.hypothesis.is_weather:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])
@@ -199,7 +199,7 @@ class Open:
                 found.append(_product((one, other), value, wide, unit, together))
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
-            wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + rules.ALIKE_PRODUCT * value
+            wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + rules.PRODUCT_SPREAD * value
             found.append(_product(pair, value, wide, runs.unit, "mean power"))
         return tuple(found)
 
@@ -233,7 +233,7 @@ def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list
     setting = Setting.of(fit, runs)
     for index, term in enumerate(terms):
         one = term.hypothesis
-        if term.axis != "steady" or term.fixed or not one.physical or one.of_the_day:
+        if term.axis != "steady" or term.fixed or not one.physical or one.is_weather:
             continue
         for number in one.entry.parameters[1:]:
             if number.name in one.reach(runs):
@@ -268,7 +268,7 @@ def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1
     vary = [
         name
         for name in models[0]
-        if all(name in one for one in models) and np.std([one[name] for one in models]) > rules.ALIKE_PRODUCT * scale
+        if all(name in one for one in models) and np.std([one[name] for one in models]) > rules.PRODUCT_SPREAD * scale
     ]
     sums = {(a, b): [one[a] + sign * one[b] for one in models] for a, b in combinations(vary, 2)}
-    return [pair for pair, values in sums.items() if np.std(values) <= rules.ALIKE_PRODUCT * scale]
+    return [pair for pair, values in sums.items() if np.std(values) <= rules.PRODUCT_SPREAD * scale]

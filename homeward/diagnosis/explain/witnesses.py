@@ -48,7 +48,7 @@ class Witnessed:
     contribution: Array  # (windows,), W
     proof: Proof  # in the channel that shows it
     rivals: tuple[str, ...]  # what that channel cannot tell from it
-    told: str  # how it shows, in a sentence
+    sentence: str  # how it shows, in a sentence
 
     @property
     def in_file(self) -> Mapping[str, Numbers]:
@@ -116,11 +116,11 @@ class _Reading:
             for of in (base, design)
         )
         gained = gain(self.target, before, after, self.block, self.seed)
-        pays = delta_bic(self.target, before, after, self.run, added.shape[1])
-        if pays < rules.MUST_PAY or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        bic_gain = delta_bic(self.target, before, after, self.run, added.shape[1])
+        if bic_gain < rules.STRONG_BIC or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             return None
         p_value = self._p_value(base, added, np.column_stack([added, *tried]))
-        return None if p_value > rules.FALSE_ALARM_RATE else Proof(pays, gained.share, p_value)
+        return None if p_value > rules.FALSE_ALARM_RATE else Proof(bic_gain, gained.share, p_value)
 
     def _p_value(self, base: Array, added: Array, tried: Array) -> float:
         """How often random signs of blocks make some column tried explain as much as the best of those added."""
@@ -144,7 +144,7 @@ def _fit(design: Array, target: Array) -> Array:
 
 def _matters(lost_w: Array, runs: Runs) -> bool:
     """Whether what is lost is a good part of what was drawn."""
-    return float(lost_w @ runs.duration_s) >= rules.MATTERS * float(runs.observed @ runs.duration_s)
+    return float(lost_w @ runs.duration_s) >= rules.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
 
 
 def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
@@ -169,7 +169,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     value = Value(in_file_ohm + ohm, (in_file_ohm + ohm - wide, in_file_ohm + ohm + wide), entry.switch.unit)
     return Witnessed(
         battery.INTERNAL_RESISTANCE, {entry.switch.name: value}, lost_w, proof,
-        (battery.IN_STEP_WITH_COLD,) if cold else (),
+        (battery.CONFOUNDED_WITH_COLD,) if cold else (),
         f"The voltage sags by {value.value:.3g} ohm times the current.",
     )  # fmt: skip
 
@@ -199,7 +199,7 @@ def _gauge(
     if not found:
         return capacity, None
     best = found[0]
-    alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.ALIKE_IN_SIZE * _gained(best.proof))
+    alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.RIVAL_SHARE * _gained(best.proof))
     best = dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
     return dataclasses.replace(capacity, off=False), best
 
@@ -218,19 +218,19 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     channel = _Reading(-soc, runs, block, seed)
     drawn = channel.summed(runs.observed)[:, None]
     as_read = drawn @ _fit(drawn, channel.target)
-    speaks: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
+    gains: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
     left: dict[int, float] = {}
     for term in misread:
         design = np.column_stack([base, term.columns])
         weights = _fit(design, setting.residual)
         true = channel.summed(runs.observed - term.columns @ weights[base.shape[1] :])[:, None]
-        speaks[id(term)] = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
+        gains[id(term)] = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
         left[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
     best = min(left, key=lambda one: left[one])
     return [
         one
         for one in candidates
-        if (speaks[id(one)] > -rules.MUST_PAY if one.misread else one.axis != "time" or speaks[best] < rules.MUST_PAY)
+        if (gains[id(one)] > -rules.STRONG_BIC if one.misread else one.axis != "time" or gains[best] < rules.STRONG_BIC)
     ]
 
 
@@ -271,7 +271,7 @@ def _lost(fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> Witnessed 
     design, slope = drawn + at, (fallen(one, shape, size + step) - at) / step
     residual = channel.target - design @ _fit(design, channel.target)
     wide = 1.96 * float(standard_errors(np.column_stack([design, slope]), residual, channel.block)[-1])
-    alike = (other.id for share, other, _ in proven if _gained(share) > rules.ALIKE_BY_NATURE * _gained(proof))
+    alike = (other.id for share, other, _ in proven if _gained(share) > rules.CONFUSABLE_SHARE * _gained(proof))
     units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
     others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
     value = Value(size, (max(size - wide, 0.0), size + wide), switch.unit)
@@ -314,23 +314,23 @@ def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
         {battery.AGEING.entry.switch.name: last},
         lost_w,
         proof,
-        _in_step(rate, runs, numbers),
+        _confounders(rate, runs, numbers),
         "The battery fades from run to run, as the state of charge falls faster than the energy drawn says: in the "
         f"last run {last.value:.0%} of the usable energy is gone, which explains {_gained(proof):.0%} of the "
         "gauge's held-out squared error.",
     )
 
 
-def _in_step(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
+def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
     """What else may have made the gauge fall faster: the cold, or a higher load, where it came in step."""
     air = runs.context.get("temperature_c")
     load, warmth = (
         None if one is None else np.array([np.nanmean(one[runs.run == number]) for number in numbers])
         for one in (runs.observed, air)
     )
-    found = [battery.IN_STEP_WITH_LOAD] if spearmanr(rate, load).statistic > rules.ALIKE else []
-    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.ALIKE):
-        found.append(battery.IN_STEP_WITH_COLD)
+    found = [battery.CONFOUNDED_WITH_LOAD] if spearmanr(rate, load).statistic > rules.SAME else []
+    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.SAME):
+        found.append(battery.CONFOUNDED_WITH_COLD)
     return tuple(found)
 
 

@@ -12,7 +12,7 @@ from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.noise import white_noise
 from homeward.logs.channels import Array
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose error is known."""
@@ -20,7 +20,7 @@ SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 _OWN = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "heading_rad": SMOOTHED, "time_s": SMOOTHED}
 
 
-def doubted(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
+def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
     """Sum over windows of the expected squared error of a prediction by errors that may look like `channel`'s doing.
 
     The error of a smoothed channel goes with the channel itself, as no smoother knows how its values are distributed.
@@ -60,7 +60,7 @@ def reliability(name: str, runs: Runs) -> float:
     return signal / (signal + wrong) if wrong > 0.0 else 1.0
 
 
-class Tells(NamedTuple):
+class Dependency(NamedTuple):
     """What power follows beside speed, and the channels that tell it."""
 
     what: str
@@ -68,42 +68,42 @@ class Tells(NamedTuple):
     record: str
 
 
-_TELLS = (
-    Tells("slopes", ("grade_rad",), "grade_rad or elevation_m"),
-    Tells("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
-    Tells("the sensing rate", ("sensing_hz",), "sensing_hz"),
+_DEPENDENCIES = (
+    Dependency("slopes", ("grade_rad",), "grade_rad or elevation_m"),
+    Dependency("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
+    Dependency("the sensing rate", ("sensing_hz",), "sensing_hz"),
 )
 
 
-def unrecorded(runs: Runs) -> list[Tells]:
+def unrecorded(runs: Runs) -> list[Dependency]:
     """What was not recorded of what power follows; the sensing rate shows in no motor current."""
-    missing = [one for one in _TELLS if not any(name in runs.context for name in one.channels)]
+    missing = [one for one in _DEPENDENCIES if not any(name in runs.context for name in one.channels)]
     return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
 
 
-def lasts(left: Array, runs: Runs) -> bool:
+def is_autocorrelated(left: Array, runs: Runs) -> bool:
     """Whether what a model leaves, shape (windows,), goes on from window to window, as no noise of power does."""
     together = runs.run[1:] == runs.run[:-1]
-    return float((left[1:] * left[:-1])[together].sum()) >= rules.ALIKE * float(left @ left)
+    return float((left[1:] * left[:-1])[together].sum()) >= rules.SAME * float(left @ left)
 
 
-def untold(fit: Fitted, runs: Runs) -> bool:
+def unexplained(fit: Fitted, runs: Runs) -> bool:
     """Whether a fit leaves what no channel tells, though all were recorded: much of it, lasting, and no noise."""
-    goes_on = is_much(fit, runs) and lasts(runs.observed - fit.predicted, runs)
-    return goes_on and not unrecorded(runs) and times_noise(fit, runs) > rules.BEYOND_NOISE
+    persistent = is_material(fit, runs) and is_autocorrelated(runs.observed - fit.predicted, runs)
+    return persistent and not unrecorded(runs) and times_noise(fit, runs) > rules.BEYOND_NOISE
 
 
-def is_much(fit: Fitted, runs: Runs) -> bool:
+def is_material(fit: Fitted, runs: Runs) -> bool:
     """Whether what a fit leaves is more than a meter and a few per cent of forms account for."""
     left = runs.observed - fit.predicted
-    return float(left @ left) >= rules.MATTERS**2 * float(runs.observed @ runs.observed)
+    return float(left @ left) >= rules.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
 
 
 def times_noise(fit: Fitted, runs: Runs) -> float:
     """Squared error of a fit over that which the noise of power and of the other channels makes."""
-    noise = doubted(fit, runs)
+    noise = channel_error(fit, runs)
     for number, run in enumerate(runs.signals):
         here = runs.duration_s[runs.run == number]
-        noise += float((white_noise(run.observed) ** 2 * usual_step_s(run.time_s) / here).sum())
+        noise += float((white_noise(run.observed) ** 2 * median_step_s(run.time_s) / here).sum())
     left = runs.observed - fit.predicted
     return float(left @ left) / max(noise, 1e-300)

@@ -13,7 +13,7 @@ from homeward.logs.channels import Array, Index
 _SHORTEST = 10  # windows
 _STRETCH = 4  # windows: two seconds, what a change of level is held to last at least
 _MOST_BLOCKS = 2000
-_MEMORY_TIMES = 3.0  # blocks are this many correlation times long
+_CORRELATION_TIMES = 3.0  # blocks are this many correlation times long
 _MOST_FOLDS = 10
 _LONGEST_LAG = 400  # windows
 _MOST_CORRELATED = 0.9  # over any lag: beyond it is drift, not noise
@@ -51,7 +51,7 @@ def independent_windows(residual: Array, run: Index) -> float:
 class Noise:
     """Noise of a series of windows: correlation time in windows, and standard deviation of what lasts that long."""
 
-    memory: float
+    correlation: float
     long_run: float  # sqrt of the variance of a sum of n windows over n
 
 
@@ -64,7 +64,7 @@ def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)
     >>> rng = np.random.default_rng(0)
     >>> series = rng.normal(size=20000) + 50.0 * (np.arange(20000) // 1000 % 2)
     >>> found = noise_of(series, np.zeros(20000, dtype=int), lags=(1, 2, 4))
-    >>> round(found.memory), round(found.long_run)
+    >>> round(found.correlation), round(found.long_run)
     (1, 1)
     """
     best = Noise(1.0, _spread(residual, run, 1) / np.sqrt(2.0))
@@ -74,9 +74,9 @@ def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)
             continue
         phi = float(np.clip(long / short - 1.0, 0.0, _MOST_CORRELATED)) ** (1.0 / lag)
         variance = short / (2.0 * (1.0 - phi**lag))
-        memory = (1.0 + phi) / (1.0 - phi)
-        if variance * memory > best.long_run**2:
-            best = Noise(memory, float(np.sqrt(variance * memory)))
+        correlation = (1.0 + phi) / (1.0 - phi)
+        if variance * correlation > best.long_run**2:
+            best = Noise(correlation, float(np.sqrt(variance * correlation)))
     return best
 
 
@@ -92,8 +92,8 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
 
     Blocks are shortened where fewer than `FEWEST_BLOCKS` would remain.
     """
-    memory = 0.0 if residual is None else correlation_windows(residual, run)
-    length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_MEMORY_TIMES * memory)))
+    correlation = 0.0 if residual is None else correlation_windows(residual, run)
+    length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_CORRELATION_TIMES * correlation)))
     length = max(_SHORTEST, min(length, len(run) // (rules.FEWEST_BLOCKS + len(np.unique(run)))))
     block = np.empty(len(run), dtype=np.intp)
     following = 0

@@ -15,13 +15,13 @@ from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, slope_of, windows
 from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
 _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel
 _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
 _MOST_RUNS = 5  # that are asked: all have the same sensor
-_MOST_ASKED = 20_000  # samples of each: half an hour at 10 Hz
+_MOST_SEARCHED = 20_000  # samples of each: half an hour at 10 Hz
 _COARSE_DRIFT_S = 0.5
 _GROUNDS = 12  # knots along the way
 _STRETCH_S = 10.0  # longer than a robot takes to change its speed: their errors count as independent
@@ -63,13 +63,13 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
     No filter looks ahead: what would make slopes early is no lag of theirs.
     """
     sloping = [index for index, run in enumerate(runs) if run.grade_rad.any()][:_MOST_RUNS]
-    asked = [runs[index].only(np.arange(len(runs[index].time_s)) < _MOST_ASKED) for index in sloping]
-    if not asked:
+    searched = [runs[index].only(np.arange(len(runs[index].time_s)) < _MOST_SEARCHED) for index in sloping]
+    if not searched:
         return 0.0
 
     def error(late_s: float) -> Array:
         left = []
-        for index, run in zip(sloping, asked, strict=True):
+        for index, run in zip(sloping, searched, strict=True):
             slope = slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
             left.append(_regression(run, drive_columns(run, robot, np.zeros(1) if slope is None else slope)))
         return np.array(left)
@@ -82,15 +82,15 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
     best = min(errors, key=lambda late: float(errors[late].sum()))
     if best < rules.SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
         return 0.0
-    return best if float(errors[best].sum()) < (1.0 - rules.LAG_MUST_EXPLAIN) * _by_power(asked, robot) else 0.0
+    return best if float(errors[best].sum()) < (1.0 - rules.SMALLEST_LAG_GAIN) * _by_power(searched, robot) else 0.0
 
 
 def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
     """Squared error where power is what is late or drifts: against it, slopes seem early."""
-    right = without_drift(runs, robot)[0]
-    columns = [drive_columns(run, robot, run.grade_rad) for run in right]
+    fixed = without_drift(runs, robot)[0]
+    columns = [drive_columns(run, robot, run.grade_rad) for run in fixed]
     return min(
-        sum(_regression(_early(run, lag_s), made) for run, made in zip(right, columns, strict=True))
+        sum(_regression(_early(run, lag_s), made) for run, made in zip(fixed, columns, strict=True))
         for lag_s in _SHARED_S
     )
 
@@ -102,7 +102,7 @@ def _early(run: Signals, lag_s: float | Array) -> Signals:
 
 def _regression(run: Signals, columns: Array) -> float:
     """Squared error over windows that power regressed on columns leaves."""
-    cut = windows(run.time_s, max(WINDOW_S, usual_step_s(run.time_s)))
+    cut = windows(run.time_s, max(WINDOW_S, median_step_s(run.time_s)))
     design = np.column_stack([cut.means(one) for one in columns.T])
     target = cut.means(run.observed)
     weights = np.linalg.lstsq(design, target, rcond=None)[0]
@@ -113,8 +113,8 @@ def _regression(run: Signals, columns: Array) -> float:
 def without_drift(runs: Sequence[Signals], robot: Robot) -> tuple[list[Signals], dict[str, float]]:
     """The runs with the clock of power set right where it drifts against that of motion; the drift of each, s."""
     drifts = [_drift(run, robot) for run in runs]
-    right = [_early(run, drift_s * _since(run)) if drift_s else run for run, drift_s in zip(runs, drifts, strict=True)]
-    return right, {run.name: drift_s for run, drift_s in zip(runs, drifts, strict=True) if drift_s}
+    fixed = [_early(run, drift_s * _since(run)) if drift_s else run for run, drift_s in zip(runs, drifts, strict=True)]
+    return fixed, {run.name: drift_s for run, drift_s in zip(runs, drifts, strict=True) if drift_s}
 
 
 def _since(run: Signals) -> Array:
@@ -146,8 +146,8 @@ def _drift(run: Signals, robot: Robot) -> float:
     error_s = np.inf
     for _ in range(_ITERATIONS):
         late, weights, _ = fit(lag_s, drift_s)
-        pace = -np.gradient(late @ weights, run.time_s)
-        design = np.column_stack([late, pace, pace * since])
+        rate = -np.gradient(late @ weights, run.time_s)
+        design = np.column_stack([late, rate, rate * since])
         found = np.linalg.lstsq(design, run.observed, rcond=None)[0]
         left = run.observed - design @ found
         lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
@@ -157,4 +157,4 @@ def _drift(run: Signals, robot: Robot) -> float:
     # The pace of a noisy channel is noise that many a lag seems to explain: the power itself must follow better.
     without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)
     with_it = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
-    return drift_s if with_it < (1.0 - rules.LAG_MUST_EXPLAIN) * without else 0.0
+    return drift_s if with_it < (1.0 - rules.SMALLEST_LAG_GAIN) * without else 0.0

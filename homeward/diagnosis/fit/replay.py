@@ -9,7 +9,7 @@ import numpy as np
 
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, windows
 from homeward.logs.channels import Array, Index
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics import Robot, replay
 from homeward.physics.effects import payload
 from homeward.physics.terminals import at_terminals
@@ -57,7 +57,7 @@ class WithEffects:
 def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
     """Average runs with one unit over windows that hold at least so many samples."""
     total_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in signals)
-    lengths = [max(WINDOW_S, samples * usual_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
+    lengths = [max(WINDOW_S, samples * median_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
     cuts = [windows(run.time_s, length) for run, length in zip(signals, lengths, strict=True)]
     pairs = list(zip(signals, cuts, strict=True))
     counts = [int(cut.keep.sum()) for cut in cuts]

@@ -14,10 +14,10 @@ from homeward.diagnosis.read.pitch import without_tilt
 from homeward.diagnosis.read.signals import Signals, gaps, known, signals
 from homeward.logs.channels import lacking
 from homeward.logs.recordings import Recording
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
-_STANDS_MPS = 0.01
+_STANDSTILL_MPS = 0.01
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
     if not kept:
         return [], findings
     findings += _lacked([run for _, run in kept], {name for recording, _ in kept for name in recording.channels})
-    runs, said = _set_right([run for _, run in kept], [recording for recording, _ in kept], robot)
-    return runs, findings + said
+    runs, notes = _corrected([run for _, run in kept], [recording for recording, _ in kept], robot)
+    return runs, findings + notes
 
 
 def _lacked(runs: Sequence[Signals], recorded: Collection[str]) -> list[Finding]:
@@ -74,36 +74,36 @@ def _lacked(runs: Sequence[Signals], recorded: Collection[str]) -> list[Finding]
     return found
 
 
-def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
+def _corrected(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
     """The runs without what only their drive shows: a late or tilted slope, a clock that drifts, another robot."""
-    said: list[Finding] = []
+    notes: list[Finding] = []
     first = runs[0].name
     late_s = late_slope(runs, sources, robot)
     if late_s:
         runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
-        said.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are set right"))
+        notes.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are set right"))
     if any("grade_rad" in source.channels for source in sources):
         runs, angle = without_tilt(runs)
         if angle:
             text = f"slopes of ways that close have a mean of {np.degrees(angle):+.2g} degrees"
-            said.append(Finding(first, f"{text}: the sensor is tilted, and the slopes of all runs are set right"))
+            notes.append(Finding(first, f"{text}: the sensor is tilted, and the slopes of all runs are set right"))
     runs, drifts = without_drift(runs, robot)
     for name, drift_s in drifts.items():
         way = "back" if drift_s > 0.0 else "ahead"
         text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is set right"
-        said.append(Finding(name, text))
+        notes.append(Finding(name, text))
     ratio = _over_expected(runs, robot)
     if not 1.0 / rules.RIGHT_ROBOT < ratio < rules.RIGHT_ROBOT:
         text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
-        said.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
-    return runs, said
+        notes.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
+    return runs, notes
 
 
 def _over_expected(signals: Sequence[Signals], robot: Robot) -> float:
     """What runs draw, over what the robot file says; 1 where it says nothing."""
     runs = average_runs(signals)
-    told = runs.unit == "W" or robot.traction_n_per_a > 0.0
-    expected = float(np.sum(predict(runs, robot))) if told else 0.0
+    predictable = runs.unit == "W" or robot.traction_n_per_a > 0.0
+    expected = float(np.sum(predict(runs, robot))) if predictable else 0.0
     return float(np.sum(runs.observed)) / expected if expected > 0.0 else 1.0
 
 
@@ -161,9 +161,9 @@ def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
     if len(jumps):
         longest = float(np.max(np.diff(run.time_s)[jumps]))
         remarks.append(
-            f"{len(jumps)} gaps, the longest {longest:.3g} s where {usual_step_s(run.time_s):.3g} s is usual"
+            f"{len(jumps)} gaps, the longest {longest:.3g} s where the median step is {median_step_s(run.time_s):.3g} s"
         )
-    if np.mean(np.abs(run.speed_mps) > _STANDS_MPS) == 0.0 and not run.yaw_rate_radps.any():
+    if np.mean(np.abs(run.speed_mps) > _STANDSTILL_MPS) == 0.0 and not run.yaw_rate_radps.any():
         remarks.append("the robot stands throughout: nothing to learn about its drive")
     elif np.ptp(run.speed_mps) < 0.1 * np.max(np.abs(run.speed_mps)):
         remarks.append("the speed hardly changes: idle power, rolling resistance and drag cannot be told apart from it")

@@ -17,7 +17,7 @@ from homeward.physics import Robot
 
 _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
 _MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad", "elevation_m")
-_TELLS = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
+_CHANNEL_OF = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
 _JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # a wheel may jump: its command does
 _STANDS = 0.02  # of the top speed
 _FEWEST_UPDATES = 20
@@ -65,7 +65,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
         elif _smooth(channels[name][fresh]):
             time_s = channels["time_s"]
             # Of a random walk between two readings (a Brownian bridge), on average over the time between them.
-            error[_TELLS.get(name, name)] = float(np.sqrt(np.mean(np.diff(channels[name][fresh]) ** 2) / 6.0))
+            error[_CHANNEL_OF.get(name, name)] = float(np.sqrt(np.mean(np.diff(channels[name][fresh]) ** 2) / 6.0))
             channels[name] = np.interp(time_s, time_s[fresh], channels[name][fresh])
             notes.append(f"{name} is held for {period_s:.2g} s at a time: values between are interpolated")
     resets = int((np.diff(channels.get("distance_m", np.zeros(1))) < -rules.RESET_M).sum())
@@ -128,8 +128,8 @@ def _charging(channels: dict[str, Array], robot: Robot) -> Mask:
         return charging
     stands = np.abs(speed_of(channels)) < _STANDS * robot.max_speed_mps
     driving = drawn[~stands & np.isfinite(drawn)]
-    usual = float(driving.mean()) if len(driving) else 0.0
-    back = stands & (drawn < -rules.ZERO_ERROR * max(usual, 0.0))
+    typical = float(driving.mean()) if len(driving) else 0.0
+    back = stands & (drawn < -rules.ZERO_ERROR * max(typical, 0.0))
     edges = np.flatnonzero(np.diff(back.astype(np.int8), prepend=0, append=0))
     for first, after in zip(edges[::2], edges[1::2], strict=True):
         if time_s[after - 1] - time_s[first] >= rules.CHARGES_S:
@@ -147,17 +147,17 @@ def _updates(values: Array) -> Index | None:
     if len(change) < _FEWEST_UPDATES:
         return None
     apart = np.diff(change)
-    usual = int(np.median(apart))
-    if usual < 2:
+    typical = int(np.median(apart))
+    if typical < 2:
         return None
-    whole = np.maximum(np.rint(apart / usual), 1.0)
-    off = np.abs(apart - whole * usual)
-    if float((off <= (_JITTER * usual if usual > 2 else 0.0)).mean()) < rules.HELD:
+    whole = np.maximum(np.rint(apart / typical), 1.0)
+    off = np.abs(apart - whole * typical)
+    if float((off <= (_JITTER * typical if typical > 2 else 0.0)).mean()) < rules.HELD:
         return None
     # Where the reading repeats itself by chance, as at rest, it was fresh all the same.
     spans = zip(change[:-1], change[1:], whole.astype(int), strict=True)
     between = [np.linspace(a, b, times, endpoint=False) for a, b, times in spans]
-    before, after = np.arange(change[0], -1, -usual)[:0:-1], np.arange(change[-1], int(known.sum()), usual)
+    before, after = np.arange(change[0], -1, -typical)[:0:-1], np.arange(change[-1], int(known.sum()), typical)
     fresh = np.rint(np.concatenate([before, *between, after])).astype(np.intp)
     return np.asarray(np.flatnonzero(known)[np.unique(fresh)])
 

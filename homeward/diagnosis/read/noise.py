@@ -95,12 +95,12 @@ def _likeliest(
     """Likeliest logarithm of the ratio of variances, its Cholesky factor, and the noise's standard deviation."""
     roughness = _penalty(stiffness, order, len(values))
 
-    def unlikeliness(log_ratio: float) -> float:
+    def negative_log_likelihood(log_ratio: float) -> float:
         return _fit(values, weight, roughness, stiffness, log_ratio, noise)[2]
 
-    start = float(grid[np.argmin([unlikeliness(one) for one in grid])])
+    start = float(grid[np.argmin([negative_log_likelihood(one) for one in grid])])
     low, high = max(start - 2.0, _LOG_RATIOS[0]), min(start + 2.0, _LOG_RATIOS[1])
-    found = minimize_scalar(unlikeliness, bounds=(low, high), method="bounded", options={"xatol": _PRECISE})
+    found = minimize_scalar(negative_log_likelihood, bounds=(low, high), method="bounded", options={"xatol": _PRECISE})
     best = float(found.x)
     factor, variance, _ = _fit(values, weight, roughness, stiffness, best, noise)
     return best, factor, float(np.sqrt(variance))
@@ -150,6 +150,6 @@ def _fit(
     rows = len(bound)
     free = max(known - (len(values) - rows), 1)
     variance = squared / free if noise is None else noise**2
-    likely = free * np.log(variance) + squared / variance + 2.0 * float(np.log(factor[-1]).sum())
-    likely -= rows * log_ratio + float(np.log(bound).sum())
-    return factor, variance, likely
+    minus_two_log_likelihood = free * np.log(variance) + squared / variance + 2.0 * float(np.log(factor[-1]).sum())
+    minus_two_log_likelihood -= rows * log_ratio + float(np.log(bound).sum())
+    return factor, variance, minus_two_log_likelihood

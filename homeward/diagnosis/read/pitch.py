@@ -51,21 +51,21 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
             sides.append(np.bincount(place[chosen], slope[chosen], _PLACES) / np.where(count > 0, count, np.nan))
     both = np.isfinite(sides[0]) & np.isfinite(sides[1])
     out, home = sides[0][both], sides[1][both]
-    if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -rules.ALIKE:
+    if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -rules.SAME:
         return None
     middle = (out + home) / 2.0
     # A hill that is not quite mirrored is off the same way from place to place.
-    memory = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, 0.9))
+    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, 0.9))
     error = float(middle.std(ddof=1) / np.sqrt(len(middle)))
-    return float(middle.mean()), error * float(np.sqrt((1.0 + memory) / (1.0 - memory)))
+    return float(middle.mean()), error * float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
 
 
 def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
     """The runs with the slope sensor set level by all runs that tell its tilt, and the tilt, rad; 0 where none does."""
-    told = [found for run in runs if (found := tilt(run)) is not None]
-    if not told:
+    tilts = [found for run in runs if (found := tilt(run)) is not None]
+    if not tilts:
         return list(runs), 0.0
-    angles, errors = np.array(told).T
+    angles, errors = np.array(tilts).T
     weight = 1.0 / np.maximum(errors, 1e-6) ** 2
     angle = float(np.average(angles, weights=weight))
     # Between runs it may vary by more than each one's error says.

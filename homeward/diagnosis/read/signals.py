@@ -18,7 +18,7 @@ from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.slope import slope_along
 from homeward.logs.channels import Array, Index, Mask
 from homeward.logs.recordings import Recording
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
 Unit = Literal["W", "A"]
@@ -211,7 +211,7 @@ def _straight(rate: Array, time_s: Array, error: float) -> Array:
 
     What turning costs rises steeply from none, and with the rate's size: noise about zero would cost as much as a bend.
     """
-    size = max(1, round(WINDOW_S / usual_step_s(time_s)))
+    size = max(1, round(WINDOW_S / median_step_s(time_s)))
     return np.where(np.abs(uniform_filter1d(rate, size)) < rules.STRAIGHT * error, 0.0, rate)
 
 
@@ -258,7 +258,7 @@ def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, flo
     """The channel, without its noise where that matters to its mean over windows or to the rate of its change."""
     if len(values) < _FEWEST_TO_SMOOTH or not np.ptp(values):
         return values
-    size = max(1, round(WINDOW_S / usual_step_s(time_s)))
+    size = max(1, round(WINDOW_S / median_step_s(time_s)))
     noise = white_noise(values)
     means = uniform_filter1d(values, size)[::size]
     spread, change = float(np.var(means)), float(np.mean(np.diff(means) ** 2))
@@ -298,8 +298,8 @@ class Windows:
 
 def steps_s(time_s: Array) -> Array:
     """Time between samples, s, shape (n - 1,); of a gap a usual step, as what was driven in it is not known."""
-    steps, usual = np.diff(time_s), usual_step_s(time_s)
-    return np.where(steps > _GAP_FACTOR * usual, usual, steps)
+    steps, typical = np.diff(time_s), median_step_s(time_s)
+    return np.where(steps > _GAP_FACTOR * typical, typical, steps)
 
 
 def path_m(speed: Array, time_s: Array) -> Array:
@@ -309,7 +309,7 @@ def path_m(speed: Array, time_s: Array) -> Array:
 
 def gaps(time_s: Array) -> Index:
     """Indices of samples after which the recording has a gap."""
-    return np.flatnonzero(np.diff(time_s) > _GAP_FACTOR * usual_step_s(time_s))
+    return np.flatnonzero(np.diff(time_s) > _GAP_FACTOR * median_step_s(time_s))
 
 
 def windows(time_s: Array, window_s: float) -> Windows:

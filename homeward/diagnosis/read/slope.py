@@ -37,7 +37,7 @@ def slope_along(
     cell_m = float(path_m[-1]) / cells
     cell = np.minimum((path_m / cell_m).astype(np.intp), cells - 1)
     # By the way and not by time: a stop would pull the mean of its cell to where in it the robot stands.
-    steps = _told_by_steps(elevation_m, path_m)
+    steps = _from_steps(elevation_m, path_m)
     height, weight = steps or (elevation_m, np.append(np.abs(way_m), 0.0))
     weight = np.where(np.isfinite(height), weight, 0.0)
     total: Array = np.bincount(cell, weight, cells).astype(np.float64)
@@ -60,7 +60,7 @@ def slope_along(
     return np.arctan(np.where(speed_mps < 0.0, -steep, steep)), error
 
 
-def _told_by_steps(elevation_m: Array, path_m: Array) -> tuple[Array, Array] | None:
+def _from_steps(elevation_m: Array, path_m: Array) -> tuple[Array, Array] | None:
     """Heights and weights where a coarse elevation steps, in the middle between two levels; None where it does not.
 
     Between two steps the level itself says the height only within a step: its middle gets a small weight.

@@ -143,7 +143,7 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
     """
     chosen: dict[int, list[str]] = {}
     for one in analysis.diagnosis.missing_physics:
-        index = _telling(one.effect, evidence)
+        index = _dependence_on(one.effect, evidence)
         if index is not None:
             chosen.setdefault(index, []).append(one.name)
     if not chosen and evidence.dependences:
@@ -161,7 +161,7 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
     return found
 
 
-def _telling(effect: str, evidence: Evidence) -> int | None:
+def _dependence_on(effect: str, evidence: Evidence) -> int | None:
     """Index of the dependence on the channel that shows an effect best; time for what comes and goes."""
     scheduled = any(
         one.term.effect == effect and one.term.schedule is not None and one.term.axis == "time"

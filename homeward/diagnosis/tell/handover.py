@@ -21,7 +21,7 @@ from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Handed, Verdict
-from homeward.diagnosis.tell.corrected import can_be_said, of_capacity, replayed, said, written
+from homeward.diagnosis.tell.corrected import file_content, is_expressible, of_capacity, replayed, written
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 
@@ -54,7 +54,7 @@ def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index
     )
 
 
-def sayable(
+def expressible(
     plain: Refit, corrected: Corrected | None, named: Sequence[Named], runs: Runs, block: Index
 ) -> Corrected | None:
     """The fit of all that a robot file can say, beside faults of instruments; None where it can say none of what is
@@ -67,35 +67,35 @@ def sayable(
         return None
     terms = corrected.model.terms
     forms = [term.plain or term for term in terms]
-    kept = [form for form, one in zip(forms, named, strict=True) if not _unsaid(one, form)]
+    kept = [form for form, one in zip(forms, named, strict=True) if not _excluded(one, form)]
     if [id(one) for one in kept] == [id(one) for one in terms]:
         return corrected
     return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
 
 
-def _unsaid(named: Named, form: Term) -> str:
+def _excluded(named: Named, form: Term) -> str:
     """Why a robot file does not hold what is named, nothing where it does or a fault of an instrument is named."""
     one, meant = form.hypothesis, (named.term, *named.rivals)
     if any(term.misread for term in meant) and any(term.hypothesis.physical for term in meant):
         return f"{one.name} may be the robot's or its meter's"
-    if one.of_the_day:
+    if one.is_weather:
         return f"{one.name} is weather"
-    return f"a robot file cannot say when {one.name} is at work" if one.physical and not can_be_said(form) else ""
+    return f"a robot file cannot say when {one.name} is at work" if one.physical and not is_expressible(form) else ""
 
 
 def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, block: Index) -> Model:
     model = fit_holding(held)
     while True:
-        told = estimates(model, runs, block)
-        is_open = np.array([one.status != "fitted" for one in told]) & ~held
+        estimated = estimates(model, runs, block)
+        is_open = np.array([one.status != "fitted" for one in estimated]) & ~held
         if not is_open.any():
             return model
-        idle = is_open & np.array([one.status == "not excited" for one in told])
+        idle = is_open & np.array([one.status == "not excited" for one in estimated])
         if idle.any():
             held = held | idle
             model = fit_holding(held)
             continue
-        at_bound = np.array([one.status == "at bound" for one in told])
+        at_bound = np.array([one.status == "at bound" for one in estimated])
         candidates = (is_open | _alike(model, is_open & at_bound)) & ~held
         each = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
         fits = [(fit_holding(one), one) for one in each]
@@ -135,11 +135,11 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Ha
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
         return Handover(robot, None, None, Handed("nominal", why))
-    reason = "; ".join(filter(None, (_unsaid(one, one.term.plain or one.term) for one in evidence.naming.named)))
-    told = f"{reason}; " if reason else ""
+    reason = "; ".join(filter(None, (_excluded(one, one.term.plain or one.term) for one in evidence.naming.named)))
+    caveat = f"{reason}; " if reason else ""
     if verdict == "unknown_physics":
-        told = "its parameters make up for what is unknown, as far as they can, and are no measurement; "
-    model = sayable(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
+        caveat = "its parameters make up for what is unknown, as far as they can, and are no measurement; "
+    model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
     if model is not None:
         after = _held_out(robot, model, evidence)
         worse = worse_than(evidence.predictions["refit"], after, runs, evidence.trip, seed)
@@ -148,12 +148,12 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Ha
             why += f"; {reason}" if reason else ""
             changed, by_file = _filed(robot, model, runs)
             return Handover(changed, after, by_file, Handed("corrected", why))
-        told = f"with what is missing, as far as a robot file can say it, {worse}; "
+        caveat = f"with what is missing, as far as a robot file can say it, {worse}; "
     after = _held_out(robot, evidence.plain, evidence)
     worse = worse_than(nominal, after, runs, evidence.trip, seed)
     if worse:
-        return Handover(robot, nominal, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
-    why = f"{told}replayed as written it predicts what was held out better than the file that was given"
+        return Handover(robot, nominal, nominal, Handed("nominal", f"{caveat}with its parameters fitted, {worse}"))
+    why = f"{caveat}replayed as written it predicts what was held out better than the file that was given"
     changed, by_file = _filed(robot, evidence.plain, runs)
     return Handover(changed, after, by_file, Handed("refit", why))
 
@@ -184,6 +184,6 @@ def _held_out(robot: Robot, model: Refit | Corrected, evidence: Evidence) -> Arr
 
 def _filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:
     """A fit as a robot file, and what that predicts."""
-    told = said(model, runs)
-    robot = written(robot, told, runs.unit)
-    return robot, replayed(robot, told, runs)
+    content = file_content(model, runs)
+    robot = written(robot, content, runs.unit)
+    return robot, replayed(robot, content, runs)

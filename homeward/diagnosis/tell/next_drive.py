@@ -86,8 +86,8 @@ def _determinant(information: Array, of_interest: Mask) -> float:
 
 def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, effects: Sequence[SizedEffect]) -> Array:
     """What the groups (per unit of `scale`) and the effects add on a drive, shape (samples, groups + effects)."""
-    usual_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
-    drive = Drive(fit, manoeuvre, runs.unit, usual_c)
+    mean_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
+    drive = Drive(fit, manoeuvre, runs.unit, mean_c)
     added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in effects]
     return np.column_stack([*derivatives(fit.parameters, fit.theta, drive.plain, drive.predict), *added])
 
@@ -99,7 +99,7 @@ def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequ
     """
     effects = [at_its_size(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, left, [one for one in effects if one.size != 0.0]))
-    worthwhile = gain >= (rules.SEPARATES if rivals else rules.MEASURES)
+    worthwhile = gain >= (rules.SEPARATING_GAIN if rivals else rules.INFORMATION_GAIN)
     # Where a measurement has to tell: of a fault of the instrument before that of physics.
     measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
     advice = best.sentence if worthwhile else measured.measurement
@@ -134,7 +134,7 @@ def to_determine(
     """
     open_groups = [one.group for one in estimates if one.fitted is None]
     best, gain = _best(gains(fit, runs, left, [], [group.name for group in open_groups]))
-    if open_groups and gain >= rules.MEASURES:
+    if open_groups and gain >= rules.INFORMATION_GAIN:
         longer = "" if long_enough else ", for five minutes or more"
         unknown = ", ".join(f"{group.name.replace('_', ' ')} ({group.symbol})" for group in open_groups)
         return f"To determine {unknown}, {best.sentence}{longer}."

@@ -16,7 +16,7 @@ from homeward.diagnosis.fit.replay import wheels_mps
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.tell.corrected import rounded
 from homeward.logs.channels import Array, Index
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics.uncertainty import Uncertainty
 
 FittedTo = Literal["nothing", "others", "all"]
@@ -103,13 +103,13 @@ def between_runs(left: Array, predicted: Array, run: Index, fitted_to: FittedTo)
     runs = len(count)
     if runs < 2:
         return None
-    off, said = (np.bincount(run, values) / count for values in (left, predicted))
+    off, predicted_mean = (np.bincount(run, values) / count for values in (left, predicted))
     freedom = runs if fitted_to == "nothing" else runs - 1
     variance = float(off @ off) * ((1.0 + 1.0 / runs) / freedom if fitted_to == "all" else 1.0 / runs)
     wider = float(student.ppf(_COVERED, freedom) / norm.ppf(_COVERED))
     rest, windows = within_runs(left, run)
     within = rest**2 * windows * float(np.mean(1.0 / count))
-    return rounded(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(said**2))))
+    return rounded(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(predicted_mean**2))))
 
 
 def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
@@ -145,7 +145,7 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     parts = [white_noise(one) for one in stood if len(one) >= _FEWEST_STANDING]
     if parts:
         found["power_noise"] = float(np.median(parts)) / mean_w
-        found["reading_s"] = float(np.median([usual_step_s(run.time_s) for run in runs.signals]))
+        found["reading_s"] = float(np.median([median_step_s(run.time_s) for run in runs.signals]))
     graded = [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]
     if graded:
         found["grade_noise"] = float(np.median(graded))

@@ -167,12 +167,12 @@ def ranking(naming: Naming) -> list[RankRow]:
         note = f"{alone}: gain {low:.0f} to {high:.0f} %, placebos p ≤ {one.p_value:.2g}"
         form = _FORMS[one.term.axis]
         rows.append(RankRow(one.term.effect, form, one.delta_bic, one.held_out_gain, "named", note))
-        told = f"cannot be told from {one.term.hypothesis.name}"
-        kinds |= {(rival.effect, rival.axis): ("rival", told) for rival in one.rivals}
+        rivalled = f"cannot be distinguished from {one.term.hypothesis.name}"
+        kinds |= {(rival.effect, rival.axis): ("rival", rivalled) for rival in one.rivals}
     named = {(one.term.effect, one.term.axis) for one in naming.named}
     for other in naming.ranking:
         kind, note = kinds.get((other.effect, other.axis), ("", ""))
-        if not rows and other.delta_bic > rules.VERY_STRONG:
+        if not rows and other.delta_bic > rules.VERY_STRONG_BIC:
             note = "not named: its gain may be none, or placebos do as well"
         if (other.effect, other.axis) not in named:
             rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))

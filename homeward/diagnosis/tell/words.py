@@ -7,7 +7,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
-from homeward.diagnosis.fit.doubt import Tells, lasts, unrecorded
+from homeward.diagnosis.fit.doubt import Dependency, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
@@ -46,13 +46,13 @@ def summary(
     return " ".join(text.split())
 
 
-def _unrecorded(evidence: Evidence, fit: Fit) -> list[Tells]:
+def _unrecorded(evidence: Evidence, fit: Fit) -> list[Dependency]:
     """What was not recorded, where the best model leaves much that lasts; nothing where all was."""
     best = "corrected" if "corrected" in fit.arms else "refit"
     r2, left, lacks = fit.arms[best].r2, evidence.runs.observed - evidence.predictions[best], evidence.naming.unrecorded
-    if r2 is None or (r2 > rules.EXPLAINS and not lacks):
+    if r2 is None or (r2 > rules.LEAST_R2 and not lacks):
         return []
-    return unrecorded(evidence.runs) if lacks or lasts(left, evidence.runs) else []
+    return unrecorded(evidence.runs) if lacks or is_autocorrelated(left, evidence.runs) else []
 
 
 def _excess(evidence: Evidence) -> float | None:

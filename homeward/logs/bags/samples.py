@@ -91,10 +91,10 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
         for name, one in samples.items()
         if (one.stamp_ns > 0).all() and name not in on_receipt
     }
-    usual_s = float(np.median(list(late_s.values()))) if late_s else 0.0
-    stamped = {name for name, late in late_s.items() if abs(late - usual_s) <= _CLOCKS_DIFFER_S}
+    median_s = float(np.median(list(late_s.values()))) if late_s else 0.0
+    stamped = {name for name, late in late_s.items() if abs(late - median_s) <= _CLOCKS_DIFFER_S}
     times = {
-        name: one.stamp_ns if name in stamped else one.received_ns - int(usual_s * 1e9)
+        name: one.stamp_ns if name in stamped else one.received_ns - int(median_s * 1e9)
         for name, one in samples.items()
     }  # fmt: skip
     start_ns = min(int(one.min()) for one in times.values())

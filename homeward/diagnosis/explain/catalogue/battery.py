@@ -10,7 +10,7 @@ from homeward.diagnosis.explain.menu import Drive
 from homeward.logs.channels import Array
 from homeward.physics.effects import ageing, breakaway, cold_battery, internal_resistance, rate_capacity
 
-IN_STEP_WITH_LOAD, IN_STEP_WITH_COLD = rate_capacity.EFFECT.id, cold_battery.EFFECT.id
+CONFOUNDED_WITH_LOAD, CONFOUNDED_WITH_COLD = rate_capacity.EFFECT.id, cold_battery.EFFECT.id
 """What else makes a gauge fall faster, where the load rises or the air gets colder from run to run."""
 
 _WARM_C = cold_battery.EFFECT.parameters[1]

@@ -9,7 +9,7 @@ from homeward.physics.effects import Parameter, copper_loss, inertia, motor_heat
 
 _TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)
 _CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)
-_USUAL_RISE_K = 40.0  # of a winding at mean load
+_TYPICAL_RISE_K = 40.0  # of a winding at mean load
 _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
 
 
@@ -34,13 +34,13 @@ def _also_at_a_slip_angle(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 def _time_constants(setting: Setting) -> Iterator[Numbers]:
     work_w = float(np.mean(np.maximum(setting.runs.observed, 0.0)))
-    if work_w <= _USUAL_RISE_K / _HEATING["rise_k_per_w"].high:
+    if work_w <= _TYPICAL_RISE_K / _HEATING["rise_k_per_w"].high:
         return  # hardly any power: wrong signs, or nothing at work
     longest_s = max(float(np.ptp(run.time_s)) for run in setting.runs.signals)
     for constant_s in _CONSTANTS_S:
         if constant_s <= 2.0 * longest_s:
             # Rise and change per kelvin enter as a product, so that one of them can be as usual.
-            yield {"time_constant_s": constant_s, "rise_k_per_w": _USUAL_RISE_K / work_w}
+            yield {"time_constant_s": constant_s, "rise_k_per_w": _TYPICAL_RISE_K / work_w}
 
 
 HYPOTHESES = (

@@ -9,7 +9,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue.battery import share_of_the_drive
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics.effects import Parameter
 
 _LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
@@ -43,9 +43,9 @@ def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         return
     off = replace(setting.present, speed_factors=(1.0 / (1.0 + scale)).tolist())
     change = setting.parameters.predict(setting.runs, setting.theta, off) - setting.predicted
-    usual = float(np.mean(scale[scale != 0.0]))
-    low, high = sorted((0.7 * usual, 1.3 * usual))
-    yield Term(one, change[:, None] / usual, np.array([low]), np.array([high]), fixed=True)
+    typical = float(np.mean(scale[scale != 0.0]))
+    low, high = sorted((0.7 * typical, 1.3 * typical))
+    yield Term(one, change[:, None] / typical, np.array([low]), np.array([high]), fixed=True)
 
 
 def _ratios(runs: Runs) -> list[float]:
@@ -53,7 +53,7 @@ def _ratios(runs: Runs) -> list[float]:
     ratios = []
     for run in runs.signals:
         # Over some seconds: the noise of a position would add up to a way of its own.
-        every = max(1, round(_FIX_S / usual_step_s(run.time_s)))
+        every = max(1, round(_FIX_S / median_step_s(run.time_s)))
         path_m = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * np.diff(run.time_s))))[::every]
         straight = np.abs(np.diff(run.base_distance_m[::every]))
         away = straight > 0.5 * np.diff(path_m)  # not round a bend, where the distance from base says little
