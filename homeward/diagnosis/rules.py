@@ -47,7 +47,7 @@ MATERIAL_SHARE = 0.03
 beside effects; that must be lost in a battery before the loss is named; and that the residual must be before its
 dependence on motion counts as unknown physics. Chosen."""
 
-# --- Rivals: which explanation is preferred ----------------------------------------------------------------------------
+# --- Rivals: which explanation is preferred ---------------------------------------------------------------------------
 
 EQUIVALENT = 0.8
 """Ratio of two gains from which one model explains as much as another. If boosted trees on the motion and its history

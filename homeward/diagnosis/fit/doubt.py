@@ -1,6 +1,4 @@
-"""What the errors of the channels do to a prediction, which no physics has to explain, and what no channel tells: power
-that comes and goes beyond that.
-"""
+"""Prediction error expected from errors of the channels, and whether a residual beyond it has an unrecorded cause."""
 
 import dataclasses
 from typing import NamedTuple
@@ -21,11 +19,12 @@ _OWN = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "heading_rad"
 
 
 def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
-    """Sum over windows of the expected squared error of a prediction by errors that may look like `channel`'s doing.
+    """Expected squared prediction error from channel errors that may pass for an effect of `channel`, summed over
+    windows.
 
-    The error of a smoothed channel goes with the channel itself, as no smoother knows how its values are distributed.
-    It lasts as long as the channel is smoothed over, and comes back where the same ground is driven again; and where
-    the place tells a slope better than its own noisy channel does, a hidden one would stand for the slope itself.
+    The error of a smoothed channel is correlated with its value, over the length of smoothing, and repeats where the
+    same ground is driven again. Where place predicts a slope better than its own noisy channel does, a hidden grade
+    would be confounded with that slope.
     """
     total = 0.0
     for name in _OWN.get(channel, (channel,)):
@@ -36,7 +35,7 @@ def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
 
 
 def _moved(runs: Runs, name: str, sign: float) -> Runs:
-    """The runs with a channel off by its error; at rest the speed is known."""
+    """The runs with a channel shifted by its error; at rest the speed is exact."""
     moved = []
     for run in runs.signals:
         values: Array = getattr(run, name)
@@ -46,12 +45,12 @@ def _moved(runs: Runs, name: str, sign: float) -> Runs:
 
 
 def meter_error(runs: Runs) -> float:
-    """Sum over windows of the squared error that a power meter makes anyway."""
+    """Squared scale error of a power meter, summed over windows."""
     return rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
 
 
 def reliability(name: str, runs: Runs) -> float:
-    """Share of the variance of a channel over windows that is known, 1 where it was not smoothed."""
+    """Share of the variance of a channel over windows that is signal, 1 where it was not smoothed."""
     if name not in runs.context:
         return 1.0
     values = runs.context[name]
@@ -61,7 +60,7 @@ def reliability(name: str, runs: Runs) -> float:
 
 
 class Dependency(NamedTuple):
-    """What power follows beside speed, and the channels that tell it."""
+    """What power depends on beside speed, the channels that measure it, and what to record."""
 
     what: str
     channels: tuple[str, ...]
@@ -76,31 +75,31 @@ _DEPENDENCIES = (
 
 
 def unrecorded(runs: Runs) -> list[Dependency]:
-    """What was not recorded of what power follows; the sensing rate shows in no motor current."""
+    """Dependencies of power that no channel measures; motor current does not depend on the sensing rate."""
     missing = [one for one in _DEPENDENCIES if not any(name in runs.context for name in one.channels)]
     return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
 
 
 def is_autocorrelated(left: Array, runs: Runs) -> bool:
-    """Whether what a model leaves, shape (windows,), goes on from window to window, as no noise of power does."""
+    """Whether a residual, shape (windows,), is autocorrelated from window to window, unlike noise of power."""
     together = runs.run[1:] == runs.run[:-1]
     return float((left[1:] * left[:-1])[together].sum()) >= rules.SAME * float(left @ left)
 
 
 def unexplained(fit: Fitted, runs: Runs) -> bool:
-    """Whether a fit leaves what no channel tells, though all were recorded: much of it, lasting, and no noise."""
+    """Whether a fit has a material, autocorrelated residual above the noise though all dependencies were recorded."""
     persistent = is_material(fit, runs) and is_autocorrelated(runs.observed - fit.predicted, runs)
     return persistent and not unrecorded(runs) and times_noise(fit, runs) > rules.BEYOND_NOISE
 
 
 def is_material(fit: Fitted, runs: Runs) -> bool:
-    """Whether what a fit leaves is more than a meter and a few per cent of forms account for."""
+    """Whether the residual of a fit exceeds `MATERIAL_SHARE` of what was recorded."""
     left = runs.observed - fit.predicted
     return float(left @ left) >= rules.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
 
 
 def times_noise(fit: Fitted, runs: Runs) -> float:
-    """Squared error of a fit over that which the noise of power and of the other channels makes."""
+    """Squared error of a fit over that expected from the noise of power and of the other channels."""
     noise = channel_error(fit, runs)
     for number, run in enumerate(runs.signals):
         here = runs.duration_s[runs.run == number]
