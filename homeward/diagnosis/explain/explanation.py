@@ -1,7 +1,7 @@
-"""What explains a mismatch: effects by name, or a formula of the channels, or nothing that is known; and what is left.
+"""Explanation of a mismatch: named effects, or a formula of the channels, or neither; and the remaining residual.
 
-An effect that needs a schedule has to stand against what was recorded: where the robot's motion alone, or a formula of
-a channel, predicts stretches not seen as well, its name would hide a cause that the recording holds.
+An effect that needs a schedule is compared with what was recorded: where the robot's motion alone, or a formula of a
+channel, predicts held-out stretches as well, the cause was recorded and the effect is not named.
 """
 
 from collections.abc import Callable
@@ -26,20 +26,20 @@ from homeward.logs.channels import Index
 
 @dataclass(frozen=True)
 class Remains:
-    """What the named effects leave, where it still depends on a channel."""
+    """The residual of the named effects, where it still depends on a channel."""
 
     channel: str
     location: Location
-    formula: Empirical | None  # that it follows, beside the named effects
+    formula: Empirical | None  # that fits it, beside the named effects
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """What explains the mismatch, where it is, and what it leaves."""
+    """What explains the mismatch, where it is, and the remaining residual."""
 
     naming: Naming = field(default_factory=Naming)
     location: Location | None = None
-    empirical: Empirical | None = None  # the formula that the mismatch follows, where no effect is named
+    empirical: Empirical | None = None  # the formula that fits the mismatch, where no effect is named
     remains: Remains | None = None
 
 
@@ -52,9 +52,10 @@ def explain(
     seed: int,
     progress: Callable[[str], None],
 ) -> Explanation:
-    """Explain what a refit leaves, by `found`, on what its residuals depend, found ones first; nothing of none.
+    """Explain the residual of a refit by `found`, its dependences on channels and time, significant ones first.
 
-    Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
+    Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each. An empty
+    `found` gives an empty explanation.
     """
     if not found:
         return Explanation()
@@ -72,14 +73,14 @@ def explain(
                 return Explanation(naming, locate(in_time[0], runs))
             return Explanation(residual.instead_of_parameters(naming))
         if is_material(fit, runs):
-            location = locate(most, runs)  # where most of what motion tells shows
+            location = locate(most, runs)  # where most of what motion explains shows
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and most.channel.name != "time_s"
     if location is not None and (not naming.named or scheduled):
         empirical = propose(fit, runs, block, fold, seed)
     if naming.named and empirical is not None:
         if empirical.held_out_gain > naming.named[0].held_out_gain:
-            # A recorded channel says better when it happens than a schedule, which is for causes that none records.
+            # A recorded channel explains more than a schedule, which is for unrecorded causes.
             naming = naming.nothing_named()
         else:
             empirical = None
@@ -92,11 +93,11 @@ def explain(
 
 @dataclass(frozen=True)
 class _Residual:
-    """A refit of some runs, of which is asked what it leaves."""
+    """The residual of a refit of some runs, and the tests of what explains it."""
 
     fit: Refit
     runs: Runs
-    most: Dependence  # that shows most of what it leaves
+    most: Dependence  # with the largest gain
     block: Index  # (windows,)
     by_run: Index  # (windows,)
     seed: int
@@ -108,19 +109,19 @@ class _Residual:
         return self.block % FOLDS
 
     def naming(self, varying: bool = True) -> Naming:
-        """What is named."""
+        """The effects that are named."""
         return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, varying)
 
     def by_motion(self) -> float:
-        """Share of what the refit leaves that motion tells."""
+        """Share of the residual that motion explains."""
         return motion_gain(self.fit, self.runs, self.fold, self.seed)
 
     def by(self, naming: Naming) -> float:
-        """Share of it that the named effects explain."""
+        """Share of the residual that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
 
     def remains(self, corrected: Corrected) -> Remains | None:
-        """What the corrected model leaves, by the test that the refit was put to."""
+        """The residual of the corrected model where, by the test of the refit's, it depends on a channel."""
         blocks = independent_blocks(corrected, self.runs)
         most = dependences(corrected, self.runs, blocks, self.by_run, self.seed)[0]
         if not most.found or most.channel.name == "time_s":
@@ -129,9 +130,9 @@ class _Residual:
         return Remains(most.channel.name, locate(most, self.runs), formula)
 
     def instead_of_parameters(self, naming: Naming) -> Naming:
-        """What is named if groups that one effect would make up for stay as the robot file has them.
+        """The effects named if groups that one effect would replace are held at the robot file's values.
 
-        That is asked where the refit takes up all that is missing.
+        It is tried where the refit absorbs all that is missing.
         """
         taken_up = not is_material(self.fit, self.runs) or times_noise(self.fit, self.runs) <= 1.0
         held = needless(self.fit, self.runs) if taken_up else None
@@ -144,10 +145,10 @@ class _Residual:
         return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
 
     def checked_against_motion(self, naming: Naming, location: Location | None) -> tuple[Naming, Location | None]:
-        """Name nothing where the named effects are little of what is missing, or what the first needs a schedule for is
-        told by motion, its history or the place.
+        """Name nothing where the effects explain too little of the residual, or where motion, its history or the place
+        explain as much as the schedule of the first.
 
-        Where no other effect explains it either, say where it is.
+        Where no other effect explains the residual either, return where it is.
         """
         if naming.corrected is None:
             return naming, location
@@ -168,7 +169,7 @@ class _Residual:
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
-        """Whether the named effects, or the first alone, explain most of what motion and its history tell."""
+        """Whether the named effects, or the first alone, explain most of what motion and its history do."""
         share = self.by(naming)
         if naming.named[0].held_out_gain >= rules.SIMPLER * by_motion or share >= rules.EQUIVALENT * by_motion:
             return True
@@ -178,10 +179,11 @@ class _Residual:
 
 
 def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> bool:
-    """Whether a channel that tells of nothing named explains more than what is named, and still does beside it.
+    """Whether a channel that shows no named effect explains more than those named, and the residual still depends on
+    it.
 
-    Which channel explains comes before which form: an effect that only takes up a part of what another channel does
-    would hide it.
+    The channel is identified before the form: an effect that only absorbs a part of another channel's influence would
+    hide it.
     """
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     covered = {channel for term in named for channel in term.hypothesis.channels}
