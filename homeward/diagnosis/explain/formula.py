@@ -1,10 +1,10 @@
-"""A formula for what no known effect explains: sparse, dimensionally consistent, and empirical.
+"""A formula for a residual that no known effect explains: sparse, dimensionally consistent, and empirical.
 
 Candidates are the weight's power m g v, the drive's load, or plain watts, times at most two dimensionless groups of the
 channels (|w| B / v_max, a / g, sin(grade), ...) with small powers. At most two terms are taken, one after the other, by
-held-out error and by a BIC that pays for the size of the search (Chen & Chen, Biometrika 2008). The proof is that of
-the catalogue's effects, and its placebos repeat the whole search on channels that are shifted in time: a winner among
-thousands is only worth something if the best of thousands without a cause does worse.
+held-out error and by the extended BIC, with a penalty for the size of the search (Chen & Chen, Biometrika 2008). It is
+validated as the catalogue's effects are, and its placebos repeat the whole search on channels shifted in time: the best
+of thousands of candidates counts only if it beats the best of thousands without a cause.
 """
 
 from collections import defaultdict
@@ -38,18 +38,18 @@ _PLAIN, _SQUARED, _ROOT_TOO = (1.0,), (1.0, 2.0), (0.5, 1.0, 2.0)  # powers of a
 
 @dataclass(frozen=True)
 class EmpiricalTerm:
-    """One term of the formula: `coefficient` times what `text` says, with where its symbols come from."""
+    """One term of the formula: `coefficient` times the expression `text`."""
 
     text: str  # such as "m g v (|w| B / v_max)^2"
     coefficient: float
     ci95: tuple[float, float]
     unit: str  # of the coefficient: "1", "W" or "A"
-    alternatives: tuple[str, ...]  # what does as well on these recordings
+    alternatives: tuple[str, ...]  # expressions that fit these recordings equally well
 
 
 @dataclass(frozen=True)
 class Empirical:
-    """A formula that passed the proof; `columns` and `contribution` have shape (windows, terms)."""
+    """A validated formula; `columns` and `contribution` have shape (windows, terms)."""
 
     symbol: str  # of what it adds to: "P" or "I"
     terms: tuple[EmpiricalTerm, ...]
@@ -59,7 +59,7 @@ class Empirical:
     delta_bic: float
     held_out_gain: float  # share of the refit's squared held-out error
     gain_ci95: tuple[float, float]
-    p_value: float  # share of searches without a cause that do as well
+    p_value: float  # share of searches without a cause that score as high
 
     @property
     def text(self) -> str:
@@ -74,9 +74,9 @@ class Empirical:
 
 
 def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Empirical | None:
-    """Find the formula that the residual of a refit follows; None where none passes the proof.
+    """Find a formula that fits the residual of a refit; None where none is validated.
 
-    Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
+    Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each.
     """
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
@@ -119,7 +119,7 @@ class Library:
     units: tuple[str, ...]  # of a coefficient
     parts: Array  # (windows, bases + factors): what candidates are products of
     places: Index  # (candidates, 3): base and factors of each in `parts`
-    cost: Array  # (candidates,): what the search costs in BIC, the log of the number of candidates that are as simple
+    cost: Array  # (candidates,): BIC penalty of the search, twice the log of the number of candidates as simple
 
     def columns(self, chosen: Sequence[int]) -> Array:
         """Values of some candidates, shape (windows, chosen)."""
@@ -142,16 +142,16 @@ class Library:
 
 @dataclass(frozen=True)
 class Search:
-    """What a search for a term needs beside the terms that are present."""
+    """A search for a further term beside those that are present."""
 
     library: Library
     fit: Fitted
     runs: Runs
     fold: Index
-    correlation: float | None = None  # of what is left, in windows; by default that of the refit's residual
+    correlation: float | None = None  # autocorrelation time of the residual, windows; None: of the refit's
 
     def scores(self, parts: Array, present: Sequence[int]) -> Array:
-        """Evidence for each candidate beside the refit and the terms present, shape (candidates,).
+        """Reduction of BIC by each candidate beside the refit and the terms present, shape (candidates,).
 
         `parts` is what candidates are products of, as the library has it or shifted in time.
         """
@@ -176,8 +176,8 @@ class Search:
 def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float, Array]:
     """Squared error on each fold of fits to the others, without a candidate and with each, shape (candidates,).
 
-    What a candidate adds is what the other columns do not say of it (Frisch & Waugh, Econometrica 1, 1933). A fold has
-    products of what is known, the target last, (known, known), squares of candidates, and products with what is known.
+    A candidate contributes its part orthogonal to the other columns (Frisch & Waugh, Econometrica 1, 1933). A fold has
+    products of the known columns, the target last, (known, known), squares of candidates, and products of both.
     """
     gram, square, beside = (np.array(one) for one in zip(*folds, strict=True))
     without, with_it = 0.0, np.zeros(square.shape[1])
@@ -186,10 +186,10 @@ def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float,
         inverse = np.linalg.inv(rest[:-1, :-1] + _RIDGE * np.eye(len(rest) - 1))
         weights, spanned = inverse @ rest[:-1, -1], moment[:, :-1] @ inverse
         own = power - (spanned * moment[:, :-1]).sum(axis=1)
-        seen = own > 1e-6 * np.maximum(power, 1e-300)  # else what is in the model says the same
+        seen = own > 1e-6 * np.maximum(power, 1e-300)  # else it is collinear with the model
         size = np.where(seen, (moment[:, -1] - moment[:, :-1] @ weights) / np.where(seen, own, 1.0), 0.0)
         plain = np.append(-weights, 1.0)
-        left = plain + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))  # of the target, less size times the candidate
+        left = plain + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))  # less size times the candidate
         without += max(float(plain @ gram[test] @ plain), 0.0)
         squared = ((left @ gram[test]) * left - 2.0 * size[:, None] * beside[test] * left).sum(axis=1)
         with_it += np.maximum(squared + size**2 * square[test], 0.0)
@@ -197,7 +197,7 @@ def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float,
 
 
 def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
-    """Each term chosen anew beside the others, as the first had to stand in for the second; and what does as well."""
+    """Each term chosen anew beside the others, as the first was chosen without the second; and its equivalents."""
     left = search.runs.observed - search.held_out(chosen)
     judge = replace(search, correlation=correlation_windows(left, search.runs.run))
     final, alternatives = list(chosen), []
@@ -211,7 +211,7 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
 
 
 def _placebo_p_value(search: Search, present: Sequence[int], score: float, seed: int) -> float:
-    """Share of searches, this one among them, that find as good a term among channels shifted in time."""
+    """Share of searches, this one included, that find as good a term on channels shifted in time."""
     rng, parts = np.random.default_rng(seed), search.library.parts
     found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(rules.PLACEBOS)]
     return (1 + sum(one >= score for one in found)) / (rules.PLACEBOS + 1)
@@ -243,14 +243,14 @@ def candidates(fit: Fitted, runs: Runs) -> Library:
     """Every candidate that the channels of these runs allow."""
     robot, one = fit.parameters.nominal, np.ones(len(runs.observed))
     if runs.unit == "A":
-        # Current is a force: the load is what the motors draw beyond their current at rest.
+        # Current is a force: the load is the current above that at rest.
         load = np.maximum(fit.predicted - fit.theta[AT_REST], 0.0)
         bases = [_Base("", "A", one, frozenset()), _Base("I_drive", "1", load)]
     else:
         weight_w = robot.mass_kg * GRAVITY_MPS2 * np.abs(runs.context["speed_mps"])
         load = np.maximum(fit.predicted - ancillary_power(fit.groups.robot, runs.sensing_hz), 0.0)
         bases = [
-            _Base("", "W", one, frozenset({"(v / v_max)", "(v / v_max)^2"})),  # with a higher power of v it is a load
+            _Base("", "W", one, frozenset({"(v / v_max)", "(v / v_max)^2"})),  # a constant times a power of v is a load
             _Base("m g v", "1", weight_w),
             _Base("P_drive", "1", load),
         ]
@@ -284,8 +284,8 @@ def constants(text: str, robot: Robot, runs: Runs) -> dict[str, str]:
         "f_max": f"f_max = {robot.max_sensing_hz:.4g} Hz",
         "r_max": f"r_max = {_largest(runs.context.get('base_distance_m', np.zeros(1))):.4g} m",
         "t_max": f"t_max = {float(_time_in_run(runs).max()):.4g} s",
-        "P_drive": "P_drive = what the refit says of the drive",
-        "I_drive": "I_drive = what the refit says of the drive",
+        "P_drive": "P_drive = the drive's power by the refit",
+        "I_drive": "I_drive = the drive's current by the refit",
     }
     return {symbol.strip(): meaning for symbol, meaning in known.items() if symbol in text}
 
@@ -341,7 +341,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
 
 
 def _sectors(heading_rad: Array) -> Iterator[_Dimensionless]:
-    """Ways to depend on the heading; that of 0 is called east, as in ENU frames."""
+    """Functions of the heading; heading 0 is east, as in ENU frames."""
     for degrees in range(0, 360, 45):
         along = np.cos(heading_rad - np.deg2rad(degrees))
         if degrees < 180:

@@ -1,8 +1,8 @@
-"""One effect instead of several wrong parameters: what the refit takes up entirely, and no test of its residual sees.
+"""One effect instead of several wrong parameters, where the refit absorbs the effect and leaves no residual of it.
 
-A robot file that is off is off in a few numbers. Where a refit changes more of them than one effect would make up for,
-the effect is the simpler explanation: models of some numbers of the file, with one effect or none, are compared by the
-Bayesian information criterion (Kass & Raftery, 1995). A mass that is off also changes C_rr m, and counts once.
+A robot file is usually wrong in few numbers. Where a refit changes several that one effect would replace, the effect is
+the simpler explanation: models of some numbers of the file, with one effect or none, are compared by the Bayesian
+information criterion (Kass & Raftery, 1995). A wrong mass also changes C_rr m, and counts once.
 """
 
 from itertools import combinations
@@ -22,9 +22,10 @@ from homeward.logs.channels import Array, Mask
 
 
 def needless(fit: Refit, runs: Runs) -> Mask | None:
-    """Groups that need not differ from the robot file if one effect is at work, shape (groups,); None where none does.
+    """Groups that need not differ from the robot file if one effect is at work, shape (groups,); None where no
+    effect lowers BIC enough.
 
-    The refit leaves nothing that an effect would explain.
+    The refit must have no residual that an effect would explain.
     """
     problem = fit.parameters
     start = (problem.start - fit.theta) / problem.scale
