@@ -1,4 +1,4 @@
-"""Effects on what the drive takes: turning, regeneration, losses of the windings, and motors that warm up."""
+"""Effects on the power of the drive: turning, regeneration, losses of the windings, and motors that warm up."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.para
 
 
 def _tracks(setting: Setting) -> Iterator[Numbers]:
-    """Several, where a robot's file has none."""
+    """Track widths that are tried: several, where a robot's file has none."""
     if setting.parameters.nominal.track_m > 0.0:
         yield {}
     else:
@@ -35,11 +35,11 @@ def _also_at_a_slip_angle(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 def _time_constants(setting: Setting) -> Iterator[Numbers]:
     work_w = float(np.mean(np.maximum(setting.runs.observed, 0.0)))
     if work_w <= _TYPICAL_RISE_K / _HEATING["rise_k_per_w"].high:
-        return  # hardly any power: wrong signs, or nothing at work
+        return  # hardly any power: wrong signs, or a robot at rest
     longest_s = max(float(np.ptp(run.time_s)) for run in setting.runs.signals)
     for constant_s in _CONSTANTS_S:
         if constant_s <= 2.0 * longest_s:
-            # Rise and change per kelvin enter as a product, so that one of them can be as usual.
+            # Rise and change per kelvin enter as a product, so that one of them can be fixed.
             yield {"time_constant_s": constant_s, "rise_k_per_w": _TYPICAL_RISE_K / work_w}
 
 
@@ -55,7 +55,7 @@ HYPOTHESES = (
         check="tow the robot sideways with a spring balance",
         at_wheels=True,
     ),
-    # What brakes a robot on the level is its inertia: without it there is nothing to regenerate.
+    # On the level only inertia gives braking energy: without it nothing is regenerated.
     Hypothesis(
         regeneration.EFFECT,
         beside={inertia.EFFECT.id: {inertia.EFFECT.switch.name: 1.0}},

@@ -17,7 +17,7 @@ _FIX_S = 5.0
 
 
 def _also_creeping(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Through all runs, taken in their order: per unit of what it comes to in the end."""
+    """Also a linear drift through all runs in their order, per unit of its final value."""
     yield from levels(one, setting)
     passed = np.cumsum(setting.runs.duration_s)
     yield Term(one, (passed / passed[-1])[:, None], *one.limits(1), axis="time")
@@ -33,10 +33,10 @@ def _lags(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """A speed reading that a position fix contradicts: its scale follows from the fix, not the power."""
+    """A speed reading that a position fix contradicts: its scale is estimated from the fix, not from power."""
     ratios = _ratios(setting.runs)
     if min(ratios) <= 0.0:
-        return  # it moves without driving
+        return  # the fix moves while the odometer does not
     scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
     scale[np.abs(scale) < rules.SAME_ODOMETER] = 0.0
     if not scale.any() or (scale <= -1.0).any():
@@ -52,7 +52,7 @@ def _ratios(runs: Runs) -> list[float]:
     """Path by the odometer over path by the fix, a number per run."""
     ratios = []
     for run in runs.signals:
-        # Over some seconds: the noise of a position would add up to a way of its own.
+        # Over some seconds: the noise of a position would add to the path.
         every = max(1, round(_FIX_S / median_step_s(run.time_s)))
         path_m = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * np.diff(run.time_s))))[::every]
         straight = np.abs(np.diff(run.base_distance_m[::every]))
@@ -66,7 +66,7 @@ ODOMETRY_SCALE = Hypothesis(
     Instrument(
         "odometry_scale",
         (Parameter("scale", "1", -0.5, 1.0, "relative error of the speed reading"),),
-        "The odometer reads too much or too little: an instrument, not physics.",
+        "The odometer reads too much or too little: a fault of an instrument, not physics.",
         "speed reading = (1 + scale) speed",
         "worn or swapped wheels",
         ("speed_mps", "base_distance_m"),
@@ -85,7 +85,7 @@ HYPOTHESES = (
         Instrument(
             "sensor_offset",
             (Parameter("offset", "W", -10000.0, 10000.0, "added to every reading"),),
-            "The power reading is shifted by a constant from some moment on: an instrument, not physics.",
+            "The power reading is shifted by a constant from some moment on: a fault of an instrument, not physics.",
             "reading = power + offset",
             "zero drift of a current sensor",
             ("power_w",),
@@ -103,7 +103,7 @@ HYPOTHESES = (
         Instrument(
             "sensor_gain",
             (Parameter("gain", "1", -0.9, 10.0, "relative error of every reading"),),
-            "The power reading is scaled by a constant factor from some moment on: an instrument, not physics.",
+            "The power reading is scaled by a factor from some moment on: a fault of an instrument, not physics.",
             "reading = (1 + gain) power",
             "scale error of a current or voltage sensor",
             ("power_w",),
@@ -120,7 +120,7 @@ HYPOTHESES = (
         Instrument(
             "clock_lag",
             (Parameter("lag_s", "s", -5.0, 5.0, "time by which the power reading is late"),),
-            "The clocks of power and motion disagree: an instrument, not physics.",
+            "The clocks of power and motion disagree: a fault of an instrument, not physics.",
             "reading(t) = power(t - lag)",
             "unsynchronised loggers",
             ("time_s",),
