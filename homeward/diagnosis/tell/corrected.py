@@ -1,4 +1,4 @@
-"""The corrected robot: fitted groups written back into a robot file, as far as recordings determine them."""
+"""The corrected robot: identifiable groups and effects written back into a robot file."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from homeward.physics import Robot
 
 @dataclass(frozen=True)
 class FileContent:
-    """What a robot file says of a fit, and what only these drives or their instruments add to it."""
+    """The part of a fit that a robot file contains, and what these drives or their instruments add to it."""
 
     theta: Array  # (groups,)
     effects: Mapping[str, Mapping[str, float]]
@@ -27,14 +27,14 @@ class FileContent:
 
 
 def is_expressible(term: Term) -> bool:
-    """Whether a robot file can say an effect: of one size, begun at some moment to stay, or uneven ground."""
+    """Whether a robot file can express an effect: of one size, begun at some moment to stay, or uneven ground."""
     if not term.hypothesis.physical or term.hypothesis.is_weather or term.flexible:
         return False
     return term.axis == "steady" or _is_ground(term) or _stays(term)
 
 
 def _stays(term: Term) -> bool:
-    """Whether an effect begins once and is then at work to the end: so the robot is now."""
+    """Whether an effect begins once and is then at work to the end, as in the robot's present state."""
     return (
         term.schedule is not None
         and term.schedule.levels == 2
@@ -48,7 +48,7 @@ def _is_ground(term: Term) -> bool:
 
 
 def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
-    """Tell what a robot file can say of a fit from what it cannot: when, where, and what instruments did."""
+    """Separate what a robot file can express of a fit from what it cannot: times, places, and instruments."""
     if isinstance(model, Refit):
         return FileContent(model.theta, {}, WithEffects())
     terms, theta = model.model.terms, model.theta
@@ -76,7 +76,7 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
     """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
 
-    Of a smooth profile the ends are quantiles: a hat that few windows reach says little.
+    The ends of a smooth profile are quantiles: a hat function that covers few windows is poorly estimated.
     """
     term = model.model.terms[index]
     switch = term.hypothesis.entry.switch
@@ -106,9 +106,9 @@ def _numbers(model: Corrected, index: int) -> dict[str, float]:
 
 
 def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
-    """Robot as its file has it after a fit: the fitted groups, with losses as assumed, and the effects.
+    """Robot with the fitted groups, with losses as assumed, and the effects.
 
-    Groups that the fit holds stay as they are, and ancillary power where motor current was recorded.
+    Groups that the fit holds are unchanged, and so is ancillary power where motor current was recorded.
     """
     *ancillary, rolling_kg, drag, mass_kg = content.theta.tolist()
     if content.effects:
@@ -127,9 +127,9 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
 
 
 def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
-    """What a robot file predicts of these drives, shape (windows,).
+    """Prediction of a robot file for these drives, shape (windows,).
 
-    They are on the ground that they met, read by their instruments, with the current at rest that no file holds.
+    It includes their ground, the errors of their instruments, and the current at rest, which no file contains.
     """
     rest_current_a = float(content.theta[AT_REST]) if runs.unit == "A" else 0.0
     return content.reading + predict(runs, robot, rest_current_a, content.met)
@@ -140,20 +140,20 @@ def _unless_equal(before: float, after: float) -> float:
 
 
 def rounded(value: float) -> float:
-    """A number as a robot file has it, to six digits."""
+    """A number rounded to the six digits of a robot file."""
     return float(f"{value:.6g}")
 
 
-_ROUNDING = 1e-9  # of a number: what arithmetic with a group that is held may leave
+_ROUNDING = 1e-9  # relative rounding error of a group that is held
 
 
 def of_capacity(robot: Robot, factor: float) -> Robot:
-    """The robot with a battery that holds so many times what its file says."""
+    """The robot with the capacity of its battery times a factor."""
     return dataclasses.replace(robot, rated_energy_j=rounded(robot.rated_energy_j * factor))
 
 
 def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:
-    """Comment for each field of the robot file that was changed: what it was, and under which assumption it holds."""
+    """Comment for each field of the robot file that was changed: its old value, and the assumption of the new one."""
     weighed = any(one.group.name == "mass" and one.fitted is not None for one in estimates)
     held = {
         "rolling_resistance": f"from C_rr m / Gamma, {'' if weighed else 'mass and '}losses kept as assumed",

@@ -1,4 +1,4 @@
-"""What is missing, as the result has it: each effect with its numbers, where it acts, and how sure that is."""
+"""Missing physics for the result: each effect with its parameters, its places and the evidence for it."""
 
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Hypothesis

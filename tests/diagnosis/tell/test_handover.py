@@ -66,7 +66,7 @@ def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(short_drive: Drive, 
     (found,) = analysis.diagnosis.missing_physics
     assert {"standby", "sensor_offset"} <= {found.effect, *found.confused_with}
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
-    assert "may be the robot's or its meter's" in analysis.diagnosis.file.why
+    assert "is confounded with a fault of the meter" in analysis.diagnosis.file.why
     assert not analysis.corrected.active_effects
 
 

@@ -133,7 +133,7 @@ def test_ranking_marks_what_is_named_and_its_rivals(standby: Analysis) -> None:
     assert rows[0].kind == "named" and (rows[0].effect, rows[0].form) == ("standby", "in time")
     assert kinds["sensor_offset", "in time"] == "rival" and kinds["turning", "steady"] == ""
     assert len(kinds) == len(rows), "a hypothesis is listed twice"
-    assert "Could as well be: intermittent load, sensor offset" in text_of(report_html(standby))
+    assert "Confounded with: intermittent load, sensor offset" in text_of(report_html(standby))
 
 
 def test_a_located_mismatch_without_a_name_is_shaded_where_it_was(turning: Analysis) -> None:
@@ -167,9 +167,9 @@ def test_a_missing_channel_is_said_in_words(standby: Analysis) -> None:
 def test_current_without_voltage_promises_no_energy(current: Analysis) -> None:
     assert current.diagnosis.fit is not None and current.diagnosis.fit.unit == "A"
     text = text_of(report_html(current))
-    assert "energy and range are not known" in text
+    assert "energy and range are unknown" in text
     assert "range accuracy" not in text and "66 to 91" not in text
-    assert re.search(r"Not in motor current, which follows torque:[^.]*standby", text)
+    assert re.search(r"Not visible in motor current, which is proportional to torque:[^.]*standby", text)
 
 
 def test_runs_of_the_same_name_are_told_apart_without_local_paths(short_drive: Drive, husky: Robot) -> None:
