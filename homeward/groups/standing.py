@@ -1,4 +1,4 @@
-"""A robot that stands: its ancillary power, with an error that counts autocorrelation and the spread between runs."""
+"""Ancillary power of a robot at standstill, with autocorrelation and the spread between runs in its error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,28 +18,28 @@ _STANDS_RADPS = 0.02
 _BATCH_TIMES = 8.0  # batches are this many autocorrelation times long
 _MOST_BATCHES = 10
 _FEWEST_WINDOWS = 6
-_STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's own load stays below
+_STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's load is steadier
 
 
 @dataclass(frozen=True)
 class StandingRun:
-    """What one run of a standing robot draws."""
+    """Power or current of one run of a robot at standstill."""
 
     unit: Unit
     mean: float  # W, or A where only motor current was recorded
-    ci95: tuple[float, float]  # of this run alone: how other runs differ is not in it
+    ci95: tuple[float, float]  # of this run alone, without the spread between runs
     change: float  # mean of the last third minus that of the first
     variation: float  # standard deviation of window means over their mean
     voltage_v: float  # NaN where it was not recorded
 
     @property
     def unsteady(self) -> bool:
-        """Whether the power varies more than that of a robot that stands."""
+        """Whether the power varies more than is typical at standstill."""
         return self.variation > _STEADY
 
 
 def stands(recording: Recording) -> bool:
-    """Whether the recorded motion is zero throughout; a robot whose motion was not recorded is not said to stand."""
+    """Whether the recorded motion is zero throughout; False where no motion was recorded."""
     motion = [name for names in MOTION for name in names if name in recording.channels]
     speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
     turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))

@@ -1,8 +1,8 @@
 """One clock for topics that come at different rates.
 
-The clock is that of the slower of power and motion: its own samples are taken as they are, so that no sample is made
-up. What comes faster is averaged around each tick, halfway to its neighbours; what comes slower, a state of charge, is
-linear in between. Nothing is carried across a gap: there the value is missing.
+The clock is that of the slower of power and motion, whose samples are used unchanged. Faster topics are averaged around
+each tick, halfway to its neighbours; slower ones, such as a state of charge, are interpolated linearly. Nothing is
+interpolated across a gap: there the value is missing.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from scipy.interpolate import make_interp_spline
 from homeward.logs.channels import Array
 from homeward.logs.times import median_step_s
 
-_GAP = 5.0  # usual steps between samples, beyond which nothing is known in between
-_FASTEST_S = 0.02  # a finer clock says no more about energy
+_GAP = 5.0  # median steps between samples; a longer step is a gap
+_FASTEST_S = 0.02  # a finer clock adds no information on energy
 
 
 def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:
@@ -23,7 +23,7 @@ def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:
 
 
 def slower(*times: Array) -> Array:
-    """The times of the topic that comes least often, over what all cover."""
+    """The times of the slowest topic, over the time that all cover."""
     start, end = max(one[0] for one in times), min(one[-1] for one in times)
     slowest = max(times, key=median_step_s)
     clock: Array = slowest[(slowest >= start) & (slowest <= end)]
