@@ -75,7 +75,7 @@ class Bag(contextlib.ExitStack):
             self.notes.append("has no metadata.yaml: the recorder was stopped before it ended the bag")
         readers = [self._reader(file) for file in storage_files(self.path)]
         if self.notes and any(isinstance(reader, Remains) for reader in readers):
-            self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]  # those of the files are more specific
+            self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]  # the files give better ones
         return readers
 
     def _reader(self, file: Path) -> Any:
