@@ -184,7 +184,7 @@ TOO_FAST = 1.5
 UNIT_RATIO = 3.0
 """A ratio of recorded to expected power within this factor of 1000 is a wrong unit: half-way to ten."""
 
-# --- Instruments: what a recording's own channels say of their noise, lags and faults -----------------------------
+# --- Instruments: noise, lags and faults estimated from a recording's own channels --------------------------------
 
 NEGLIGIBLE_NOISE = 0.001
 """Share of a channel's variance over windows that may be noise before the channel is smoothed. Errors in variables

@@ -22,7 +22,7 @@ from homeward.diagnosis.explain.motion import motion_gain
 from homeward.diagnosis.explain.proof import FOLDS, Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.explain.witnesses import not_contradicted
-from homeward.diagnosis.fit.doubt import channel_error, meter_error
+from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs

@@ -12,7 +12,7 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting
-from homeward.diagnosis.fit.doubt import meter_error
+from homeward.diagnosis.fit.channel_errors import meter_error
 from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.doubt import channel_error, meter_error
+from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out

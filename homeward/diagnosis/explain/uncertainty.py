@@ -15,7 +15,7 @@ from scipy.stats import chi2
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.fit.doubt import meter_error
+from homeward.diagnosis.fit.channel_errors import meter_error
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates

@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.doubt import reliability
+from homeward.diagnosis.fit.channel_errors import reliability
 from homeward.diagnosis.fit.fitted import Fitted, excited
 from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters

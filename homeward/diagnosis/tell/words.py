@@ -7,7 +7,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
-from homeward.diagnosis.fit.doubt import Dependency, is_autocorrelated, unrecorded
+from homeward.diagnosis.fit.channel_errors import Dependency, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
