@@ -59,7 +59,7 @@ def reliability(name: str, runs: Runs) -> float:
     return signal / (signal + wrong) if wrong > 0.0 else 1.0
 
 
-class Dependency(NamedTuple):
+class Influence(NamedTuple):
     """What power depends on beside speed, the channels that measure it, and what to record."""
 
     what: str
@@ -67,16 +67,16 @@ class Dependency(NamedTuple):
     record: str
 
 
-_DEPENDENCIES = (
-    Dependency("slopes", ("grade_rad",), "grade_rad or elevation_m"),
-    Dependency("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
-    Dependency("the sensing rate", ("sensing_hz",), "sensing_hz"),
+_INFLUENCES = (
+    Influence("slopes", ("grade_rad",), "grade_rad or elevation_m"),
+    Influence("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
+    Influence("the sensing rate", ("sensing_hz",), "sensing_hz"),
 )
 
 
-def unrecorded(runs: Runs) -> list[Dependency]:
+def unrecorded(runs: Runs) -> list[Influence]:
     """Dependencies of power that no channel measures; motor current does not depend on the sensing rate."""
-    missing = [one for one in _DEPENDENCIES if not any(name in runs.context for name in one.channels)]
+    missing = [one for one in _INFLUENCES if not any(name in runs.context for name in one.channels)]
     return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
 
 

@@ -7,7 +7,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
-from homeward.diagnosis.fit.channel_errors import Dependency, is_autocorrelated, unrecorded
+from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
@@ -46,7 +46,7 @@ def summary(
     return " ".join(text.split())
 
 
-def _unrecorded(evidence: Evidence, fit: Fit) -> list[Dependency]:
+def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
     """Unrecorded dependencies of power, where the best model has a large autocorrelated residual; else none."""
     best = "corrected" if "corrected" in fit.arms else "refit"
     r2, left, lacks = fit.arms[best].r2, evidence.runs.observed - evidence.predictions[best], evidence.naming.unrecorded
