@@ -82,8 +82,7 @@ RUNS_WITH_SWITCH = 3
 """Fewest runs in which an intermittent load switches on: as three times in one run."""
 
 CLEARLY_APART = 4.0
-"""Distance of two separate levels, in standard deviations of the residual: autocorrelated noise has no such gap.
-Chosen."""
+"""Distance of two separate levels, in standard deviations of the residual: noise has no such gap. Chosen."""
 
 SMALLEST_LEVEL_GAIN = 0.1
 """Share of what the levels so far explain that a further one must add. Chosen."""
@@ -92,12 +91,10 @@ CUSUM_CUTS = 4.0
 """Squared departure of a CUSUM, studentised, from which a run is cut in two: two standard errors."""
 
 REVISITED = 1.8
-"""Distance driven over the extent of the way, from which place and time are distinguishable. Chosen: most of it there
-and back."""
+"""Distance driven over the extent of the way, from which place differs from time. Chosen: most of it there and back."""
 
 CLEARLY_BETTER = 0.6
-"""Ratio of squared errors on held-out runs, of trees to the named effects, below which trees are clearly better: as
-EQUIVALENT."""
+"""Squared error on held-out runs, trees over named effects, below which trees are clearly better: as EQUIVALENT."""
 
 SMALLEST_GAIN_BESIDE = 0.01
 """Share of the refit's held-out squared error that a further effect must explain beside those that are named: a
@@ -108,8 +105,7 @@ SMALLEST_GAIN_OF_A_FAULT = 0.15
 lag or a scale absorbs part of any effect of the load. Chosen below what the Husky's late clock explains."""
 
 TIME_OVER_CHANNEL = 2.0
-"""Ratio of the gain by time to that by any channel, from which a mismatch is attributed to time. Chosen on synthetic
-drives."""
+"""Gain by time over that by any channel, from which time is the explanation. Chosen on synthetic drives."""
 
 EQUAL = 1.1
 """Ratio of held-out errors up to which a model is no worse than another. Chosen on synthetic drives."""
@@ -158,8 +154,7 @@ NOISE_ONLY = 0.2
 recordings of the Husky."""
 
 LEAST_FALL = 0.02
-"""Fall of the state of charge over all runs below which the capacity is not identifiable: it is read in whole per
-cents."""
+"""Fall of charge over all runs below which the capacity is not identifiable: it is read in whole per cents."""
 
 GAUGE_ERROR = 0.05
 """Relative error of the capacity within which a state-of-charge reading is trusted. Chosen."""
@@ -240,8 +235,7 @@ MOST_SPIKES = 0.005
 """Largest share of samples that are spikes: more are part of the robot's load."""
 
 MOST_SILENT = 0.05
-"""Share of the samples: where the power reads zero more often while driving, zero is what that meter shows at low
-load."""
+"""Share of the samples: a meter that reads zero more often while driving does so at any low load."""
 
 CHARGES_S = 5.0
 """Power that flows back at standstill for longer comes from a charger: a capacitor lasts less."""
@@ -262,8 +256,7 @@ LONGEST_CHANNEL_LAG_S = 20.0
 """Longest channel lag in the search: a filter of a barometer or GNSS receiver takes seconds."""
 
 SHORTEST_CHANNEL_LAG_S = 1.0
-"""Shortest channel lag that is corrected: the lag of power, against which it is found, trades off with inertia by some
-tenths."""
+"""Shortest channel lag that is corrected: the lag of power, its reference, trades off with inertia by some tenths."""
 
 LONGEST_DRIFT_S = 4.0
 """Longest clock drift over a run that is corrected: 100 ppm, a poor crystal, are 0.4 s an hour; loggers lose more."""

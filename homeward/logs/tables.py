@@ -187,8 +187,7 @@ def _comments(lines: Sequence[tuple[int, str]]) -> tuple[list[int], list[tuple[i
 
 
 def _separator(lines: Sequence[str]) -> str:
-    """Separator with the most cells in the line of names; spaces if no other one occurs and all lines have equally
-    many."""
+    """Separator with most cells in the line of names; spaces if no other occurs and all lines have equally many."""
     best = max(_SEPARATORS, key=lambda one: len(_cells(lines[0], one)))
     widths = {len([cell for cell in _cells(line, " ") if cell]) for line in lines}
     return " " if len(_cells(lines[0], best)) == 1 and widths != {1} and len(widths) == 1 else best

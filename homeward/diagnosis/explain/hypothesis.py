@@ -252,8 +252,7 @@ def _on_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Arr
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One effect or fault of an instrument: its forms with and without a channel that shows it, its fit, and its
-    report."""
+    """One effect or fault of an instrument: its forms with and without a channel that shows it, fit and report."""
 
     entry: Effect | Instrument
 

@@ -56,8 +56,7 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Naming:
-    """The named effects and the score of every hypothesis; `absorbed` is the share of an effect that the refit
-    absorbs."""
+    """The named effects and the score of every hypothesis; `absorbed` is each effect's share that the refit absorbs."""
 
     named: tuple[Named, ...] = ()
     corrected: Corrected | None = None  # the model with them, where any is named
@@ -145,8 +144,7 @@ def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
 
 
 def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, seed: int) -> bool:
-    """Whether a replay with the effects, beyond its linearisation, predicts held-out windows better than one
-    without."""
+    """Whether a replay with the effects, not only its linearisation, predicts held-out windows better."""
     predicted = [
         held_out(lambda chosen, one=one: one.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
         for one in (before, after)

@@ -68,8 +68,7 @@ class Capacity:
 
 
 def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[Witnessed, ...]]:
-    """Effects shown by voltage, state of charge and distance; windows of one `block`, shape (windows,), are
-    dependent."""
+    """Effects shown by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, seed)
     inside_w = np.zeros(len(runs.observed)) if sag is None else sag.contribution
@@ -110,8 +109,7 @@ class _Reading:
         return found, standard_errors(columns, self.target - columns @ found, self.block)
 
     def proof(self, base: Array, added: Array, tried: Sequence[Array] = ()) -> Proof | None:
-        """Evidence that the added columns, the best of all tried, explain the channel beside the base; None if too
-        weak."""
+        """Evidence that the added columns, best of those tried, explain the channel beside the base; None if weak."""
         design = np.column_stack([base, added])
         before, after = (
             held_out(lambda chosen, of=of: of @ _fit(of[chosen], self.target[chosen]), self.block % FOLDS)  # type: ignore[misc]
@@ -125,8 +123,7 @@ class _Reading:
         return None if p_value > rules.FALSE_ALARM_RATE else Proof(bic_gain, gained.share, p_value)
 
     def _p_value(self, base: Array, added: Array, tried: Array) -> float:
-        """P-value: how often, on random signs of blocks, some column tried explains as much as the best of those
-        added."""
+        """P-value: how often, on random signs of blocks, some column tried explains as much as the best added."""
         left, own = (one - base @ _fit(base, one) for one in (self.target, tried))
         sums = per_block(own * left[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
@@ -151,8 +148,7 @@ def _matters(lost_w: Array, runs: Runs) -> bool:
 
 
 def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
-    """Internal resistance estimated from the voltage, beside the file's, where it loses a material share of the
-    energy."""
+    """Internal resistance by the voltage, beside the file's, where it loses a material share of the energy."""
     voltage_v = runs.context.get("voltage_v", np.zeros(1))
     known = voltage_v > 0.0
     if runs.unit != "W" or not known.any():
@@ -325,8 +321,7 @@ def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
 
 
 def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
-    """Confounders of ageing: cold or a higher load, where they are rank-correlated with the faster fall of the
-    charge."""
+    """Confounders of ageing: cold or load, where they are rank-correlated with the faster fall of the charge."""
     air = runs.context.get("temperature_c")
     load, warmth = (
         None if one is None else np.array([np.nanmean(one[runs.run == number]) for number in numbers])

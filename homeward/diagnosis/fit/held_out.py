@@ -27,8 +27,7 @@ class Gain:
 
 
 def held_out(predict: Callable[[Mask], Array], fold: Index) -> Array:
-    """Prediction of each window, shape (windows,), by `predict`, fitted to the chosen windows, those of the other
-    folds."""
+    """Prediction of each window, shape (windows,), by `predict`, fitted to chosen windows of the other folds."""
     predicted = np.empty(len(fold))
     for one in np.unique(fold):
         test = fold == one

@@ -92,8 +92,7 @@ def smoothed(
 def _likeliest(
     values: Array, weight: Array, stiffness: Array, order: int, grid: Array, noise: float | None
 ) -> tuple[float, Array, float]:
-    """Maximum-likelihood logarithm of the ratio of variances, its Cholesky factor, and the noise's standard
-    deviation."""
+    """Maximum-likelihood log ratio of variances, its Cholesky factor, and the noise's standard deviation."""
     roughness = _penalty(stiffness, order, len(values))
 
     def negative_log_likelihood(log_ratio: float) -> float:

@@ -14,8 +14,7 @@ _FEWEST_PLACES = 20  # half of them, so that most of the way was driven both way
 
 
 def tilt(run: Signals) -> tuple[float, float] | None:
-    """Angle by which the slope sensor of a run reads too much, and its standard error, rad; None if not
-    identifiable."""
+    """Tilt of the slope sensor of a run and its standard error, rad; positive if it reads too much; None if unknown."""
     if "place_m" not in run.context or "grade_rad" not in run.context or len(gaps(run.time_s)):
         return None
     steps_m = run.speed_mps[:-1] * np.diff(run.time_s)
@@ -60,8 +59,7 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
 
 
 def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
-    """The runs without the tilt of the slope sensor, estimated from all runs together; the tilt, rad, 0 if not
-    clear."""
+    """The runs without the tilt of the slope sensor, estimated from all together; the tilt, rad, 0 if not clear."""
     tilts = [found for run in runs if (found := tilt(run)) is not None]
     if not tilts:
         return list(runs), 0.0

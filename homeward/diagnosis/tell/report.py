@@ -180,8 +180,7 @@ def ranking(naming: Naming) -> list[RankRow]:
 
 
 def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, float]], dict[str, list[str]]]:
-    """Effects with the share that the refit would absorb, least first; and by reason those that cannot be
-    identified."""
+    """Effects with the share that the refit would absorb, least first; by reason those not identifiable."""
     shares = analysis.diagnosis.what_this_log_can_show
     visible = sorted(((effect, share) for effect, share in shares.items() if share is not None), key=lambda one: one[1])
     unseen: dict[str, list[str]] = {}

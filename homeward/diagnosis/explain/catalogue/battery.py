@@ -1,5 +1,4 @@
-"""Effects on the energy that the battery delivers: resistance, capacity lost at high power, by age and in the cold, and
-starts."""
+"""Effects on battery energy: resistance, capacity lost at high power, by age and in the cold, and starts."""
 
 from collections.abc import Iterator
 from itertools import pairwise
