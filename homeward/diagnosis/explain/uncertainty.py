@@ -262,7 +262,7 @@ def _mean_powers(model: Corrected, runs: Runs) -> dict[str, float]:
 
 
 def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1) -> list[tuple[str, str]]:
-    """Pairs of names whose values vary between models, while their sum or difference does not."""
+    """Pairs of names whose values vary between models (relative to `scale`) while their sum or difference does not."""
     vary = [
         name
         for name in models[0]
