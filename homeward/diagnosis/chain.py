@@ -1,4 +1,4 @@
-"""The chain from recordings to verdict: check, refit, test what remains, locate, name, model, prove, conclude."""
+"""The chain from recordings to verdict: check, refit, test the residual, locate, name, validate, conclude."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -48,7 +48,7 @@ def diagnose(
     columns: Columns | str | Path | None = None,
     seed: int = 0,
 ) -> Diagnosis:
-    """Say whether a robot file explains recordings and, if not, what is off.
+    """Decide whether a robot file explains recordings and, if not, what is wrong or missing.
 
     Args:
         recordings: Runs, or paths of their files; one by itself is a list of one.
@@ -92,7 +92,7 @@ def analyse(
     if not usable:
         untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
-    with threadpool_limits(1):  # the threads of many small products wait for each other busily
+    with threadpool_limits(1):  # busy waiting between threads slows many small products
         evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
     handover = hand_over(robot, verdict, evidence, seed)
@@ -140,11 +140,11 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     explanation = explain(fitted, runs, found, block, fold, seed, progress)
     corrected = explanation.naming.corrected
     if corrected is not None and any(one.term.axis == "time" for one in explanation.naming.named):
-        # What happened at some moment of a run says nothing of other runs: hold out stretches.
+        # A change at one moment of a run does not predict other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
-    capacity, shown = witnesses(fitted, _as_drawn(runs, corrected), block, seed) if enough else (None, ())
+    capacity, shown = witnesses(fitted, _without_meter_faults(runs, corrected), block, seed) if enough else (None, ())
     progress("proving")
-    # A group that stays as the file has it because an effect makes up for it is confounded with the effect.
+    # A group that is held because an effect compensates for it is confounded with the effect.
     named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
     plain, corrected = determined(fitted, corrected, runs, block)
     together: tuple[Product, ...] = ()
@@ -180,8 +180,8 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
-def _as_drawn(runs: Runs, corrected: Corrected | None) -> Runs:
-    """The runs without what a named fault of the meter reads beyond what was drawn."""
+def _without_meter_faults(runs: Runs, corrected: Corrected | None) -> Runs:
+    """The runs corrected for named faults of the meter."""
     if corrected is None:
         return runs
     terms = zip(corrected.model.terms, corrected.contribution, strict=True)
@@ -190,7 +190,7 @@ def _as_drawn(runs: Runs, corrected: Corrected | None) -> Runs:
 
 
 def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
-    """What is known of each group, fitted beside those that are held: of these, and of what was confounded, nothing."""
+    """Estimate of each group, fitted beside those that are held; held and confounded groups have none."""
     known = []
     effects = tuple(one.effect for one in determined.model.terms) if isinstance(determined, Corrected) else ()
     rows = zip(
@@ -207,7 +207,7 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple
 def _predictions(
     fitted: Refit, corrected: Corrected | None, empirical: Empirical | None, runs: Runs, fold: Index, seed: int
 ) -> dict[str, Array]:
-    """What each arm predicts of windows that it has not seen."""
+    """Held-out predictions of each arm, shape (windows,)."""
     problem = fitted.parameters
     arms = {"nominal": problem.predict(runs, problem.start)} if problem.current_known else {}
     arms["refit"] = held_out(lambda chosen: fitted.fitted_to(chosen, runs.observed).replayed(runs), fold)
@@ -227,7 +227,7 @@ def _predictions(
 
 
 def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
-    """The verdict by precedence, and the parameters whose interval excludes what the robot file assumes."""
+    """The verdict by precedence, and the parameters whose interval excludes the robot file's value."""
     known = {one.group.symbol for one in evidence.estimates if one.off}
     off = tuple(one for one in evidence.measured if one.group in known)
     capacity = evidence.capacity
@@ -246,7 +246,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
         return "no_mismatch", ()
     observed = evidence.runs.observed
     missed, left = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
-    # Less than the meter's own error of scale, or than is asked of an effect, is no parameter that is off.
+    # A gain below the meter's own scale error, or below that required of an effect, is no wrong parameter.
     least = max(rules.SMALLEST_GAIN * missed, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
     p_value = better(refitted, nominal, observed, evidence.block)
     if p_value > rules.FALSE_ALARM_RATE or missed - left < least:

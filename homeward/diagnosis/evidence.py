@@ -1,4 +1,4 @@
-"""What a verdict rests on, and the diagnosis with it: what the report, the terminal and other tools read."""
+"""The evidence behind a verdict, and the diagnosis with it, for the report, the terminal and other tools."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from homeward.physics import Robot
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the verdict rests on, for the report; arrays of shape (windows,).
+    """The evidence behind the verdict, for the report; arrays of shape (windows,).
 
     There is no arm `nominal` where the robot file cannot predict what was recorded (motor current without a known
     thrust per ampere), and none `corrected` where nothing was named and no formula was found.
@@ -31,9 +31,9 @@ class Evidence:
 
     runs: Runs
     fitted: Refit
-    plain: Refit  # with every group that the recordings leave open as the robot file has it
+    plain: Refit  # every group that is not identifiable held at the robot file's value
     block: Index
-    fold: Index  # what is held out together
+    fold: Index  # windows held out together have one number
     held_out_by: Literal["run", "block"]
     predictions: Mapping[str, Array]  # by arm, held out
     estimates: tuple[Estimate, ...]
@@ -44,18 +44,18 @@ class Evidence:
     empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
     capacity: Capacity | None  # of the battery, where its state of charge was recorded
     witnessed: tuple[Witnessed, ...]  # effects that other channels than power show
-    remains: Remains | None  # what the named effects leave, where it still depends on a channel
-    products: tuple[Product, ...]  # of which the recordings determine no factor alone
+    remains: Remains | None  # the residual of the named effects, where it still depends on a channel
+    products: tuple[Product, ...]  # identifiable although their factors are not
     joint: Joint  # covariance of everything that was fitted together
 
     @property
     def range_accuracy_pct(self) -> dict[str, float | None]:
-        """Of the range that each arm would have estimated for held-out trips."""
+        """Accuracy of the range that each arm estimates for held-out trips, per cent."""
         return {name: range_accuracy_pct(one, self.runs, self.trip) for name, one in self.predictions.items()}
 
     @property
     def measured(self) -> tuple[FittedGroup, ...]:
-        """The groups that the recordings determine."""
+        """The identifiable groups."""
         return tuple(
             FittedGroup(one.group.symbol, one.assumed, one.fitted, one.ci95, one.group.unit)
             for one in self.estimates
@@ -64,7 +64,7 @@ class Evidence:
 
     @property
     def held(self) -> tuple[str, ...]:
-        """Symbols of the groups that stay as the robot file has them."""
+        """Symbols of the groups held at the robot file's values."""
         groups = (self.plain if self.corrected is None else self.corrected).groups
         return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
 
@@ -80,13 +80,13 @@ class Evidence:
 
     @property
     def contributions(self) -> tuple[Array, ...]:
-        """What each named effect adds, in the order of the diagnosis, shape (windows,) each."""
+        """Power or current that each named effect adds, in the order of the diagnosis, shape (windows,) each."""
         found = () if self.corrected is None else self.corrected.contribution
         return (*found, *(one.contribution for one in self.witnessed))
 
     @property
     def left(self) -> Array:
-        """What the named effects leave or, where there are none, the refit; shape (windows,)."""
+        """Residual of the model with the named effects or, where there are none, of the refit; shape (windows,)."""
         model = self.fitted if self.corrected is None else self.corrected
         return self.runs.observed - model.predicted
 
@@ -102,7 +102,7 @@ class Analysis:
     evidence: Evidence | None  # None where no run can be used
 
     def per_sample(self, name: str) -> Array:
-        """Battery power that the corrected file says of the run of a path, W, shape (samples,), at its `time_s`.
+        """Battery power that the corrected file predicts for the run of a path, W, shape (samples,), at its `time_s`.
 
         Raises:
             KeyError: No usable run has this name.

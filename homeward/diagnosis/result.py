@@ -1,4 +1,4 @@
-"""The verdict as data: what `diagnosis.json` holds, with a round trip through JSON."""
+"""The verdict as data: the content of `diagnosis.json`, with a round trip through JSON."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class RecordingInfo:
 
 @dataclass(frozen=True)
 class FittedGroup:
-    """A group of parameters that the recordings determine; `assumed` is None where the robot file says nothing."""
+    """An identifiable group of parameters; `assumed` is None where the robot file has no value."""
 
     group: str
     assumed: float | None
@@ -47,7 +47,7 @@ class Value:
 
 @dataclass(frozen=True)
 class Product:
-    """What recordings determine of numbers that stand in for each other: their product or the power that they make."""
+    """The identifiable combination of confounded numbers: their product or ratio, or the mean power that they make."""
 
     of: tuple[str, ...]
     value: Value
@@ -66,8 +66,8 @@ class Range:
 
     recorded_m: float  # by the recorded energy per metre
     ci95: tuple[float, float]  # over runs
-    nominal_m: float  # as the robot file predicts these trips
-    file_m: float  # as corrected.toml does
+    nominal_m: float  # predicted by the robot file for these trips
+    file_m: float  # predicted by corrected.toml
     d_max_nominal_m: float
     d_max_file_m: float
 
@@ -85,7 +85,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Proof:
-    """How strongly recordings speak for an effect."""
+    """Strength of the evidence for an effect."""
 
     delta_bic: float | None  # against the model without it; None where two readings are compared and no model is
     held_out_gain: float | None  # share of the squared held-out error of the model without it
@@ -94,7 +94,7 @@ class Proof:
 
 @dataclass(frozen=True)
 class MissingPhysics:
-    """An effect that the simulator lacks, where it acts and how sure that is."""
+    """An effect that the simulator lacks, where it acts, and the evidence for it."""
 
     effect: str
     name: str
@@ -110,7 +110,7 @@ class MissingPhysics:
 
 @dataclass(frozen=True)
 class Handed:
-    """What corrected.toml holds, and why: the effects, fitted parameters only, or what the given file held."""
+    """Content of corrected.toml, and why: the effects, fitted parameters only, or the given file unchanged."""
 
     holds: Literal["corrected", "refit", "nominal"]
     why: str
@@ -161,7 +161,7 @@ class Diagnosis:
     schema: int = SCHEMA
 
     def to_json(self) -> str:
-        """Text of diagnosis.json: valid JSON, with null for what the channels do not allow."""
+        """Text of diagnosis.json: valid JSON, with null for what the channels do not determine."""
         data = dataclasses.asdict(self)
         text = json.dumps({"schema": data.pop("schema"), **data})
         return json.dumps(json.loads(text, parse_constant=lambda nan: None), indent=2) + "\n"

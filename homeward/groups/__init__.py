@@ -1,1 +1,1 @@
-"""Groups of runs, driven or standing: what differs between them. Uses the diagnosis, which knows nothing of groups."""
+"""Comparison of groups of runs, driving or at standstill. Uses the diagnosis, which does not depend on it."""

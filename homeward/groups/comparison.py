@@ -1,9 +1,9 @@
-"""Which quantities differ between named groups of runs, with the spread from run to run as the yardstick.
+"""Which quantities differ significantly between named groups of runs, relative to the spread between runs.
 
 Every run gives one value of each quantity, so that runs, not samples, count as independent. Two groups are compared
-by Welch's test (Biometrika 34, 1947); since two or three runs tell little about a spread, a group's variance is taken
-no smaller than the one pooled over all groups. Holm's procedure (Scandinavian Journal of Statistics 6, 1979) over all
-pairs and quantities keeps the probability of any false name at 5 %.
+by Welch's test (Biometrika 34, 1947); since two or three runs estimate a spread poorly, a group's variance is at least
+the one pooled over all groups. Holm's procedure (Scandinavian Journal of Statistics 6, 1979) over all
+pairs and quantities keeps the probability of any false positive at 5 %.
 """
 
 import dataclasses
@@ -23,10 +23,10 @@ from homeward.logs.recordings import Recording
 
 SCHEMA = 1
 LEVEL = 0.05
-"""Probability of at least one false name where no group differs."""
+"""Family-wise significance level: probability of any false positive where no group differs."""
 
-_MOST_SAID = 4  # differences that are spelled out
-_SMALLEST_SPREAD = 1e-6  # of the largest value: runs that agree better are rounded
+_MOST_SHOWN = 4  # differences in the summary
+_SMALLEST_SPREAD = 1e-6  # of the largest value: a smaller spread is rounding
 
 GroupVerdict = Literal["groups_differ", "no_difference", "not_testable"]
 
@@ -41,7 +41,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Level:
-    """A quantity in one group; the interval counts the spread between runs, and of one run only that within it."""
+    """A quantity in one group; the interval includes the spread between runs; of one run only that within it."""
 
     quantity: str
     unit: str
@@ -56,7 +56,7 @@ class Level:
 class Difference:
     """A quantity in one group minus that in another.
 
-    The interval is of this pair alone; `p_holm` reckons with all pairs and quantities. Held-out errors are of runs
+    The interval is of this pair alone; `p_holm` is corrected for all pairs and quantities. Held-out errors are of runs
     predicted from the others: from those of their own group, and from those of both.
     """
 
@@ -75,7 +75,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class RunValues:
-    """A run of a group and its value of each quantity, None where the run does not show it."""
+    """A run of a group and its value of each quantity, None where it is not identifiable from the run."""
 
     path: str
     sha256: str
@@ -85,7 +85,7 @@ class RunValues:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What groups.json holds."""
+    """Content of groups.json."""
 
     kind: Literal["standing", "driving"]
     verdict: GroupVerdict
@@ -99,7 +99,7 @@ class Comparison:
 
     @property
     def groups(self) -> list[str]:
-        """Names of the groups as they were given."""
+        """Names of the groups in the order given."""
         return list(dict.fromkeys(run.group for run in self.runs))
 
     def to_json(self) -> str:
@@ -109,11 +109,11 @@ class Comparison:
 
 
 def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[list[Level], list[Difference]]:
-    """Levels of all groups, and the differences of all pairs that have at least two runs each, the surest first.
+    """Levels of all groups, and the differences of all pairs that have at least two runs each, by p-value.
 
-    A difference is named where Holm's p-value is at most `LEVEL` and runs that were left out are predicted better from
-    their own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
-    where a run does not show the quantity.
+    A difference is named where Holm's p-value is at most `LEVEL` and held-out runs are predicted better from their
+    own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
+    where the quantity is not identifiable from a run.
     """
     levels: list[Level] = []
     pairs: list[Difference] = []
@@ -129,13 +129,13 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
     named, largest = [], 0.0
     for rank, pair in enumerate(sorted(pairs, key=lambda one: one.p_value)):
         largest = max(largest, min((len(pairs) - rank) * pair.p_value, 1.0))
-        foretold = pair.held_out_rmse < pair.held_out_rmse_without_groups
-        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= LEVEL and foretold))
+        predicts_better = pair.held_out_rmse < pair.held_out_rmse_without_groups
+        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= LEVEL and predicts_better))
     return levels, named
 
 
 def _differences(quantity: Quantity, known: Mapping[str, Array]) -> Iterator[Difference]:
-    """Each pair of groups by Welch's test, with Holm's correction still to come."""
+    """Each pair of groups by Welch's test, without Holm's correction."""
     largest = max(float(np.max(np.abs(np.concatenate(list(known.values()))), initial=0.0)), 1e-9)
     several = {name: runs for name, runs in known.items() if len(runs) > 1}
     freedom = {name: len(runs) - 1 for name, runs in several.items()}
@@ -190,23 +190,23 @@ def comparison_of(
 
 
 def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tuple[GroupVerdict, str]:
-    """Verdict by the differences of all pairs that can be tested, and one or two sentences on it, the surest first."""
+    """Verdict by the differences of all pairs that can be tested, and one or two sentences on it, by p-value."""
     if not differences:
         return "not_testable", (
-            "Nothing can be said of differences: no two groups have at least two runs each, so how much runs of one "
-            "group differ is not known."
+            "Differences cannot be tested: no two groups have at least two runs each, so the spread between runs of "
+            "one group is unknown."
         )
     tested = f"{len(differences)} compared"
-    named = [_said(one) for one in differences if one.named]
+    named = [_sentence(one) for one in differences if one.named]
     if not named:
-        between = f"No difference between {', '.join(groups)} stands out from the spread between runs"
+        between = f"No difference between {', '.join(groups)} is significant relative to the spread between runs"
         return "no_difference", f"{between} ({tested}, Holm, 5 % in all)."
-    more = f"; and {len(named) - _MOST_SAID} more" if len(named) > _MOST_SAID else ""
-    said = f"{'; '.join(named[:_MOST_SAID])}{more}"
-    return "groups_differ", f"{said}. {len(named)} of {tested} can be named (Holm, 5 % in all)."
+    more = f"; and {len(named) - _MOST_SHOWN} more" if len(named) > _MOST_SHOWN else ""
+    shown = f"{'; '.join(named[:_MOST_SHOWN])}{more}"
+    return "groups_differ", f"{shown}. Significant: {len(named)} of {tested} (Holm, 5 % in all)."
 
 
-def _said(one: Difference) -> str:
+def _sentence(one: Difference) -> str:
     """A difference in words, the higher group first."""
     high, low = (one.group, one.minus) if one.value > 0.0 else (one.minus, one.group)
     near, far = sorted(abs(end) for end in one.ci95)

@@ -32,7 +32,7 @@ def grouped_runs(given: Sequence[str], columns: str | None) -> list[Grouped]:
 
     Raises:
         RecordingError: Fewer than two groups, a bad name, or a pattern that no file fits.
-        DatasetError: A data set's group that is unknown or cannot be had.
+        DatasetError: A data set's group is unknown or not available.
     """
     groups: dict[str, Grouped] = {}
     for one in given:

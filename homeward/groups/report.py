@@ -26,7 +26,7 @@ def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
 
 
 def show_groups(comparison: Comparison, console: Console) -> None:
-    """Print the verdict, each group's level, each pair's difference and what to mind; lines wrap at the width."""
+    """Print the verdict, each group's level, each pair's difference and remarks; lines wrap at the width."""
     if len(comparison.groups) > 1:
         console.print(comparison.verdict, style="bold", highlight=False)
     say(console, comparison.summary)
@@ -71,7 +71,7 @@ def _page(comparison: Comparison) -> str:
 
 
 def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
-    """Levels and runs by the number of the group: names given by others would be read as markup by the plot."""
+    """Levels and runs by the number of the group: a plot would interpret markup in names given by others."""
     place = {group: i + 1 for i, group in enumerate(comparison.groups)}
     levels = [one for one in comparison.levels if one.quantity == quantity]
     half = [0.0 if one.ci95 is None else one.ci95[1] - one.value for one in levels]

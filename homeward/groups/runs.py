@@ -1,4 +1,4 @@
-"""From recordings of named groups to a comparison: what each run draws at rest, or what it says of each parameter."""
+"""From recordings of named groups to a comparison of power at rest, or of the parameters estimated from each run."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,14 +14,14 @@ from homeward.groups.standing import StandingRun, mean_interval, standing_run
 from homeward.logs.channels import Array, Index
 from homeward.logs.recordings import Recording, RecordingError
 
-_OWN = 0.01  # of a column in a run: with less the run cannot tell it from the others
-_TOO_UNCERTAIN = 0.5  # a standard error of a run's value, over what all runs say or a plausible change
-_OPEN = ("not excited", "confounded")  # parameters that are left out, as all runs together do not show them
+_OWN = 0.01  # share of a column orthogonal to the others in a run, below which it is confounded
+_TOO_UNCERTAIN = 0.5  # largest standard error of a run's value, over that of all runs or a plausible change
+_OPEN = ("not excited", "confounded")  # parameters that are left out: not identifiable from all runs together
 _AT_REST = {"W": Quantity("P_anc, idle part", "W"), "A": Quantity("current at rest", "A")}
 
 
 def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> Comparison:
-    """Compare what a robot draws that stands, by the groups of its runs; of one group it gives the level alone.
+    """Compare the power of a robot at standstill between groups of runs; of one group it gives the level alone.
 
     Raises:
         RecordingError: A run is too short, or some hold power and others motor current only.
@@ -38,15 +38,15 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
     levels = [replace(one, ci95=alone[one.group]) if one.runs == 1 else one for one in levels]
     remarks = [*_of_runs(runs, labels), *_confounded(recordings, runs, labels, differences)]
     if single := ", ".join(one.group for one in levels if one.runs == 1):
-        remarks.insert(0, f"{single}: one run, so the interval is of this run alone; how much runs differ is not known")
+        remarks.insert(0, f"{single}: one run, so the interval is of it alone; the spread between runs is unknown")
     return comparison_of("standing", recordings, labels, {quantity: means}, levels, differences, remarks)
 
 
 def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels: Sequence[str]) -> Comparison:
-    """Compare parameters and the effects that were named, by the groups of the recordings.
+    """Compare parameters and named effects between groups of recordings.
 
-    The diagnosis is of all runs together. Each run is then fitted by itself around it, without bounds, so that groups
-    that are only driven otherwise share the model and its runs scatter about the same values.
+    The diagnosis is of all runs together. Each run is then fitted by itself, linearised around it and without bounds,
+    so that groups that differ only in how they were driven scatter about the same values.
     """
     evidence = analysis.evidence
     remarks = [f"{one.recording}: set aside, {one.text}" for one in analysis.findings if one.refused]
@@ -56,24 +56,24 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     where = np.array([used.get(one.name, -1) for one in recordings])
     values = {name: np.where(where >= 0, one[where], np.nan) for name, one in values_of_runs(evidence).items()}
     levels, differences = compare(labels, values)
-    told = estimates(evidence.fitted, evidence.runs, evidence.block)
-    for one in (one for one in told if one.status in _OPEN):
-        others = f"; a difference in {', '.join(one.mixed_with)} may be in it" if one.mixed_with else ""
+    estimated = estimates(evidence.fitted, evidence.runs, evidence.block)
+    for one in (one for one in estimated if one.status in _OPEN):
+        others = f"; confounded with a difference in {', '.join(one.mixed_with)}" if one.mixed_with else ""
         remarks.append(f"{one.group.symbol}: not compared, {why_open(one)}{others}")
     if analysis.diagnosis.verdict == "unknown_physics" or evidence.remains is not None:
-        remarks.append("something is left that no known effect explains: it may pass for a difference between groups")
+        remarks.append("no known effect explains the residual: it may be confounded with a difference between groups")
     return comparison_of("driving", recordings, labels, values, levels, differences, remarks)
 
 
 def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
-    """What each run by itself says of each parameter that all runs tell apart, and of each named effect.
+    """Estimate by each run alone of each parameter that is identifiable from all runs, and of each named effect.
 
     Parameters are in their own units, effects relative to their size in all runs together. Each array has shape
-    (runs,), NaN where the run cannot tell.
+    (runs,), NaN where it is not identifiable from the run.
     """
     runs, fit, effects = evidence.runs, evidence.fitted, _steady_effects(evidence)
-    told = estimates(fit, runs, evidence.block)
-    index = np.array([j for j, one in enumerate(told) if one.status not in _OPEN], dtype=np.intp)
+    estimated = estimates(fit, runs, evidence.block)
+    index = np.array([j for j, one in enumerate(estimated) if one.status not in _OPEN], dtype=np.intp)
     problem = fit.parameters
     per_step = (problem.scale * problem.to_group)[index]
     quantities = [Quantity(problem.groups[j].symbol, problem.groups[j].unit) for j in index]
@@ -91,7 +91,7 @@ def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
 
 
 def _steady_effects(evidence: Evidence) -> dict[str, Array]:
-    """What each named effect adds that is the same in all runs; one that comes and goes may be what the groups are."""
+    """Contribution of each steady named effect; one with a schedule may be confounded with the groups."""
     found: dict[str, Array] = {}
     if evidence.corrected is not None:
         for term, added in zip(evidence.corrected.model.terms, evidence.corrected.contribution, strict=True):
@@ -102,7 +102,7 @@ def _steady_effects(evidence: Evidence) -> dict[str, Array]:
 
 
 def _steps(columns: Array, left: Array, block: Index, sizes: Array) -> Array:
-    """Least-squares step of each column in one run, NaN where it is the others' or too uncertain, shape (columns,)."""
+    """Least-squares step of each column in one run, NaN where it is confounded or too uncertain, shape (columns,)."""
     steps = np.full(columns.shape[1], np.nan)
     total = np.einsum("ij,ij->j", columns, columns)
     moving = np.flatnonzero(total > 0.0)
@@ -124,8 +124,8 @@ def _of_runs(runs: Sequence[StandingRun], labels: Sequence[str]) -> list[str]:
     if unsteady:
         remarks.append(
             f"{', '.join(unsteady)}: the power varies by {100 * max(unsteady.values()):.0f} % of its mean (standard "
-            "deviation of means over 0.5 s), more than a standing robot's usually does; if it drives, this is its mean "
-            "power and no P_anc"
+            "deviation of means over 0.5 s), more than is typical at standstill; if it drives, this is its mean power "
+            "and no P_anc"
         )
     changes = [run.change for run in runs]
     if len(runs) > 2:
@@ -133,7 +133,7 @@ def _of_runs(runs: Sequence[StandingRun], labels: Sequence[str]) -> list[str]:
         if low > 0.0 or high < 0.0:
             remarks.append(
                 f"from the first to the last third of a run the power changes by {number(float(np.mean(changes)))} "
-                f"{runs[0].unit} (95 %: {interval((low, high))}): compare runs of one length, begun alike"
+                f"{runs[0].unit} (95 %: {interval((low, high))}): compare runs of equal length and start"
             )
     return remarks
 
@@ -141,7 +141,7 @@ def _of_runs(runs: Sequence[StandingRun], labels: Sequence[str]) -> list[str]:
 def _confounded(
     recordings: Sequence[Recording], runs: Sequence[StandingRun], labels: Sequence[str], found: Sequence[Difference]
 ) -> list[str]:
-    """What else differs between the groups of named differences: battery voltage, and when they were recorded."""
+    """Confounders of named differences: battery voltage, and the order of recording."""
     named = {frozenset((one.group, one.minus)) for one in found if one.named}
     if not named:
         return []
@@ -154,10 +154,10 @@ def _confounded(
     starts = np.array([one.channels["time_s"][0] for one in recordings])
     in_time = np.array(labels)[np.argsort(starts)]
     if np.ptp(starts) == 0.0:
-        remarks.append("the recordings do not say in which order the runs were made: a trend over them cannot be seen")
+        remarks.append("the recordings do not give the order of the runs: a trend over them cannot be excluded")
     elif np.count_nonzero(in_time[1:] != in_time[:-1]) + 1 == len({*labels}):
         remarks.append(
-            "each group was recorded in one stretch: what changed between the stretches cannot be told from the group; "
+            "each group was recorded in one stretch: what changed between the stretches is confounded with the group; "
             "interleave the runs"
         )
     return remarks

@@ -1,4 +1,4 @@
-"""A robot that stands: its ancillary power, with an error that counts autocorrelation and the spread between runs."""
+"""Ancillary power of a robot at standstill, with autocorrelation and the spread between runs in its error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,40 +11,40 @@ from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, windows
 from homeward.logs.channels import MOTION
 from homeward.logs.columns import RecordingError
 from homeward.logs.recordings import Recording
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 
-_STANDS_MPS = 0.01
+_STANDSTILL_MPS = 0.01
 _STANDS_RADPS = 0.02
 _BATCH_TIMES = 8.0  # batches are this many autocorrelation times long
 _MOST_BATCHES = 10
 _FEWEST_WINDOWS = 6
-_STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's own load stays below
+_STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's load is steadier
 
 
 @dataclass(frozen=True)
 class StandingRun:
-    """What one run of a standing robot draws."""
+    """Power or current of one run of a robot at standstill."""
 
     unit: Unit
     mean: float  # W, or A where only motor current was recorded
-    ci95: tuple[float, float]  # of this run alone: how other runs differ is not in it
+    ci95: tuple[float, float]  # of this run alone, without the spread between runs
     change: float  # mean of the last third minus that of the first
     variation: float  # standard deviation of window means over their mean
     voltage_v: float  # NaN where it was not recorded
 
     @property
     def unsteady(self) -> bool:
-        """Whether the power varies more than that of a robot that stands."""
+        """Whether the power varies more than is typical at standstill."""
         return self.variation > _STEADY
 
 
 def stands(recording: Recording) -> bool:
-    """Whether the recorded motion is zero throughout; a robot whose motion was not recorded is not said to stand."""
+    """Whether the recorded motion is zero throughout; False where no motion was recorded."""
     motion = [name for names in MOTION for name in names if name in recording.channels]
     speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
     turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
     known = np.isfinite(speeds)
-    still = bool(known.any() and (np.abs(speeds[known]) <= _STANDS_MPS).all())
+    still = bool(known.any() and (np.abs(speeds[known]) <= _STANDSTILL_MPS).all())
     return still and not (turning > _STANDS_RADPS).any()
 
 
@@ -62,15 +62,15 @@ def standing_run(recording: Recording) -> StandingRun:
     time_s, observed = recording.channels["time_s"][good], observed[good]
     if len(observed) < 20 or np.ptp(observed) == 0.0:
         raise RecordingError(f"{recording.name}: holds fewer than 20 values of power or current, or one value only")
-    values = windows(time_s, max(WINDOW_S, usual_step_s(time_s))).means(observed)
+    values = windows(time_s, max(WINDOW_S, median_step_s(time_s))).means(observed)
     if len(values) < _FEWEST_WINDOWS:
         raise RecordingError(
             f"{recording.name}: is too short ({time_s[-1] - time_s[0]:.3g} s) for a mean with an error"
         )
     mean, third = float(observed.mean()), len(observed) // 3
     change = float(observed[-third:].mean() - observed[:third].mean())
-    memory = correlation_windows(values, np.zeros(len(values), dtype=np.intp))
-    count = int(np.clip(len(values) // np.ceil(_BATCH_TIMES * memory), 2, _MOST_BATCHES))
+    correlation = correlation_windows(values, np.zeros(len(values), dtype=np.intp))
+    count = int(np.clip(len(values) // np.ceil(_BATCH_TIMES * correlation), 2, _MOST_BATCHES))
     ci95 = mean_interval([float(batch.mean()) for batch in np.array_split(values, count)], mean)
     voltage_v = float(np.nanmean(recording.channels["voltage_v"])) if "voltage_v" in recording.channels else np.nan
     return StandingRun(unit, mean, ci95, change, float(values.std() / max(abs(mean), 1e-12)), voltage_v)

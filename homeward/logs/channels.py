@@ -16,8 +16,8 @@ Sets = tuple[tuple[str, ...], ...]
 class Channel:
     """One column of the recording schema.
 
-    `low` and `high` are limits no ground robot or road vehicle exceeds; `mistaken` lists the units such a value is
-    usually in when it does, each with the factor to SI.
+    `low` and `high` are limits no ground robot or road vehicle exceeds; `mistaken` lists the likely
+    units of a value beyond them, each with the factor to SI.
     """
 
     name: str
@@ -65,10 +65,10 @@ CHANNELS: dict[str, Channel] = {
 """The schema, by column name."""
 
 MOTION: Sets = (("speed_mps",), ("wheel_left_mps", "wheel_right_mps"))
-"""Sets of channels that say how the robot moved; one is needed."""
+"""Sets of channels that measure motion; one is needed."""
 
 POWER: Sets = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor_right_a"))
-"""Sets of channels that say what it drew, the most telling first; one is needed."""
+"""Sets of channels that measure power or current, the most informative first; one is needed."""
 
 
 def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:
@@ -77,7 +77,7 @@ def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:
 
 
 def lacking(present: Collection[str]) -> str | None:
-    """What is needed of motion and power and not there, such as "motion channel (speed_mps or ...)", or None."""
+    """The missing channels of motion or power, such as "motion channel (speed_mps or ...)", or None."""
     for what, sets in (("motion", MOTION), ("power", POWER)):
         if not first_set(sets, present):
             return f"{what} channel ({' or '.join(' + '.join(names) for names in sets)})"

@@ -19,7 +19,7 @@ _MAPS = files("homeward.logs") / "maps"
 
 
 class RecordingError(ValueError):
-    """A recording or mapping file that cannot be used: the message says what is wrong, where, and what to do."""
+    """A recording or mapping file that cannot be used: the message names the fault, its place, and a remedy."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Columns:
     name: str
     sources: dict[str, Source]
     constants: dict[str, float]
-    separator: str | None = None  # as the file shows, where it is left out
-    decimal: str | None = None  # sign in numbers, as the file shows
+    separator: str | None = None  # None: inferred from the file
+    decimal: str | None = None  # sign in numbers; None: inferred from the file
     header: tuple[str, ...] = ()  # names of the columns of files without a line of names
     sample_hz: float | None = None  # of files without time stamps
     stamp: str | None = None  # column of time stamps that repeat within a second
-    known_by_columns: bool = False  # whether a table that has them all needs no one to name the mapping
+    known_by_columns: bool = False  # whether a table with all of its columns is recognised without naming the mapping
     unknown_if_zero: tuple[str, ...] = ()  # channels that a file lacks where they are 0 throughout
 
     def file_columns(self) -> list[str]:
@@ -141,7 +141,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
 
     The file has a table `[columns]` with one line per channel: the file's column name, or a table with `column` (or
     `columns`, which are added), `factor` (or `factors`) and `offset`; a table `[constants]` for channels that the file
-    lacks and that did not vary; and optionally `separator` and `decimal`, which the file shows otherwise. `header`, a
+    lacks and that did not vary; and optionally `separator` and `decimal`, else inferred from the file. `header`, a
     list of names, is for files without a line of names: their broken lines are left out. `sample_hz` stands for time
     stamps that a file lacks. `time_s = { column = NAME, whole_seconds = true }` is for stamps of whole seconds, numbers
     or HH:MM:SS: the samples of a second are spread evenly over it. `unknown_if_zero` lists channels that a file lacks

@@ -19,13 +19,13 @@ from homeward.logs.columns import RecordingError, known_columns, numeric
 from homeward.logs.times import from_iso, from_time_of_day
 
 SURE = ("certain", "likely", "a guess")
-"""How sure a proposal is: name and unit say it; the name does and the values fit; a weak name, or values alone."""
+"""Confidence of a proposal: by name and unit; by the name, with fitting values; by a weak name, or by values alone."""
 
-_ROWS = 5000  # that are looked at
+_ROWS = 5000  # that are read
 _DEGREE = np.pi / 180.0
 
 _NAMES: dict[str, tuple[str, str]] = {
-    # channel: words of which one names it, all of a group joined by "+"; words that speak against it
+    # channel: words of which one names it, all of a group joined by "+"; words that exclude it
     "time_s": ("time timestamp stamp date datetime elapsed clock epoch t sec secs zeit zeitstempel", "rate step"),
     "wheel_left_mps": ("left+wheel left+speed left+vel left+velocity vell", "current motor amps right"),
     "wheel_right_mps": ("right+wheel right+speed right+vel right+velocity velr", "current motor amps left"),
@@ -54,7 +54,7 @@ _NAMES: dict[str, tuple[str, str]] = {
 }
 
 _COMPOUND = ("spannung", "geschwindigkeit", "leistung", "strom")
-"""German words that name a channel at the end of a longer one, too: Akkuspannung."""
+"""German words that also name a channel as the end of a longer word: Akkuspannung."""
 
 _LENGTH = {"m": 1.0, "metre": 1.0, "meter": 1.0, "meters": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
 _ANGLE = {"rad": 1.0, "radians": 1.0, "deg": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "°": _DEGREE}
@@ -85,7 +85,7 @@ _OFFSETS = {"k": -273.15, "f": -160.0 / 9.0, "°f": -160.0 / 9.0}
 
 @dataclass(frozen=True)
 class Guess:
-    """What a column is taken for."""
+    """The channel proposed for a column."""
 
     column: str
     channel: str
@@ -107,7 +107,7 @@ class Guess:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A mapping proposed for a file, and what is left over of its columns, with what it could have been."""
+    """A mapping proposed for a file, and its unused columns, each with the channel that it could be."""
 
     path: Path
     guesses: tuple[Guess, ...]
@@ -191,7 +191,7 @@ def _by_program(header: list[str], table: pd.DataFrame) -> list[Guess]:
 
 
 def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
-    """What a column may be, the channels whose names it bears."""
+    """The channels that a column may be, by its name."""
     words, unit_words = _words(f"{name} [{unit}]" if unit else name)
     dated = from_iso(column)
     dated, how = (dated, "dates (ISO 8601)") if dated is not None else (from_time_of_day(column), "times of day")
@@ -220,7 +220,7 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
             if _possible(channel, values * factor + offset):
                 return _signed(Guess(name, channel, factor, offset, 0, f"its name says {word}"), values)
     for word, factor in [(about.unit, 1.0), *about.mistaken]:
-        if _possible(channel, values * factor) and _usual(channel, values * factor):
+        if _possible(channel, values * factor) and _plausible(channel, values * factor):
             sure = 1 if factor == 1.0 else 2
             why = f"its name says no unit; values fit {word}" if about.unit != "1" else "its values lie in 0 to 1"
             return _signed(Guess(name, channel, factor, 0.0, sure, why if sure == 1 else f"values fit {word}"), values)
@@ -234,19 +234,19 @@ def _possible(channel: str, values: Array) -> bool:
     return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= 0.01
 
 
-def _usual(channel: str, values: Array) -> bool:
-    """Whether values without a unit are in the range of a ground robot's, and not only possible."""
+def _plausible(channel: str, values: Array) -> bool:
+    """Whether values without a unit are in the typical range of a ground robot, beyond being possible."""
     finite = np.abs(values[np.isfinite(values)])
     largest, step = float(finite.max()), float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     if channel == "time_s":
-        return 0.0 < step < 2.0 or values[0] > 1e11  # of an epoch in ms to ns the reader sees the unit
+        return 0.0 < step < 2.0 or values[0] > 1e11  # the reader infers the unit of an epoch in ms to ns
     limits = {"heading_rad": 7.0, "grade_rad": 0.8, "speed_mps": 30.0, "yaw_rate_radps": 10.0, "voltage_v": 1000.0,
               "wheel_left_mps": 30.0, "wheel_right_mps": 30.0, "current_a": 500.0, "power_w": 2e5}  # fmt: skip
     return largest <= limits.get(channel, np.inf)
 
 
 def _signed(guess: Guess, values: Array) -> Guess:
-    """Battery current or power that is mostly negative is counted the other way round."""
+    """The guess with the sign of battery current or power turned where it is mostly negative."""
     if guess.channel in ("current_a", "power_w") and float(np.nanmedian(values)) < 0.0:
         return Guess(guess.column, guess.channel, -guess.factor, guess.offset, 2,
                      f"{guess.why}; mostly negative, so taken as negative when discharging")  # fmt: skip

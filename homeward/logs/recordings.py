@@ -26,11 +26,11 @@ from homeward.logs.times import LONGEST_STEP_S, from_epoch, from_iso, from_time_
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
-_STRAY_SHARE = 0.01  # up to this share of impossible values is taken for glitches and left out, more for a wrong unit
+_STRAY_SHARE = 0.01  # largest share of impossible values that count as glitches; more are a wrong unit
 _BATCH_ROWS = 2**16  # of a Parquet file at a time
-_MOST_BROKEN = 0.1  # of the lines of a file without names of columns; more for a mapping of other files
+_MOST_BROKEN = 0.1  # largest share of broken lines; more mean that the mapping is for other files
 _LONGEST_RUN_S = 3 * 86400.0
-_SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # and what the ratio is where one of them is in another unit
+_SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of two channels
     ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
     ("speed_mps", "the wheel speeds", {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}),
     ("yaw_rate_radps", "heading_rad", {57.3: "degrees per second"}),
@@ -43,8 +43,8 @@ class Recording:
     """One run of one robot.
 
     `channels` maps names of the schema to float64 arrays of shape (n,) in SI units; a value that was not recorded is
-    NaN. `notes` says what reading left out. `start_s` is what `time_s` lacks of the time since 1970, s; 0 where that is
-    not known.
+    NaN. `notes` lists what was left out. `start_s` added to `time_s` is the time since 1970, s; 0 where that is
+    unknown.
     """
 
     name: str
@@ -118,7 +118,7 @@ def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.Data
     if isinstance(mapping, Columns):
         raise RecordingError("a bag takes a mapping of topics, not of columns")
     try:
-        from homeward.logs.bags.reading import read_bag  # only now: it needs a further package
+        from homeward.logs.bags.reading import read_bag  # here, as it needs a further package
     except ImportError:
         raise RecordingError(f"a bag needs rosbags; install it with {advice('logs', 'rosbags')}") from None
     return read_bag(path, mapping)
@@ -187,8 +187,8 @@ def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> l
 
 
 def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
-    told = mapping or Columns("", {}, {})
-    table = tables.sniff(path, told.separator, told.decimal)
+    given = mapping or Columns("", {}, {})
+    table = tables.sniff(path, given.separator, given.decimal)
     if mapping is None and (mapping := known_columns(table.header)) is not None:
         notes.append(f"mapping {mapping.name}, known by the names of the columns")
     wanted = _wanted(table.header, mapping, standing)
@@ -225,7 +225,7 @@ def _joined(pieces: Sequence[pd.DataFrame], wanted: list[str], mapping: Columns 
 def _batches(file: pq.ParquetFile, wanted: Sequence[str]) -> Iterator[pd.DataFrame]:
     """Some columns, piece by piece; the index counts the rows."""
     rows = size = 0
-    # What the metadata say of the size of columns is not asked: where it is damaged, Arrow ends the process.
+    # The size of columns in the metadata is not read: where it is damaged, Arrow ends the process.
     for batch in file.iter_batches(_BATCH_ROWS, columns=list(wanted)):
         size += batch.nbytes
         if size > tables.MOST_BYTES:
@@ -346,7 +346,7 @@ def _refuse_bad_time(time_s: Array) -> None:
     step_s, duration_s = float(np.median(steps)), float(time_s[-1] - time_s[0])
     if step_s > LONGEST_STEP_S or duration_s > _LONGEST_RUN_S or abs(time_s[0]) > CHANNELS["time_s"].high:
         units = CHANNELS["time_s"].mistaken
-        # Robots are logged at about 10 Hz: the unit that comes closest is the likeliest.
+        # Prior: robots are logged at about 10 Hz, so that the unit closest to it is the most likely.
         unit, factor = min(units, key=lambda u: abs(np.log(step_s * u[1] / 0.1)))
         raise RecordingError(
             f"time_s steps by {step_s:.6g} over {duration_s:.6g}; this looks like {unit}, not seconds "
@@ -370,7 +370,7 @@ def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
 
 
 def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
-    """Compare channels that say the same thing: their ratio gives a wrong unit away."""
+    """Compare redundant channels: their ratio identifies a wrong unit."""
 
     def travel(values: Array) -> float:
         return float(np.nansum(np.abs(np.diff(values))))
@@ -395,6 +395,6 @@ def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
         for factor, unit in units.items() if truth > 0.0 and value > 0.0 else ():
             if abs(np.log(value / truth / factor)) < 0.12:
                 raise RecordingError(
-                    f"{what} is {value / truth:.3g} times what {reference} says; this looks like {unit} "
+                    f"{what} is {value / truth:.3g} times that of {reference}; this looks like {unit} "
                     f"(factor {1 / factor:.6g} in a mapping file)"
                 )

@@ -1,4 +1,4 @@
-"""Text tables as they are found: encoding, separator and decimal sign, read piece by piece within stated limits."""
+"""Text tables of unknown format: encoding, separator and decimal sign, read piece by piece within stated limits."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ SUFFIXES = (".csv", ".csv.gz", ".tsv", ".txt")
 
 _LONGEST_LINE = 2**20
 _PIECE = 200_000  # rows at a time
-_SNIFFED = 2**16  # bytes that encoding, separator and decimal sign are told by
+_SNIFFED = 2**16  # bytes from which encoding, separator and decimal sign are inferred
 _SEPARATORS = (",", ";", "\t", "|")
 _NAMES = {" ": "spaces", ";": "semicolons", "\t": "tabs", "|": "vertical bars", ",": "commas"}
 _MARKS = (b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 _DECIMAL_POINT = re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*")
-_NUMBER = re.compile(r"\s*[-+]?[\d.]")  # or a date: how a cell with a value begins
-_ENDS = re.compile("\r\n|\n|\r")  # of lines, as pandas has them
+_NUMBER = re.compile(r"\s*[-+]?[\d.]")  # or a date: start of a cell with a value
+_ENDS = re.compile("\r\n|\n|\r")  # of lines, as in pandas
 _BINARY = bytes(set(range(32)) - set(b"\t\n\r\f\x1b"))
 
 
 class _Limited(io.RawIOBase):
-    """A stream that refuses to give more bytes, or longer lines, than a recording has."""
+    """A stream that raises on more bytes, or longer lines, than a recording has."""
 
     def __init__(self, file: BinaryIO, packed: bool) -> None:
         super().__init__()
@@ -86,7 +86,7 @@ class TextTable:
         header: Names of its columns.
         separator, decimal: Between cells, and in numbers.
         encoding: As Python names it.
-        notes: What about it is not a plain CSV file, in a phrase each.
+        notes: Differences from a plain CSV file, in a phrase each.
         skipped: Lines that are neither names nor samples, from 0: comments before the names, units after them.
         units: Of each column, where there is a line of them.
     """
@@ -110,7 +110,7 @@ class TextTable:
         last: pd.DataFrame | None = None
         wide = self.encoding != "utf-8-sig"
         with refusing(), opened(self.path) as file:
-            # The last column is read as well, so that a short last line can be told from an empty last cell.
+            # The last column is read as well, so that a short last line differs from an empty last cell.
             reader = pd.read_csv(
                 io.TextIOWrapper(file, self.encoding, newline="") if wide else file,
                 encoding=None if wide else "utf-8-sig", sep=self.separator, decimal=self.decimal,
@@ -140,11 +140,11 @@ class TextTable:
 
 
 def sniff(path: Path, separator: str | None = None, decimal: str | None = None) -> TextTable:
-    """See how a text table is written, by its beginning.
+    """Infer the format of a text table from its beginning.
 
     Args:
         path: The file.
-        separator, decimal: What is known of it already.
+        separator, decimal: Known parts of the format.
 
     Raises:
         RecordingError: It is no text, has no line of names, or its cells and numbers are both cut by commas.
@@ -187,7 +187,7 @@ def _comments(lines: Sequence[tuple[int, str]]) -> tuple[list[int], list[tuple[i
 
 
 def _separator(lines: Sequence[str]) -> str:
-    """What cuts the line of names into the most cells; spaces where nothing else does, and they cut all lines alike."""
+    """Separator with most cells in the line of names; spaces if no other occurs and all lines have equally many."""
     best = max(_SEPARATORS, key=lambda one: len(_cells(lines[0], one)))
     widths = {len([cell for cell in _cells(line, " ") if cell]) for line in lines}
     return " " if len(_cells(lines[0], best)) == 1 and widths != {1} and len(widths) == 1 else best

@@ -1,4 +1,4 @@
-"""Times as recordings have them: seconds, counts since 1970 in s, ms, us or ns, ISO 8601, and the time of day."""
+"""Formats of time in recordings: seconds, counts since 1970 in s, ms, us or ns, ISO 8601, and the time of day."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from homeward.logs.channels import Array
 _EPOCH_S = 6.3e8, 4.1e9
 """Years 1990 to 2099 in seconds since 1970; the ranges in ms, us and ns lie apart from it and from each other."""
 LONGEST_STEP_S = 30.0
-"""Median time between the samples of a recording, s; what is longer is in another unit."""
+"""Median time between the samples of a recording, s; a longer one is in another unit."""
 
 _TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
 _UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)
 
 
-def usual_step_s(time_s: Array) -> float:
+def median_step_s(time_s: Array) -> float:
     """Median time between samples, s."""
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
 
@@ -30,7 +30,7 @@ def from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:
         return None
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of texts that are no dates, whatever pandas thinks of them
+            warnings.simplefilter("ignore")  # about texts that are no dates
             moments = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce").dt.as_unit("ns")
     except (ValueError, TypeError, OverflowError):
         return None

@@ -87,7 +87,7 @@ def test_standing_groups_with_autocorrelated_noise_and_drift() -> None:
         found = compare_standing(runs, list("aaabbb"))
         alarms += found.verdict != "no_difference"
     assert alarms <= 10
-    assert any("compare runs of one length" in remark for remark in found.remarks)
+    assert any("compare runs of equal length" in remark for remark in found.remarks)
 
 
 def test_one_run_per_group_is_not_testable() -> None:
@@ -96,7 +96,7 @@ def test_one_run_per_group_is_not_testable() -> None:
     found = compare_standing(runs, ["low", "middle", "high"])
     assert found.verdict == "not_testable" and not found.differences
     assert [one.ci95 is not None and one.run_spread is None for one in found.levels] == [True] * 3
-    assert any("how much runs differ is not known" in remark for remark in found.remarks)
+    assert any("the spread between runs is unknown" in remark for remark in found.remarks)
 
 
 def test_a_load_of_a_robot_that_drives_is_no_ancillary_power() -> None:
@@ -117,7 +117,7 @@ def test_what_else_differs_is_told() -> None:
     found = compare_standing(runs, list("aaabbb"))
     assert found.verdict == "groups_differ"
     assert any("the battery voltage differs too between b and a" in remark for remark in found.remarks)
-    assert any("in which order" in remark for remark in found.remarks)
+    assert any("the order of the runs" in remark for remark in found.remarks)
     for i, run in enumerate(runs):
         run.channels["time_s"][:] += 1000.0 * i
     assert any("in one stretch" in remark for remark in compare_standing(runs, list("aaabbb")).remarks)
@@ -213,7 +213,7 @@ def test_groups_from_the_command_line(
     groups = ("--group", f"before={logs}/a*.csv", "--group", several, "--group", f"after={logs / 'b2.csv'}")
     assert run(monkeypatch, *groups, "--out", out) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert said.startswith("groups_differ P_anc, idle part is 3.") and "1 of 1 compared can be named" in said
+    assert said.startswith("groups_differ P_anc, idle part is 3.") and "Significant: 1 of 1 compared" in said
     data = json.loads((out / "groups.json").read_text())
     assert (data["schema"], data["kind"], data["verdict"]) == (1, "standing", "groups_differ")
     assert [one["group"] for one in data["runs"]] == ["before"] * 3 + ["after"] * 3
@@ -230,7 +230,7 @@ def test_a_standing_robot_without_groups(
     assert run(monkeypatch, silent, "--out", logs / "out") == 2
     assert "say --standing if the robot stood" in capsys.readouterr().err
     assert run(monkeypatch, silent, "--standing", "--out", logs / "out") == 0
-    assert "how much runs differ is not known" in " ".join(capsys.readouterr().out.split())
+    assert "the spread between runs is unknown" in " ".join(capsys.readouterr().out.split())
     data = json.loads((logs / "out" / "groups.json").read_text())
     assert data["levels"][0]["value"] == pytest.approx(9.0, abs=0.3) and (logs / "out" / "diagnosis.json").is_file()
 

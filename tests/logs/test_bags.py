@@ -307,7 +307,7 @@ def test_a_topic_without_a_stamp_of_the_clock_is_placed_by_receipt(tmp_path: Pat
     streams = {"/battery_state": odd, "/odom": odometry(), "/imu": imu()}
     recording = read_recording(write_bag(tmp_path, "mcap", streams))
     check(recording)
-    assert "/battery_state: placed by the time of receipt, for want of a stamp of the same clock" in recording.notes
+    assert "/battery_state: placed by the time of receipt, as they have no stamp of the same clock" in recording.notes
 
 
 def test_a_mapping_may_ask_for_receipt(tmp_path: Path) -> None:

@@ -1,1 +1,1 @@
-"""What is left, where, and which physics it is: tests, hypotheses, their proof and the joint fit."""
+"""Residual tests, location, hypotheses, their validation and the joint fit."""

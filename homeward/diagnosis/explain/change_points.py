@@ -1,9 +1,9 @@
-"""When something was at work: levels that change at unknown moments or places, found from what the refit leaves.
+"""Change points: levels of an effect that change at unknown moments or places, found from the residual of a refit.
 
 A load that follows a known shape (constant watts, rolling force, the whole load) but changes its size is cut into
 stretches of constant size by exact penalised segmentation (PELT: Killick, Fearnhead & Eckley, 2012), and stretches of
-about the same size become one level. The search works on blocks that hold equal amounts of evidence (of the squared
-shape), so that all of them count alike.
+about the same size become one level. The search works on blocks with equal sums of the squared shape, so that all of
+them have equal weight.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from homeward.logs.channels import Array, Index
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
 
-STANDS_MPS = 0.05
-"""A robot slower than this stands."""
+STANDSTILL_MPS = 0.05
+"""A robot slower than this is at standstill."""
 
-_AROUND_S = 4.0  # a change that was found is taken to lie within this of the true one
+_AROUND_S = 4.0  # largest error of an estimated moment
 _SHORTEST = 4  # windows in a block, on average
 _MOST_BLOCKS = 3000
 _FEWEST_BLOCKS = 8
@@ -34,7 +34,7 @@ SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a chang
 _MOST_LEVELS = 4
 _PLACES = 150
 _KNOTS = (6, 12, 24)
-_SAME = 0.02  # of the windows in which two schedules may differ and still be one
+_SAME = 0.02  # share of windows in which two schedules may differ and count as the same
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class Schedule:
     level: Index
     levels: int
     changes: int  # moments or places at which it changes
-    apart: float  # distance of its levels, in standard deviations of what they leave
-    share: float  # of the squared residual that a change had to explain
+    apart: float  # distance of its levels, in standard deviations of their residual
+    share: float  # of the squared residual that a change must explain
 
     def at_work(self) -> Array:
         """Whether each level beyond 0 is at work, shape (windows, levels - 1)."""
@@ -59,12 +59,12 @@ class Schedule:
 
 
 def clearly_apart(schedule: Schedule | None) -> bool:
-    """Whether there are gaps between levels: noise with memory has none, however many changes follow it."""
+    """Whether there are gaps between levels: a schedule that fits autocorrelated noise has none."""
     return schedule is not None and schedule.apart > rules.CLEARLY_APART
 
 
 def profiles(runs: Runs) -> list[Array]:
-    """Hats along the way from base, coarse ones to fine, shape (windows, hats) each: of an unknown smooth profile."""
+    """Hat functions along the way from base, coarse to fine, shape (windows, hats) each: a basis of smooth profiles."""
     place_m = place_of(runs)
     if place_m is None:
         return []
@@ -76,7 +76,7 @@ def profiles(runs: Runs) -> list[Array]:
 
 
 def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
-    """Whether a size that changes in a certain way may change as a schedule says it does."""
+    """Whether a schedule changes in the way that is typical for an effect."""
     per_run = [schedule.level[runs.run == run] for run in np.unique(runs.run)]
     within = [np.flatnonzero(np.diff(level)) for level in per_run]
     if how == "between runs":
@@ -85,25 +85,25 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
         comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
-        return comes_on >= rules.IN_SO_MANY_RUNS or sum(len(changes) for changes in within) >= rules.COMES_BACK
+        return comes_on >= rules.RUNS_WITH_SWITCH or sum(len(changes) for changes in within) >= rules.FEWEST_SWITCHES
     speeds = np.abs(runs.context["speed_mps"])
-    stood = []
+    at_standstill = []
     for run, changes in zip(np.unique(runs.run), within, strict=True):
         here = np.flatnonzero(runs.run == run)
         for change in changes:
             near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND_S]
-            stood.append(bool((speeds[near] < STANDS_MPS).any()))
-    return all(stood) if how == "standing" else not stood or not all(stood)
+            at_standstill.append(bool((speeds[near] < STANDSTILL_MPS).any()))
+    return all(at_standstill) if how == "standing" else not at_standstill or not all(at_standstill)
 
 
 def place_of(runs: Runs) -> Array | None:
-    """Way from base to each window along the route, m; None where it is unknown or no place is met twice."""
+    """Way from base to each window along the route, m; None where it is unknown or no place is revisited."""
     place_m = runs.context.get("place_m")
     if place_m is None or not np.isfinite(place_m).all():
         return None
     driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())
     extent_m = float(np.ptp(place_m))
-    return place_m if extent_m > 0.0 and driven_m >= rules.MET_AGAIN * extent_m else None
+    return place_m if extent_m > 0.0 and driven_m >= rules.REVISITED * extent_m else None
 
 
 def search(
@@ -111,10 +111,10 @@ def search(
 ) -> list[Schedule]:
     """Find when, or where on the way from base, the size of a shape changes: schedules of few changes to many.
 
-    How many changes are real is for the comparison of models to say, which knows the memory of what each one leaves.
+    The number of changes is chosen later, by BIC with the autocorrelation of each residual.
     The size multiplies `shape`, (windows,), of a `residual` of the same shape. Unless `signed`, the lowest size counts
     as none. A change must explain such `shares` of the squared residual, the largest first. By place nothing is found
-    where no place is met twice.
+    where no place is revisited.
     """
     if axis == "time":
         parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
@@ -154,7 +154,7 @@ def search(
             continue
         by_share.append([share])
         found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual), share))
-    # The second penalty that finds it, if there is one, so that a search in a part of the windows does too.
+    # The second penalty that finds it, if there is one: a search in a part of the windows then finds it too.
     return [replace(one, share=found_by[:2][-1]) for one, found_by in zip(found, by_share, strict=True)]
 
 
@@ -168,7 +168,7 @@ def _blocks(shape: Array, count: int) -> Index:
 
 
 def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
-    """Size of each block, constant over the stretches that pay their penalty."""
+    """Size of each block, constant over stretches that reduce the squared error by more than their penalty."""
     if len(moment) < 2:
         return np.asarray(moment / weight)
     search = ruptures.KernelCPD(kernel="linear", min_size=1).fit((moment / np.sqrt(weight))[:, None])
@@ -179,7 +179,7 @@ def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
 
 
 def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[Index, int]:
-    """Level of each block and the number of levels: sizes in their order, cut where it pays."""
+    """Level of each block and the number of levels: sorted sizes, cut where the gain exceeds the penalty."""
     distinct, which, times = np.unique(size, return_inverse=True, return_counts=True)
     mean = float(np.average(size, weights=weight))
     left = float((weight * (size - mean) ** 2).sum())
@@ -190,19 +190,19 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
         gain = left - remaining - explained
-        if gain <= penalty or gain < rules.LEVEL_WORTH * explained:
+        if gain <= penalty or gain < rules.SMALLEST_LEVEL_GAIN * explained:
             break
         level, levels, explained = number, count, explained + gain
-    if signed and levels > 1:  # the level met most is the usual one
-        usual = int(np.argmax(np.bincount(level, weight, minlength=levels)))
-        level = np.where(level == usual, 0, np.where(level < usual, level + 1, level))
+    if signed and levels > 1:  # the most frequent level is the reference
+        reference = int(np.argmax(np.bincount(level, weight, minlength=levels)))
+        level = np.where(level == reference, 0, np.where(level < reference, level + 1, level))
     return level, levels
 
 
 def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
     """Group of each of n ascending values, in 2 to `most` groups with the least squared distance to their means.
 
-    Exact, by dynamic programming over the ends of groups; each value is there so many `times`, shape (n,).
+    Exact, by dynamic programming over the ends of groups; `times`, shape (n,), is how often each value occurs.
     """
     centred = value - np.average(value, weights=times)
     number, first, second = (np.append(0.0, np.cumsum(times * centred**power)) for power in range(3))
@@ -222,7 +222,7 @@ def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
 
 
 def _apart(level: Index, shape: Array, residual: Array) -> float:
-    """Smallest distance of two levels in standard deviations of what the levels leave."""
+    """Smallest distance of two levels in standard deviations of their residual."""
     working = shape != 0.0
     weight = np.maximum(np.bincount(level, shape * shape), 1e-300)
     size = np.bincount(level, shape * residual) / weight
@@ -247,6 +247,6 @@ def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]
             before, after = level[part[change - 1]], level[part[change]]
             error = [(residual[here] - size[one] * shape[here]) ** 2 for one in (before, after)]
             missed = np.concatenate(([0.0], np.cumsum(error[0] - error[1])))
-            at = int(np.median(np.flatnonzero(missed == missed.min())))  # amid windows that tell nothing
+            at = int(np.median(np.flatnonzero(missed == missed.min())))  # the middle of windows with equal error
             exact[here[:at]], exact[here[at:]] = before, after
     return exact

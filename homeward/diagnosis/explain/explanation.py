@@ -1,7 +1,7 @@
-"""What explains a mismatch: effects by name, or a formula of the channels, or nothing that is known; and what is left.
+"""Explanation of a mismatch: named effects, or a formula of the channels, or neither; and the remaining residual.
 
-An effect that needs a schedule has to stand against what was recorded: where the robot's motion alone, or a formula of
-a channel, predicts stretches not seen as well, its name would hide a cause that the recording holds.
+An effect that needs a schedule is compared with what was recorded: where the robot's motion alone, or a formula of a
+channel, predicts held-out stretches as well, the cause was recorded and the effect is not named.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate, where_at_work
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
-from homeward.diagnosis.fit.doubt import is_much, times_noise, untold
+from homeward.diagnosis.fit.channel_errors import is_material, times_noise, unexplained
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Index
@@ -26,20 +26,20 @@ from homeward.logs.channels import Index
 
 @dataclass(frozen=True)
 class Remains:
-    """What the named effects leave, where it still depends on a channel."""
+    """The residual of the named effects, where it still depends on a channel."""
 
     channel: str
     location: Location
-    formula: Empirical | None  # that it follows, beside the named effects
+    formula: Empirical | None  # that fits it, beside the named effects
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """What explains the mismatch, where it is, and what it leaves."""
+    """What explains the mismatch, where it is, and the remaining residual."""
 
     naming: Naming = field(default_factory=Naming)
     location: Location | None = None
-    empirical: Empirical | None = None  # the formula that the mismatch follows, where no effect is named
+    empirical: Empirical | None = None  # the formula that fits the mismatch, where no effect is named
     remains: Remains | None = None
 
 
@@ -52,38 +52,39 @@ def explain(
     seed: int,
     progress: Callable[[str], None],
 ) -> Explanation:
-    """Explain what a refit leaves, by `found`, on what its residuals depend, found ones first; nothing of none.
+    """Explain the residual of a refit by `found`, its dependences on channels and time, significant ones first.
 
-    Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
+    Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each. An empty
+    `found` gives an empty explanation.
     """
     if not found:
         return Explanation()
     progress("locating")
-    ask = _Question(fit, runs, found[0], block, fold, seed, progress)
+    residual = _Residual(fit, runs, found[0], block, fold, seed, progress)
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
-    naming = ask.naming()
-    if naming.told_by_no_channel(runs):
+    naming = residual.naming()
+    if naming.needs_unrecorded_channel(runs):
         return Explanation(replace(naming.nothing_named(), unrecorded=True))
-    naming, location = ask.without_what_motion_tells(naming, location)
+    naming, location = residual.checked_against_motion(naming, location)
     if not naming.named and location is None:
-        if ask.by_motion() < rules.HALF:
-            if in_time and untold(fit, runs):
+        if residual.by_motion() < rules.HALF:
+            if in_time and unexplained(fit, runs):
                 return Explanation(naming, locate(in_time[0], runs))
-            return Explanation(ask.instead_of_parameters(naming))
-        if is_much(fit, runs):
-            location = locate(most, runs)  # where most of what motion tells shows
+            return Explanation(residual.instead_of_parameters(naming))
+        if is_material(fit, runs):
+            location = locate(most, runs)  # where most of what motion explains shows
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and most.channel.name != "time_s"
     if location is not None and (not naming.named or scheduled):
         empirical = propose(fit, runs, block, fold, seed)
     if naming.named and empirical is not None:
         if empirical.held_out_gain > naming.named[0].held_out_gain:
-            # A recorded channel says better when it happens than a schedule, which is for causes that none records.
+            # A recorded channel explains more than a schedule, which is for unrecorded causes.
             naming = naming.nothing_named()
         else:
             empirical = None
-    remains = None if naming.corrected is None else ask.remains(naming.corrected)
+    remains = None if naming.corrected is None else residual.remains(naming.corrected)
     if remains is not None and most.found and _of_another_channel(naming, remains, most):
         naming, remains = naming.nothing_named(), None
         empirical = propose(fit, runs, block, fold, seed)
@@ -91,12 +92,12 @@ def explain(
 
 
 @dataclass(frozen=True)
-class _Question:
-    """A refit of some runs, of which is asked what it leaves."""
+class _Residual:
+    """The residual of a refit of some runs, and the tests of what explains it."""
 
     fit: Refit
     runs: Runs
-    most: Dependence  # that shows most of what it leaves
+    most: Dependence  # with the largest gain
     block: Index  # (windows,)
     by_run: Index  # (windows,)
     seed: int
@@ -108,19 +109,19 @@ class _Question:
         return self.block % FOLDS
 
     def naming(self, varying: bool = True) -> Naming:
-        """What is named."""
+        """The effects that are named."""
         return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, varying)
 
     def by_motion(self) -> float:
-        """Share of what the refit leaves that motion tells."""
+        """Share of the residual that motion explains."""
         return motion_gain(self.fit, self.runs, self.fold, self.seed)
 
     def by(self, naming: Naming) -> float:
-        """Share of it that the named effects explain."""
+        """Share of the residual that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
 
     def remains(self, corrected: Corrected) -> Remains | None:
-        """What the corrected model leaves, by the test that the refit was put to."""
+        """The residual of the corrected model where, by the test of the refit's, it depends on a channel."""
         blocks = independent_blocks(corrected, self.runs)
         most = dependences(corrected, self.runs, blocks, self.by_run, self.seed)[0]
         if not most.found or most.channel.name == "time_s":
@@ -129,62 +130,63 @@ class _Question:
         return Remains(most.channel.name, locate(most, self.runs), formula)
 
     def instead_of_parameters(self, naming: Naming) -> Naming:
-        """What is named if groups that one effect would make up for stay as the robot file has them.
+        """The effects named if groups that one effect would replace are held at the robot file's values.
 
-        That is asked where the refit takes up all that is missing.
+        It is tried where the refit absorbs all that is missing.
         """
-        taken_up = not is_much(self.fit, self.runs) or times_noise(self.fit, self.runs) <= 1.0
+        taken_up = not is_material(self.fit, self.runs) or times_noise(self.fit, self.runs) <= 1.0
         held = needless(self.fit, self.runs) if taken_up else None
         if held is None:
             return naming
-        sparing = replace(self, fit=holding(self.fit, self.runs, held))
-        again = sparing.without_what_motion_tells(sparing.naming(varying=False), None)[0]
-        if not again.named or again.told_by_no_channel(self.runs):
+        restricted = replace(self, fit=holding(self.fit, self.runs, held))
+        again = restricted.checked_against_motion(restricted.naming(varying=False), None)[0]
+        if not again.named or again.needs_unrecorded_channel(self.runs):
             return naming
         return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
 
-    def without_what_motion_tells(self, naming: Naming, location: Location | None) -> tuple[Naming, Location | None]:
-        """Name nothing where the named effects are little of what is missing, or what the first needs a schedule for is
-        told by motion, its history or the place.
+    def checked_against_motion(self, naming: Naming, location: Location | None) -> tuple[Naming, Location | None]:
+        """Name nothing where the effects explain too little of the residual, or where motion, its history or the place
+        explain as much as the schedule of the first.
 
-        Where no other effect explains it either, say where it is.
+        Where no other effect explains the residual either, return where it is.
         """
         if naming.corrected is None:
             return naming, location
         first, corrected = naming.named[0], naming.corrected
         where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
         by_its_channel = self.most.found and self.most.channel.name in first.term.hypothesis.channels
-        if untold(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.HALF:
+        if unexplained(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.HALF:
             return naming.nothing_named(), where
         by_motion = self.by_motion()
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming, by_motion) else naming.nothing_named()), location
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
-        if by_motion < rules.AS_WELL * first.held_out_gain and by_place < rules.TOLD_BY_PLACE * first.held_out_gain:
+        if by_motion < rules.EQUIVALENT * first.held_out_gain and by_place < rules.BY_PLACE * first.held_out_gain:
             return naming, location
         again = self.naming(varying=False)
-        if self.by(again) >= rules.MOSTLY * first.held_out_gain:
+        if self.by(again) >= rules.SIMPLER * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
-        """Whether the named effects, or the first alone, explain most of what motion and its history tell."""
+        """Whether the named effects, or the first alone, explain most of what motion and its history do."""
         share = self.by(naming)
-        if naming.named[0].held_out_gain >= rules.MOSTLY * by_motion or share >= rules.AS_WELL * by_motion:
+        if naming.named[0].held_out_gain >= rules.SIMPLER * by_motion or share >= rules.EQUIVALENT * by_motion:
             return True
         if naming.corrected is None or share < rules.HALF * by_motion:
             return False
-        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.MUCH_BETTER)
+        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.CLEARLY_BETTER)
 
 
 def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> bool:
-    """Whether a channel that tells of nothing named explains more than what is named, and still does beside it.
+    """Whether a channel that shows no named effect explains more than those named, and the residual still depends on
+    it.
 
-    Which channel explains comes before which form: an effect that only takes up a part of what another channel does
-    would hide it.
+    The channel is identified before the form: an effect that only absorbs a part of another channel's influence would
+    hide it.
     """
     named = (term for one in naming.named for term in (one.term, *one.rivals))
-    told = {channel for term in named for channel in term.hypothesis.channels}
+    covered = {channel for term in named for channel in term.hypothesis.channels}
     by_named = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
-    untold_channel = most.channel.name not in told and remains.channel == most.channel.name
-    return untold_channel and most.held_out_gain > by_named
+    not_covered = most.channel.name not in covered and remains.channel == most.channel.name
+    return not_covered and most.held_out_gain > by_named

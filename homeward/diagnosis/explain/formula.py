@@ -1,10 +1,10 @@
-"""A formula for what no known effect explains: sparse, dimensionally consistent, and empirical.
+"""A formula for a residual that no known effect explains: sparse, dimensionally consistent, and empirical.
 
 Candidates are the weight's power m g v, the drive's load, or plain watts, times at most two dimensionless groups of the
 channels (|w| B / v_max, a / g, sin(grade), ...) with small powers. At most two terms are taken, one after the other, by
-held-out error and by a BIC that pays for the size of the search (Chen & Chen, Biometrika 2008). The proof is that of
-the catalogue's effects, and its placebos repeat the whole search on channels that are shifted in time: a winner among
-thousands is only worth something if the best of thousands without a cause does worse.
+held-out error and by the extended BIC, with a penalty for the size of the search (Chen & Chen, Biometrika 2008). It is
+validated as the catalogue's effects are, and its placebos repeat the whole search on channels shifted in time: the best
+of thousands of candidates counts only if it beats the best of thousands without a cause.
 """
 
 from collections import defaultdict
@@ -32,24 +32,24 @@ _MOST_SEARCHED = 20_000  # windows; of more the search takes every second, third
 _MOST_ALTERNATIVES = 3
 _RIDGE = 1e-8
 _MILD_C = 20.0
-_STANDS_MPS = 0.02
+_STANDSTILL_MPS = 0.02
 _PLAIN, _SQUARED, _ROOT_TOO = (1.0,), (1.0, 2.0), (0.5, 1.0, 2.0)  # powers of a group
 
 
 @dataclass(frozen=True)
 class EmpiricalTerm:
-    """One term of the formula: `coefficient` times what `text` says, with where its symbols come from."""
+    """One term of the formula: `coefficient` times the expression `text`."""
 
     text: str  # such as "m g v (|w| B / v_max)^2"
     coefficient: float
     ci95: tuple[float, float]
     unit: str  # of the coefficient: "1", "W" or "A"
-    alternatives: tuple[str, ...]  # what does as well on these recordings
+    alternatives: tuple[str, ...]  # expressions that fit these recordings equally well
 
 
 @dataclass(frozen=True)
 class Empirical:
-    """A formula that passed the proof; `columns` and `contribution` have shape (windows, terms)."""
+    """A validated formula; `columns` and `contribution` have shape (windows, terms)."""
 
     symbol: str  # of what it adds to: "P" or "I"
     terms: tuple[EmpiricalTerm, ...]
@@ -59,7 +59,7 @@ class Empirical:
     delta_bic: float
     held_out_gain: float  # share of the refit's squared held-out error
     gain_ci95: tuple[float, float]
-    p_value: float  # share of searches without a cause that do as well
+    p_value: float  # share of searches without a cause that score as high
 
     @property
     def text(self) -> str:
@@ -74,26 +74,26 @@ class Empirical:
 
 
 def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Empirical | None:
-    """Find the formula that the residual of a refit follows; None where none passes the proof.
+    """Find a formula that fits the residual of a refit; None where none is validated.
 
-    Windows of one `block` depend on each other, those of one `fold` are held out together, shape (windows,) each.
+    Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each.
     """
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
     chosen: list[int] = []
-    p_value = paid = 0.0
+    p_value = total_bic_gain = 0.0
     while len(chosen) < _MOST_TERMS:
         scores = search.scores(library.parts, chosen)
         best = int(np.argmax(scores))
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
-        pays = delta_bic(runs.observed, before, after, runs.run) - float(library.cost[best])
+        bic_gain = delta_bic(runs.observed, before, after, runs.run) - float(library.cost[best])
         gained = gain(runs.observed, before, after, block, seed)
-        if pays < rules.VERY_STRONG or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if bic_gain < rules.VERY_STRONG_BIC or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), seed)
         if p_value_of_term > 1.0 / (rules.PLACEBOS + 1):
             break
-        chosen, paid, p_value = [*chosen, best], paid + pays, max(p_value, p_value_of_term)
+        chosen, total_bic_gain, p_value = [*chosen, best], total_bic_gain + bic_gain, max(p_value, p_value_of_term)
     if not chosen:
         return None
     chosen, alternatives = _reconsidered(search, chosen)
@@ -107,7 +107,7 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Em
     texts = " ".join(one.text for one in terms)
     return Empirical(
         "P" if runs.unit == "W" else "I", terms, constants(texts, fit.parameters.nominal, runs), columns,
-        columns * sizes, paid, gained.share, gained.ci95, p_value,
+        columns * sizes, total_bic_gain, gained.share, gained.ci95, p_value,
     )  # fmt: skip
 
 
@@ -119,7 +119,7 @@ class Library:
     units: tuple[str, ...]  # of a coefficient
     parts: Array  # (windows, bases + factors): what candidates are products of
     places: Index  # (candidates, 3): base and factors of each in `parts`
-    cost: Array  # (candidates,): what the search costs in BIC, the log of the number of candidates that are as simple
+    cost: Array  # (candidates,): BIC penalty of the search, twice the log of the number of candidates as simple
 
     def columns(self, chosen: Sequence[int]) -> Array:
         """Values of some candidates, shape (windows, chosen)."""
@@ -142,16 +142,16 @@ class Library:
 
 @dataclass(frozen=True)
 class Search:
-    """What a search for a term needs beside the terms that are present."""
+    """A search for a further term beside those that are present."""
 
     library: Library
     fit: Fitted
     runs: Runs
     fold: Index
-    memory: float | None = None  # of what is left, in windows; by default that of the refit's residual
+    correlation: float | None = None  # autocorrelation time of the residual, windows; None: of the refit's
 
     def scores(self, parts: Array, present: Sequence[int]) -> Array:
-        """Evidence for each candidate beside the refit and the terms present, shape (candidates,).
+        """Reduction of BIC by each candidate beside the refit and the terms present, shape (candidates,).
 
         `parts` is what candidates are products of, as the library has it or shifted in time.
         """
@@ -164,7 +164,7 @@ class Search:
         without, with_it = _squared_errors([
             (known[one].T @ known[one], *self.library.products(parts[thin][one], known[one])) for one in folds
         ])  # fmt: skip
-        effective = max(len(residual) / (self.memory or noise_of(residual, self.runs.run).memory), 2.0)
+        effective = max(len(residual) / (self.correlation or noise_of(residual, self.runs.run).correlation), 2.0)
         return np.asarray(effective * np.log(without / with_it) - np.log(effective) - self.library.cost)
 
     def held_out(self, present: Sequence[int]) -> Array:
@@ -176,20 +176,20 @@ class Search:
 def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float, Array]:
     """Squared error on each fold of fits to the others, without a candidate and with each, shape (candidates,).
 
-    What a candidate adds is what the other columns do not say of it (Frisch & Waugh, Econometrica 1, 1933). A fold has
-    products of what is known, the target last, (known, known), squares of candidates, and products with what is known.
+    A candidate contributes its part orthogonal to the other columns (Frisch & Waugh, Econometrica 1, 1933). A fold has
+    products of the known columns, the target last, (known, known), squares of candidates, and products of both.
     """
     gram, square, beside = (np.array(one) for one in zip(*folds, strict=True))
     without, with_it = 0.0, np.zeros(square.shape[1])
     for test in range(len(folds)):
         rest, power, moment = (np.delete(one, test, axis=0).sum(axis=0) for one in (gram, square, beside))
         inverse = np.linalg.inv(rest[:-1, :-1] + _RIDGE * np.eye(len(rest) - 1))
-        weights, said = inverse @ rest[:-1, -1], moment[:, :-1] @ inverse
-        own = power - (said * moment[:, :-1]).sum(axis=1)
-        seen = own > 1e-6 * np.maximum(power, 1e-300)  # else what is in the model says the same
+        weights, spanned = inverse @ rest[:-1, -1], moment[:, :-1] @ inverse
+        own = power - (spanned * moment[:, :-1]).sum(axis=1)
+        seen = own > 1e-6 * np.maximum(power, 1e-300)  # else it is collinear with the model
         size = np.where(seen, (moment[:, -1] - moment[:, :-1] @ weights) / np.where(seen, own, 1.0), 0.0)
         plain = np.append(-weights, 1.0)
-        left = plain + np.pad(said * size[:, None], ((0, 0), (0, 1)))  # of the target, less size times the candidate
+        left = plain + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))  # less size times the candidate
         without += max(float(plain @ gram[test] @ plain), 0.0)
         squared = ((left @ gram[test]) * left - 2.0 * size[:, None] * beside[test] * left).sum(axis=1)
         with_it += np.maximum(squared + size**2 * square[test], 0.0)
@@ -197,21 +197,21 @@ def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float,
 
 
 def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
-    """Each term chosen anew beside the others, as the first had to stand in for the second; and what does as well."""
+    """Each term chosen anew beside the others, as the first was chosen without the second; and its equivalents."""
     left = search.runs.observed - search.held_out(chosen)
-    judge = replace(search, memory=correlation_windows(left, search.runs.run))
+    judge = replace(search, correlation=correlation_windows(left, search.runs.run))
     final, alternatives = list(chosen), []
     for index in range(len(final)):
         scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])
         best_first = np.argsort(-scores, kind="stable").tolist()
         final[index] = best_first[0]
-        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - rules.VERY_STRONG]
+        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - rules.VERY_STRONG_BIC]
         alternatives.append(tuple(search.library.texts[one] for one in close[:_MOST_ALTERNATIVES]))
     return final, alternatives
 
 
 def _placebo_p_value(search: Search, present: Sequence[int], score: float, seed: int) -> float:
-    """Share of searches, this one among them, that find as good a term among channels shifted in time."""
+    """Share of searches, this one included, that find as good a term on channels shifted in time."""
     rng, parts = np.random.default_rng(seed), search.library.parts
     found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(rules.PLACEBOS)]
     return (1 + sum(one >= score for one in found)) / (rules.PLACEBOS + 1)
@@ -243,14 +243,14 @@ def candidates(fit: Fitted, runs: Runs) -> Library:
     """Every candidate that the channels of these runs allow."""
     robot, one = fit.parameters.nominal, np.ones(len(runs.observed))
     if runs.unit == "A":
-        # Current is a force: the load is what the motors draw beyond their current at rest.
+        # Current is a force: the load is the current above that at rest.
         load = np.maximum(fit.predicted - fit.theta[AT_REST], 0.0)
         bases = [_Base("", "A", one, frozenset()), _Base("I_drive", "1", load)]
     else:
         weight_w = robot.mass_kg * GRAVITY_MPS2 * np.abs(runs.context["speed_mps"])
         load = np.maximum(fit.predicted - ancillary_power(fit.groups.robot, runs.sensing_hz), 0.0)
         bases = [
-            _Base("", "W", one, frozenset({"(v / v_max)", "(v / v_max)^2"})),  # with a higher power of v it is a load
+            _Base("", "W", one, frozenset({"(v / v_max)", "(v / v_max)^2"})),  # a constant times a power of v is a load
             _Base("m g v", "1", weight_w),
             _Base("P_drive", "1", load),
         ]
@@ -284,8 +284,8 @@ def constants(text: str, robot: Robot, runs: Runs) -> dict[str, str]:
         "f_max": f"f_max = {robot.max_sensing_hz:.4g} Hz",
         "r_max": f"r_max = {_largest(runs.context.get('base_distance_m', np.zeros(1))):.4g} m",
         "t_max": f"t_max = {float(_time_in_run(runs).max()):.4g} s",
-        "P_drive": "P_drive = what the refit says of the drive",
-        "I_drive": "I_drive = what the refit says of the drive",
+        "P_drive": "P_drive = the drive's power by the refit",
+        "I_drive": "I_drive = the drive's current by the refit",
     }
     return {symbol.strip(): meaning for symbol, meaning in known.items() if symbol in text}
 
@@ -317,7 +317,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     sine, warmth = np.sin(channel["grade_rad"]), (channel["temperature_c"] - _MILD_C) / _MILD_C
     far_m, time_s = np.abs(channel["base_distance_m"]), _time_in_run(runs)
     return [
-        ("speed", "[v > 0]", (speed > _STANDS_MPS).astype(np.float64), _PLAIN),
+        ("speed", "[v > 0]", (speed > _STANDSTILL_MPS).astype(np.float64), _PLAIN),
         ("speed", "v / v_max", speed / robot.max_speed_mps, _ROOT_TOO),
         ("turning rate", f"|w| {per}", np.abs(turning) * scale_s, _ROOT_TOO),
         ("turning rate", f"w+ {per}", np.maximum(turning, 0.0) * scale_s, _PLAIN),
@@ -341,7 +341,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
 
 
 def _sectors(heading_rad: Array) -> Iterator[_Dimensionless]:
-    """Ways to depend on the heading; that of 0 is called east, as in ENU frames."""
+    """Functions of the heading; heading 0 is east, as in ENU frames."""
     for degrees in range(0, 360, 45):
         along = np.cos(heading_rad - np.deg2rad(degrees))
         if degrees < 180:

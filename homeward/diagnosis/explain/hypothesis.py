@@ -1,9 +1,9 @@
-"""What a hypothesis is: one effect as the diagnosis tries it, tells it and has it checked.
+"""A hypothesis: one effect as the diagnosis tries, reports and verifies it.
 
-An effect whose channels tell when it is at work needs no more than its entry: every other field has a default. What an
-effect adds comes from the kernel: the replay with the effect less the replay without it. Where no channel tells, its
-size follows a schedule that is found from the residual, and how it may change tells such effects apart: a load is put
-on where the robot stands, the ground changes while it moves, a battery ages between runs.
+An effect whose channels show when it is at work needs only its entry: every other field has a default. Its contribution
+comes from the kernel: the replay with the effect less the replay without it. Where no channel shows it, its size
+follows a schedule found from the residual, and the way it changes distinguishes such effects: a load is added at
+standstill, the ground changes while the robot moves, a battery ages between runs.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from homeward.logs.channels import Array, Mask
 from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6
-"""Of the largest size of an effect: its response is linear there."""
+"""Share of the largest size of an effect at which its response is linear."""
 
 CHECKS: Mapping[str, str] = {
     "force": "tow the robot over the ground with a spring balance, its drive disengaged",
@@ -35,12 +35,12 @@ CHECKS: Mapping[str, str] = {
     "battery": "discharge a full battery through a known load and compare its energy with the rated one",
     "instrument": "compare the log with a second instrument",
 }
-"""The measurement that shows an effect where no drive does, by where it enters."""
+"""The measurement that identifies an effect where no drive does, by where it enters."""
 
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
-_COST_OF_A_CHANGE = 3  # parameters: a moment that was searched for (Zhang & Siegmund, 2007)
-_PIECES = 4  # of a function that only rises
-_PREFERENCES = ("standing", "moving")  # between equals: mostly so; the other ways to change are what an effect means
+_COST_OF_A_CHANGE = 3  # parameters per estimated change point (Zhang & Siegmund, 2007)
+_PIECES = 4  # of a rising function
+_PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
 
 Numbers = Mapping[str, float]
 Spread = Mapping[str, tuple[float, float]]
@@ -49,9 +49,9 @@ Forms = Callable[["Hypothesis", "Setting"], Iterator["Term"]]
 
 @dataclass(frozen=True)
 class Instrument:
-    """What is wrong with the reading and not with the robot; the fields mean what those of a physical effect mean.
+    """A fault of the reading and not of the robot; the fields are those of a physical effect.
 
-    It corrects the reading of recordings only; no robot file takes it.
+    It corrects the reading of recordings only; no robot file contains it.
     """
 
     id: str
@@ -71,9 +71,9 @@ class Instrument:
 
 @dataclass(frozen=True)
 class Term:
-    """One form of a hypothesis: what a unit of its size adds, shape (windows, sizes), and bounds of the sizes.
+    """One form of a hypothesis: its contribution per unit of size, shape (windows, sizes), and bounds of the sizes.
 
-    `hidden` counts what was searched for beside the sizes, for the comparison of models of different freedom.
+    `hidden` counts parameters that were searched beside the sizes, for BIC.
     """
 
     hypothesis: Hypothesis
@@ -84,14 +84,14 @@ class Term:
     shape: Numbers = field(default_factory=dict)
     axis: Axis | Literal["steady"] = "steady"  # what the size depends on
     schedule: Schedule | None = None
-    spread: Spread = field(default_factory=dict)  # interval of what the schedule shows
-    fixed: bool = False  # whether its columns are no response of the kernel
-    natural: bool = True  # whether the size changes as the sizes of this effect do
-    of_rolling_kg: float | None = None  # C_rr m that its sizes are shares of, where they are: before the joint fit
-    load: Array | None = None  # what a unit adds where it is at work, (windows,), where that is not everywhere
-    at_work: Array | None = None  # how much of each size is at work, (windows, sizes)
-    flexible: bool = False  # whether its sizes make up any function that only rises, which no file has
-    plain: Term | None = None  # where this form is none that a robot file can say, the best that is
+    spread: Spread = field(default_factory=dict)  # intervals of parameters estimated from the schedule
+    fixed: bool = False  # whether its columns are not computed by the kernel
+    typical: bool = True  # whether the size changes in the way typical of this effect
+    of_rolling_kg: float | None = None  # C_rr m before the joint fit, where its sizes are shares of it
+    load: Array | None = None  # contribution per unit where it is at work, (windows,), None if everywhere
+    at_work: Array | None = None  # share of each size that is at work, (windows, sizes)
+    flexible: bool = False  # whether its sizes form any rising function, which no file can express
+    plain: Term | None = None  # the best form that a robot file can express, where this one is not
 
     @property
     def effect(self) -> str:
@@ -100,18 +100,18 @@ class Term:
 
     @property
     def linear(self) -> bool:
-        """Whether its columns say all, so that no replay with other sizes is needed."""
+        """Whether its contribution is linear in its sizes, so that no replay with other sizes is needed."""
         return self.axis != "steady" or self.fixed
 
     @property
     def misread(self) -> bool:
-        """Whether it is what a meter reads beyond what was drawn."""
+        """Whether it is a reading error of the power meter."""
         return not self.hypothesis.physical and self.linear
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What hypotheses are made from: the runs, the refit's parameters, what is already in the model, what is left."""
+    """Inputs of hypotheses: the runs, the refit's parameters, the effects in the model, the residual."""
 
     runs: Runs
     parameters: Parameters
@@ -122,18 +122,18 @@ class Setting:
 
     @classmethod
     def of(cls, fit: Refit, runs: Runs, residual: Array | None = None) -> Setting:
-        """What a refit leaves, or another residual of it, shape (windows,)."""
+        """Setting of a refit with its own residual or another, shape (windows,)."""
         left = runs.observed - fit.predicted if residual is None else residual
         return cls(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, left)
 
     @property
     def rolling_kg(self) -> float:
-        """C_rr m, of the robot file where a fit without rough ground takes it for none."""
+        """C_rr m, of the robot file where a fit without rough ground estimates it near zero."""
         fitted, assumed = float(self.theta[ROLLING]), float(self.parameters.start[ROLLING])
-        return fitted if fitted > rules.MATTERS * assumed else assumed
+        return fitted if fitted > rules.MATERIAL_SHARE * assumed else assumed
 
     def response(self, one: Hypothesis, size: float, shape: Numbers) -> Array:
-        """What an effect of this size adds, per unit of its size, shape (windows,)."""
+        """Contribution of an effect of this size, per unit of size, shape (windows,)."""
         lacking = {name: numbers for name, numbers in one.beside.items() if name not in self.present.effects}
         start, without = self.present, self.predicted
         if lacking:
@@ -144,7 +144,7 @@ class Setting:
 
 
 def responses(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """At one size throughout, at each of a few values of its other parameters."""
+    """Forms of one constant size, at each of a few values of its other parameters."""
     switch = one.entry.switch
     shapes = list(one.shapes(setting))
     for shape in shapes:
@@ -153,7 +153,7 @@ def responses(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """As any function that rises with the channel that tells it, W: which channel comes before which form."""
+    """Form as any function that rises with its channel, W: the channel is identified before the form."""
     values = setting.runs.context.get(one.rises_with.lstrip("-"))
     if not one.rises_with or values is None or not np.isfinite(values).all():
         return
@@ -161,7 +161,7 @@ def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     values = np.abs(values) if any(of.magnitude for of in TESTED if of.name == one.rises_with) else values
     edges = np.unique(np.quantile(np.unique(np.round(values, 6)), np.linspace(0.0, 1.0, _PIECES + 1)))
     if len(edges) < 3:
-        return  # two values tell no form
+        return  # two values determine no form
     steps = np.clip((values[:, None] - edges[:-1]) / np.diff(edges), 0.0, 1.0)
     per_unit = setting.predicted[:, None] if one.entry.kind == "battery" else 1.0
     most = np.full(steps.shape[1], float(np.max(np.abs(setting.runs.observed))))
@@ -169,7 +169,7 @@ def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """At levels that change at moments or places which the residual shows, or along the way as a smooth profile."""
+    """Forms with levels that change at moments or places found from the residual, or with a smooth profile by place."""
     load = None if one.changes is None else one.load(one, setting)
     if one.changes is None or load is None:
         return
@@ -182,19 +182,19 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
             axis, load, setting.residual, runs, np.ones(len(load), np.bool_), change_points.SHARES
         ):
             if one.changes == "repeatedly" and schedule.levels > 2:
-                continue  # what is switched is on or off: more levels follow what creeps
-            if axis == "time" and one.by_place and met_again and schedule.changes > one.weather:
-                continue  # the ground of a place lasts
-            natural = axis == "place" or change_points.may_change(one.changes, schedule, runs)
-            if not natural and (one.changes not in _PREFERENCES or schedule.changes > rules.SELDOM):
+                continue  # a switched load is on or off: more levels would fit a drift
+            if axis == "time" and one.by_place and met_again and schedule.changes > one.most_changes:
+                continue  # the ground of a place does not change
+            typical = axis == "place" or change_points.may_change(one.changes, schedule, runs)
+            if not typical and (one.changes not in _PREFERENCES or schedule.changes > rules.RARE_CHANGES):
                 continue
-            natural = natural and not one.seldom
+            typical = typical and not one.seldom
             rhythm, spread = one.rhythm(schedule, runs)
             cost = 1 if change_points.clearly_apart(schedule) else _COST_OF_A_CHANGE
             at_work = schedule.at_work()
             yield Term(
                 one, load[:, None] * at_work, *one.limits(schedule.levels - 1, one.signed),
-                cost * schedule.changes + int(not natural), rhythm, axis, schedule, spread, natural=natural,
+                cost * schedule.changes + int(not typical), rhythm, axis, schedule, spread, typical=typical,
                 of_rolling_kg=rolling_kg, load=load, at_work=at_work,
             )  # fmt: skip
     for hats in change_points.profiles(runs) if one.by_place else []:
@@ -208,7 +208,7 @@ def everywhere(one: Hypothesis, setting: Setting) -> Array:
 
 
 def temperatures(of: Parameter) -> Callable[[Setting], Iterator[Numbers]]:
-    """Values of a temperature that are tried: among those recorded, above all of them, and 20 degC."""
+    """Values tried for a temperature: quantiles of the recorded ones, one above them, and 20 degC."""
 
     def shapes(setting: Setting) -> Iterator[Numbers]:
         temperature_c = setting.runs.context["temperature_c"]
@@ -252,45 +252,44 @@ def _on_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Arr
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One effect, or one fault of an instrument: how it is tried by what channels tell, how where none does, how it is
-    fitted, and how it is told and checked."""
+    """One effect or fault of an instrument: its forms with and without a channel that shows it, fit and report."""
 
     entry: Effect | Instrument
 
-    needs: tuple[str, ...] | None = None  # channels without which none tells when it is at work; None: those of `entry`
-    beside: Mapping[str, Numbers] = field(default_factory=dict)  # effects without which it has no effect
+    needs: tuple[str, ...] | None = None  # channels that show when it is at work, all needed; None: those of `entry`
+    beside: Mapping[str, Numbers] = field(default_factory=dict)  # effects that it requires
     shapes: Callable[[Setting], Iterator[Numbers]] = lambda setting: iter([{}])  # values of its other parameters
-    rises_with: str = ""  # channel that its power rises with, whatever the form, or falls with, with a minus
-    steady: Forms | None = responses  # forms of one size; None where no channel ever tells when it is at work
+    rises_with: str = ""  # channel that its power rises with in any form; with a minus, falls with
+    steady: Forms | None = responses  # forms of one size; None if no channel shows it
 
     changes: Changes | None = None  # how its size changes for no recorded reason, if it may
-    signed: bool = False  # whether it may then be below the usual size
+    signed: bool = False  # whether its size may then also fall below the reference
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
-    weather: int = rules.SELDOM  # times that it may change in places that are met again
-    of_rolling: bool = False  # whether it is a share of the rolling resistance, which a file says as rough ground
-    load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None where a channel tells
+    most_changes: int = rules.RARE_CHANGES  # changes in time that it may have in places that are revisited
+    of_rolling: bool = False  # whether it is a share of the rolling resistance, in a file as rough ground
+    load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None if a channel shows it
     rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = lambda schedule, runs: (
         {},
         {},
-    )  # what else a schedule shows
+    )  # parameters estimated from a schedule
     varying: Forms = levels  # forms whose size changes for no recorded reason
 
     bounds: tuple[float, float] | None = None  # of its size, where they are not those of its first parameter
     size_names: Callable[[Term], Sequence[tuple[str, str]]] = _level_names  # name and unit of each size
-    searched: tuple[Parameter, ...] = ()  # what recordings may determine beside the size
+    searched: tuple[Parameter, ...] = ()  # parameters that recordings may identify beside the size
     within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect  # adds it to a replay
-    reach: Callable[[Runs], Numbers] = lambda runs: {}  # numbers in its file that say how far recordings reach
-    of_the_day: bool = False  # whether it is weather, of which no robot file says anything
+    reach: Callable[[Runs], Numbers] = lambda runs: {}  # numbers in its file that give the range of the recordings
+    is_weather: bool = False  # whether it is weather, which no robot file contains
 
-    map_channel: str = ""  # without which it may be but what that channel would have told
+    map_channel: str = ""  # without it the effect may be that channel's influence
 
-    shown_by: tuple[str, ...] | None = None  # channels that say when it is at work; None: those that it needs
-    otherwise: str = "while driving"  # when it is at work, where no channel says so
-    check: str = ""  # the measurement that shows it where no drive does; that of its kind if left out
+    shown_by: tuple[str, ...] | None = None  # channels that show when it is at work; None: those of `entry`
+    otherwise: str = "while driving"  # when it is at work, if no channel shows it
+    check: str = ""  # measurement that identifies it where no drive does; default by kind
     at_wheels: bool = False  # whether it shows in motor current, as every force does
-    lies_in: Literal["load", "ground", "route"] | None = None  # what must be there on a test drive
-    on_drive: Callable[[Hypothesis, Drive, float, Numbers], Array] = _on_drive  # what a size and shape add to one
+    lies_in: Literal["load", "ground", "route"] | None = None  # what a test drive must include
+    on_drive: Callable[[Hypothesis, Drive, float, Numbers], Array] = _on_drive  # its contribution to a test drive
 
     @property
     def id(self) -> str:
@@ -309,17 +308,17 @@ class Hypothesis:
 
     @property
     def of_current(self) -> bool:
-        """Whether it shows in motor current: of what is no force at the wheels, a torque sensor sees nothing."""
+        """Whether it shows in motor current, which measures only forces at the wheels."""
         return self.at_wheels or self.entry.kind == "force"
 
     @property
     def measurement(self) -> str:
-        """What a drive cannot show but a measurement does."""
+        """The measurement that identifies it where no drive does."""
         return self.check or CHECKS[self.entry.kind].format(name=self.name)
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Channels whose values say when it is at work, the most telling first."""
+        """Channels whose values show when it is at work, the most informative first."""
         known = {channel.name for channel in TESTED}
         return tuple(name for name in self.entry.needs if name in known) if self.shown_by is None else self.shown_by
 
@@ -329,7 +328,7 @@ class Hypothesis:
         return np.full(sizes, low if signed else 0.0), np.full(sizes, high)
 
     def forms(self, setting: Setting, varying: bool) -> Iterator[Term]:
-        """Every form that these runs allow, those whose size changes for no recorded reason only if asked for."""
+        """Every form that these runs allow, those whose size changes for no recorded reason only if `varying`."""
         if self.steady is not None and not self.missing(setting.runs):
             yield from self.steady(self, setting)
             yield from rising(self, setting)
@@ -337,19 +336,19 @@ class Hypothesis:
             yield from self.varying(self, setting)
 
     def search(
-        self, axis: Axis, load: Array, residual: Array, runs: Runs, told: Mask, shares: Sequence[float]
+        self, axis: Axis, load: Array, residual: Array, runs: Runs, chosen: Mask, shares: Sequence[float]
     ) -> list[Schedule]:
-        """Schedules that a search in the windows that it is `told`, shape (windows,), finds, of few changes to many.
+        """Schedules found by a search in the `chosen` windows, shape (windows,), of few changes to many.
 
-        Others have the level of those before them. A unit of its size adds `load`, shape (windows,), where it is at
-        work, and a change must explain such `shares` of the squared residual, the largest first.
+        Other windows have the level of those before them. A unit of size adds `load`, shape (windows,), where the
+        effect is at work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        found = change_points.search(axis, load * told, residual * told, runs, self.signed, shares)
-        # What begins once was not there before, however long it lasts.
+        found = change_points.search(axis, load * chosen, residual * chosen, runs, self.signed, shares)
+        # An effect that begins once was absent before, however long it lasts.
         return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
 
     def missing(self, runs: Runs) -> tuple[str, ...]:
-        """Channels that it needs to be seen and that no run has."""
+        """Channels that it needs and that no run has."""
         given = {*runs.context, *_ALWAYS_GIVEN}
         if runs.unit == "W":
             given |= {"voltage_v", "current_a"}
@@ -358,6 +357,6 @@ class Hypothesis:
         return tuple(name for name in (self.entry.needs if self.needs is None else self.needs) if name not in given)
 
     def looks_like(self, other: Hypothesis, runs: Runs) -> bool:
-        """Whether the two are known to look alike and no channel of these runs shows the difference."""
+        """Whether the two are known to be confounded and no channel of these runs separates them."""
         known = other.id in self.entry.confused_with or self.id in other.entry.confused_with
         return known and bool({*self.entry.needs, *other.entry.needs} - {*runs.context, *_ALWAYS_GIVEN})

@@ -40,7 +40,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Model:
-    """The physics that recordings ask for: the groups of the refit and the named effects."""
+    """The model fitted to recordings: the groups of the refit and the named effects."""
 
     parameters: Parameters
     terms: tuple[Term, ...]
@@ -52,11 +52,11 @@ class Model:
         return np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2).T
 
     def of(self, index: int) -> list[int]:
-        """Which of the unknowns are those of a term."""
+        """Indices of the unknowns of a term."""
         return [at for at, one in enumerate(self.unknowns) if one.term == index]
 
     def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
-        """What the model predicts, (windows,), by parameters and a value per unknown, without a term if told so."""
+        """Prediction, (windows,), by parameters and a value per unknown, without term `leave_out` if given."""
         added = np.zeros(len(runs.observed))
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
@@ -64,7 +64,7 @@ class Model:
         return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
 
     def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
-        """The terms that the replay takes into account itself."""
+        """The terms that the replay includes."""
         found = WithEffects()
         for index, term in enumerate(self.terms):
             if not term.linear and index != leave_out:
@@ -73,7 +73,7 @@ class Model:
         return found
 
     def setting(self, runs: Runs, theta: Array, values: Array) -> Setting:
-        """What these parameters and values predict by the terms of the replay, and what that leaves."""
+        """Prediction of these parameters and values by the terms of the replay, and its residual."""
         within = self.within(runs, values)
         alone = self.parameters.predict(runs, theta, within)
         return Setting(runs, self.parameters, theta, within, alone, runs.observed - alone)
@@ -81,14 +81,14 @@ class Model:
 
 @dataclass(frozen=True)
 class Corrected:
-    """The fitted model with what it takes to refit it on a part of the windows."""
+    """The fitted model, linearised so that it can be refitted on a part of the windows."""
 
     model: Model
     values: Array  # (unknowns,)
     ci95: tuple[tuple[float, float], ...]
     groups: Refit  # of the groups of the refit, fitted together with the effects
     beside: Array  # (windows, unknowns): derivative of the prediction, per unit of each unknown
-    contribution: tuple[Array, ...]  # what each term adds, shape (windows,)
+    contribution: tuple[Array, ...]  # power or current of each term, shape (windows,)
 
     @property
     def parameters(self) -> Parameters:
@@ -102,7 +102,7 @@ class Corrected:
 
     @property
     def predicted(self) -> Array:
-        """What the model predicts for the windows it was fitted to, shape (windows,)."""
+        """Prediction for the windows that the model was fitted to, shape (windows,)."""
         return self.groups.predicted
 
     @property
@@ -122,7 +122,7 @@ class Corrected:
         return dataclasses.replace(self, values=values, groups=groups)
 
     def refitted(self, chosen: Mask, runs: Runs) -> Corrected:
-        """The same fitted to the chosen windows only, by replays: further steps are made where one overshoots."""
+        """The same fitted to the chosen windows only, by replays, with further steps where one overshoots."""
         start = (self.theta, self.values, self.predicted, self.jacobian)
         theta, values, predicted, _ = _descended(self.groups, self.model, runs, chosen, start, to_first=True)
         groups = dataclasses.replace(self.groups, theta=theta, predicted=predicted)
@@ -133,9 +133,9 @@ class Corrected:
         return self.model.predict(runs, self.theta, self.values)
 
     def all_at_work(self) -> bool:
-        """Whether each effect has a size whose interval excludes zero, and none is pulled to what is hardly physical.
+        """Whether each effect has a size whose interval excludes zero, and none is at a physical bound.
 
-        An effect whose other parameters were fitted too is left to other proof: its size may trade against them.
+        An effect whose other parameters were fitted too passes: its size may be confounded with them.
         """
         sized = [at for at, one in enumerate(self.model.unknowns) if one.column is not None]
         perhaps_none = [at for at in sized if self.ci95[at][0] <= 0.0 <= self.ci95[at][1]]
@@ -162,7 +162,7 @@ class Corrected:
         return self.values[self.model.of(index)]
 
     def share(self, index: int) -> float:
-        """Factor from the fitted sizes of an effect to the robot's, shares of the rolling resistance fitted with it."""
+        """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects."""
         of_kg = self.model.terms[index].of_rolling_kg
         return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
 
@@ -170,12 +170,12 @@ class Corrected:
 def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Corrected:
     """Fit the groups and the named effects together, by Gauss-Newton through the kernel.
 
-    Groups that the refit holds stay as they are; intervals are clustered by `block`, shape (windows,).
+    Groups that the refit holds are not fitted; intervals are clustered by `block`, shape (windows,).
     """
     fit, everything = _without_spanned(fit, terms, runs), np.ones(len(runs.observed), np.bool_)
     model = Model(fit.parameters, tuple(terms), _unknowns(terms))
     theta, values = _start(fit, model, runs)
-    # The load that sizes are per unit of depends on the groups, as a share of the power does.
+    # The load per unit of a size depends on the groups, such as a share of the power.
     for again in range(_PASSES if any(one.at_work is not None for one in terms) else 1):
         model = _at(model, runs, theta, values) if again else model
         start = (theta, values, *_linearised(model, runs, theta, values, ~fit.held))
@@ -196,7 +196,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
 
 
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
-    """The model with terms per unit of the load that these parameters draw, and no longer those of the refit."""
+    """The model with the loads of its terms computed at these parameters instead of the refit's."""
     setting, terms = model.setting(runs, theta, values), []
     for term in model.terms:
         load = None if term.at_work is None else term.hypothesis.load(term.hypothesis, setting)
@@ -213,8 +213,8 @@ def _descended(
 ) -> tuple[Array, Array, Array, Array]:
     """Gauss-Newton over the chosen windows, each step halved until its replay is better than that before.
 
-    From parameters, values, what they predict and its Jacobian to the same; `fit` says which groups move, within which
-    bounds. If `to_first`, a first whole step that is better is the last: near a fit the linear model holds.
+    Takes and returns parameters, values, their prediction and its Jacobian; `fit` gives the free groups and bounds. If
+    `to_first`, it stops after a whole step that is better: near a fit the linear model holds.
     """
     theta, values, predicted, jacobian = start
     error = float(np.sum((runs.observed - predicted)[chosen] ** 2))
@@ -223,7 +223,7 @@ def _descended(
         left = (runs.observed - predicted)[chosen]
         _, to_theta, to_values = _stepped(at, model, values, jacobian[chosen], left)
         for share in _HALVED:
-            # A whole step to a bound may round to beyond it, which no robot file has.
+            # A whole step to a bound may exceed it by rounding.
             tried = theta + share * (to_theta - theta), np.clip(values + share * (to_values - values), *model.bounds)
             replayed = model.predict(runs, *tried)
             after = float(np.sum((runs.observed - replayed)[chosen] ** 2))
@@ -242,16 +242,16 @@ def _descended(
 
 
 def immaterial(fit: Refit, runs: Runs) -> Mask:
-    """Groups without influence of their own, shape (groups,): beside effects they stay as assumed.
+    """Groups without a material contribution, shape (groups,): beside effects they are held as assumed.
 
-    The mass on level ground is in the force of turning too, and would trade against it.
+    The mass on level ground also enters the force of turning, and would be confounded with it.
     """
     size = np.maximum(np.abs(fit.theta) / fit.parameters.scale, 1.0)
-    return ~excited(fit, runs, rules.MATTERS / size)
+    return ~excited(fit, runs, rules.MATERIAL_SHARE / size)
 
 
 def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
-    """The refit with groups as assumed that a flexible form contains: a line is among the functions that only rise."""
+    """The refit with groups held that a flexible form contains: a line is one of the rising functions."""
     flexible = [one.columns for one in found if one.flexible]
     if not flexible:
         return fit
@@ -274,7 +274,7 @@ def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
 
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
-    """Parameters and values by the terms' own columns, at the shapes that were tried."""
+    """Starting parameters and values, by the terms' columns at the shapes that were tried."""
     theirs = [
         (0.0 * fit.predicted, term.shape[one.parameter]) if one.column is None else (term.columns[:, one.column], 0.0)
         for one, term in ((one, model.terms[one.term]) for one in model.unknowns)

@@ -1,7 +1,7 @@
 """The menu of test drives: a few manoeuvres that a roboticist can drive, each as a sentence and as a drive to simulate.
 
-All have the same number of samples, so that none wins by being recorded for longer. Where a drive changes something
-that no channel holds (what is switched on, what is carried, which ground it is), the drive says when.
+All have the same number of samples, so that none gains information by its length. Where a drive changes something that
+no channel records (devices switched on, load, ground), the drive gives its times.
 """
 
 from collections.abc import Mapping
@@ -22,12 +22,12 @@ SAMPLES = 300
 KNOWN_MASS = 0.2
 """Mass that is put on the robot in the drive with a known mass, over the robot's own."""
 
-_ACROSS_RAD = np.pi / 2.0  # heading across the wind, which then neither pushes nor holds
+_ACROSS_RAD = np.pi / 2.0  # heading across the wind, which then has no component along the way
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """One entry of the menu: what to do, in one plain sentence, and its drive, each level constant or of (SAMPLES,)."""
+    """One entry of the menu: its instruction in one sentence, and its drive, each level constant or of (SAMPLES,)."""
 
     id: str
     sentence: str
@@ -42,9 +42,9 @@ class Manoeuvre:
     switched_on: Array | float = 1.0  # 0: everything is off
     known_mass: Array | float = 0.0  # carried on top, over the robot's own
     step_s: Array | float = 1.0
-    there: Mapping[str, Array | float] = field(default_factory=dict)  # what of the recordings' load, ground and route
+    there: Mapping[str, Array | float] = field(default_factory=dict)  # share of the recordings' load, ground, route
 
-    def signals(self, robot: Robot, unit: Unit, usual_c: float) -> Signals:
+    def signals(self, robot: Robot, unit: Unit, mean_c: float) -> Signals:
         """The drive of a robot as a recording; headings count from where the wind comes from."""
         fastest, steps_s = robot.max_speed_mps, _each(self.step_s)
         time_s = np.concatenate([[0.0], np.cumsum(steps_s[:-1])])
@@ -53,29 +53,29 @@ class Manoeuvre:
         heading = _ACROSS_RAD + np.cumsum(turning * steps_s) if self.heading_rad is None else self.heading_rad
         return Signals(
             "menu", unit, time_s, speed, np.gradient(speed, time_s), _each(self.grade_rad), sensing_hz,
-            turning + self.yaw_rate_radps, _each(usual_c if self.temperature_c is None else self.temperature_c),
+            turning + self.yaw_rate_radps, _each(mean_c if self.temperature_c is None else self.temperature_c),
             fastest * _each(self.base_distance_s), np.ones(SAMPLES), np.zeros(SAMPLES),
             {"speed_mps": speed, "sensing_hz": sensing_hz, "heading_rad": heading},
         )  # fmt: skip
 
 
 class Drive:
-    """A manoeuvre of the refitted robot: what it would record, without any effect and with some."""
+    """A manoeuvre of the refitted robot: its simulated recording, without any effect and with some."""
 
-    def __init__(self, fit: Refit, manoeuvre: Manoeuvre, unit: Unit, usual_c: float) -> None:
+    def __init__(self, fit: Refit, manoeuvre: Manoeuvre, unit: Unit, mean_c: float) -> None:
         self.fit, self.manoeuvre = fit, manoeuvre
-        self.runs = average([manoeuvre.signals(fit.parameters.nominal, unit, usual_c)])
+        self.runs = average([manoeuvre.signals(fit.parameters.nominal, unit, mean_c)])
         self.plain = self.predict(fit.theta)
 
     def there(self, what: str | None) -> Array | float:
-        """How much of the load, the ground or the route of the recordings is there, shape (samples,).
+        """Share of the load, the ground or the route of the recordings that is present, shape (samples,).
 
-        A hidden slope is on the route where it was met, and not on level ground that one chooses.
+        A hidden slope is on the route where it was found, and not on chosen level ground.
         """
         return 1.0 if what is None else {"route": 0.0, **self.manoeuvre.there}.get(what, 1.0)
 
     def predict(self, theta: Array, extra: WithEffects | None = None) -> Array:
-        """What would be recorded; nothing is drawn where everything is off."""
+        """Simulated power or current; zero where everything is off."""
         predict = self.fit.parameters.predict
         power, on_top = predict(self.runs, theta, extra), self.manoeuvre.known_mass
         if np.any(on_top):

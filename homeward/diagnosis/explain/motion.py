@@ -1,9 +1,9 @@
-"""Whether a schedule is needed at all: what recorded motion predicts, no unrecorded cause has to explain.
+"""Whether recorded motion explains a residual, so that no schedule of an unrecorded cause is needed.
 
-A schedule of levels in time follows anything that comes and goes, also what a channel tells in a way that no effect of
-the catalogue has. Boosted trees on the motion, now and in the minutes before, know nothing of a load or of the ground.
-If they predict stretches that they have not seen nearly as well as the schedule does, its cause was recorded, and the
-effect must not be named; nor may effects that channels tell, where the trees explain much more than they do.
+A schedule of levels in time fits any intermittent cause, also one that a channel shows in a form outside the catalogue.
+Boosted trees on the motion, now and in the minutes before, have no feature of a load or of the ground. If they predict
+held-out stretches nearly as well as the schedule does, its cause was recorded, and the effect must not be named; nor
+may effects that channels show, where the trees explain clearly more than they do.
 """
 
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index, Mask
 
 MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
-"""Channels of what the robot does; those of where and when could stand for anything that changes."""
+"""Channels of the robot's motion; place and time are left out, as they may be confounded with any change."""
 
-_REMEMBERS_S = (10.0, 30.0, 100.0, 300.0)  # from a converter to a gearbox
+_REMEMBERS_S = (10.0, 30.0, 100.0, 300.0)  # time constants, from a converter to a gearbox
 
 
 def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: Index) -> float:
@@ -40,9 +40,9 @@ def motion_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
 
 
 def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
-    """The same by the place on the way and the height climbed since the start, of whole runs that were held out.
+    """The same by the place on the way and the height climbed since the start, with whole runs held out.
 
-    What comes and goes in the same places on other days is no matter of time. Nothing of fewer than three runs.
+    What changes in the same places on other days does not depend on time. 0 of fewer than three runs.
     """
     place_m, sine = runs.context.get("place_m"), np.sin(runs.context.get("grade_rad", np.zeros(len(runs.run))))
     if place_m is None or len(runs.signals) < FEWEST_RUNS:
@@ -55,8 +55,8 @@ def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
 
 
 def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, seed: int, share: float) -> bool:
-    """Whether trees on the motion of the moment, beside a fit, leave less than a share of the squared error of a model
-    with effects, by fold (windows,): runs, where there are enough."""
+    """Whether trees on the present motion, beside a fit, have less than a share of the squared error of a model with
+    effects, held out by fold, shape (windows,): by run, where there are enough."""
     after = _by_trees(fit, runs, fold, seed, MOTION)
     return after < share * _held_out_error(named, runs, fold)
 
@@ -74,7 +74,7 @@ def _by_trees(
 
 
 def _history(fit: Fitted, runs: Runs) -> list[Array]:
-    """Load and speed as bodies of several time constants remember them: what is warm, wet or stirred up by driving."""
+    """Load and speed after first-order low-pass filters of several time constants: heat, wetness, stirred-up ground."""
     found = []
     for values in (fit.predicted, np.abs(runs.context["speed_mps"])):
         for constant_s in _REMEMBERS_S:

@@ -1,7 +1,7 @@
-"""Which physics is missing: every hypothesis fitted together with the refit, alone and in pairs, and held to proof.
+"""Which physics is missing: every hypothesis fitted together with the refit, alone and in pairs, and validated.
 
 A hypothesis must predict held-out stretches better than the refit by a stated share with an interval that excludes
-zero, pay for its freedom by the Bayesian information criterion, and beat placebos that are searched as it was.
+zero, lower the Bayesian information criterion, and score higher than placebos searched in the same way.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from homeward.diagnosis.explain.motion import motion_gain
 from homeward.diagnosis.explain.proof import FOLDS, Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.explain.witnesses import not_contradicted
-from homeward.diagnosis.fit.doubt import doubted, meter_error
+from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index
 
-_TRIED = 6  # hypotheses that are put to the proof, the best first
+_TRIED = 6  # hypotheses that are validated, the best first
 _PAIRED = 12  # single hypotheses that are tried in pairs
 
 
 @dataclass(frozen=True)
 class Named:
-    """One effect that the recordings ask for, and what speaks for it."""
+    """One effect identified in the recordings, and the evidence for it."""
 
     term: Term
     delta_bic: float  # against the model without it
     held_out_gain: float  # share of the squared held-out error of the model without it
     gain_ci95: tuple[float, float]
-    p_value: float  # share of placebos that do as well
-    rivals: tuple[Term, ...]  # what the data cannot separate from it, best first
+    p_value: float  # share of placebos that score as high
+    rivals: tuple[Term, ...]  # effects confounded with it, best first
 
 
 @dataclass(frozen=True)
@@ -56,20 +56,20 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Naming:
-    """What was found, and how every single hypothesis did; `absorbed` is the share of it that the refit takes up."""
+    """The named effects and the score of every hypothesis; `absorbed` is each effect's share that the refit absorbs."""
 
     named: tuple[Named, ...] = ()
     corrected: Corrected | None = None  # the model with them, where any is named
     ranking: tuple[Ranked, ...] = ()
     absorbed: Mapping[str, float] = field(default_factory=dict)
-    unrecorded: bool = False  # whether a channel that was not recorded would tell what explains the mismatch
+    unrecorded: bool = False  # whether an unrecorded channel may explain the mismatch
 
     def nothing_named(self) -> Naming:
-        """How the hypotheses did, with none of them named."""
+        """The scores of the hypotheses, with none of them named."""
         return Naming(ranking=self.ranking, absorbed=self.absorbed)
 
-    def told_by_no_channel(self, runs: Runs) -> bool:
-        """Whether what was named first, or may be meant by it, is but a channel that was not recorded."""
+    def needs_unrecorded_channel(self, runs: Runs) -> bool:
+        """Whether the first named effect, or a rival of it, may only stand in for an unrecorded channel."""
         terms = [term for one in self.named[:1] for term in (one.term, *one.rivals)]
         lacking = (runs.context.get(one.hypothesis.map_channel) for one in terms if one.hypothesis.map_channel)
         return any(values is None or not np.isfinite(values).all() for values in lacking)
@@ -78,12 +78,13 @@ class Naming:
 def name_missing(
     fit: Refit, runs: Runs, block: Index, seed: int, progress: Callable[[str], None], varying: bool = True
 ) -> Naming:
-    """Name the effects that the recordings ask for beyond the refit; windows of one block, (windows,), depend on each
-    other. Effects whose size changes for no recorded reason are named only if `varying` ones are asked for."""
+    """Name the effects that explain the residual of the refit; windows of one block, (windows,), are dependent.
+
+    Effects whose size changes for no recorded reason are tried only if `varying`."""
     fold = np.asarray(block % FOLDS)
     setting = Setting.of(fit, runs)
     material = holding(fit, runs, immaterial(fit, runs))
-    in_doubt = doubted(fit, runs)
+    in_doubt = channel_error(fit, runs)
     refit_error = float(setting.residual @ setting.residual)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
@@ -106,7 +107,7 @@ def name_missing(
             if fitted.all_at_work() and _draws_energy(fitted, runs) and _replays(fitted, model, runs, fold, seed):
                 break
         else:
-            break  # nothing passes that is, replayed beside the others, sure to be at work
+            break  # no candidate passes with a significant size in the joint replay
         named += found
         corrected = fitted
         by_motion = cache(partial(motion_gain, fitted, runs, fold, seed))
@@ -116,34 +117,34 @@ def name_missing(
 
 
 def _beside(one: Named, by_motion: Callable[[], float]) -> bool:
-    """Whether what is found beside named effects is no mere leftover of theirs: of what is left, a schedule follows the
-    form that they lack, unless its levels stand clear and motion does not tell as much."""
-    if one.term.axis == "time" and not (one.term.natural and clearly_apart(one.term.schedule)):
+    """Whether a further effect is more than a misfit in the form of the named ones: a schedule also fits such a misfit,
+    unless its levels are clearly apart and motion does not explain as much."""
+    if one.term.axis == "time" and not (one.term.typical and clearly_apart(one.term.schedule)):
         return False
-    return one.term.axis == "steady" or by_motion() < rules.AS_WELL * one.held_out_gain
+    return one.term.axis == "steady" or by_motion() < rules.EQUIVALENT * one.held_out_gain
 
 
 def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> tuple[tuple[Named, ...], Corrected]:
-    """The effects fitted together, flexible ones in the form that a file can say where that fits as well."""
+    """The effects fitted together, flexible ones in the form of a robot file where that fits as well."""
     terms = [one.term for one in named]
     fitted = fit_model(fit, terms, runs, block)
     if any(one.plain is not None for one in terms):
-        as_said = fit_model(fit, [one.plain or one for one in terms], runs, block)
-        errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, as_said)]
-        fitted = as_said if errors[1] <= rules.EQUAL * errors[0] else fitted
+        expressed = fit_model(fit, [one.plain or one for one in terms], runs, block)
+        errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, expressed)]
+        fitted = expressed if errors[1] <= rules.EQUAL * errors[0] else fitted
     fitted = profiled(fit, fitted, runs, block).model
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
 
 def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
-    """Whether each schedule adds or saves a part of what was drawn that a meter is trusted with."""
+    """Whether each schedule adds or saves more energy than the scale error of a power meter."""
     least = rules.SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
     terms = zip(fitted.model.terms, fitted.contribution, strict=True)
     return all(float(np.abs(w * runs.duration_s).sum()) >= least for one, w in terms if one.axis != "steady")
 
 
 def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, seed: int) -> bool:
-    """Whether a replay with the effects predicts what was held out better than one without, not only its derivative."""
+    """Whether a replay with the effects, not only its linearisation, predicts held-out windows better."""
     predicted = [
         held_out(lambda chosen, one=one: one.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
         for one in (before, after)
@@ -160,27 +161,27 @@ def _rank(bench: Bench) -> tuple[Ranked, ...]:
 
 
 def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
-    """What passes the proof, first the hypothesis that explains most for its freedom, alone or as the stronger half of
-    the best pair; then the pair, where neither half is anything without the other; then the next best alone."""
+    """Validated hypotheses: first that with the lowest BIC, alone or as the stronger half of the best pair; then the
+    pair, where each half is significant only beside the other; then the next best alone."""
     if not bench.candidates:
         return
     shares = bench.shares
     most = _best_forms(bench, shares)
     likely = max(most, key=bench.delta_bic)
-    independent = bench.independent(likely)  # the same for all, so that shares decide
+    independent = bench.independent(likely)  # the same for all, so that shares decide the order
     alone = np.array([bench.score(share, independent, index) for index, share in enumerate(shares.tolist())])
     order = _best_forms(bench, alone)
     best = float(alone[order[0]])
     pair: tuple[int, ...] = (order[0],)
-    # The best for their freedom, then those that explain most: half of a pair may be worth little alone.
+    # The lowest BIC, then the largest share: half of a pair may explain little alone.
     for one, other in combinations(dict.fromkeys([*order[:_PAIRED], *most[:_PAIRED]]), 2):
         if bench.candidates[one].effect != bench.candidates[other].effect:
             both = bench.score(bench.share(one, other), independent, one, other)
-            if both > best + rules.MUST_PAY:
+            if both > best + rules.STRONG_BIC:
                 best, pair = both, (one, other)
-    told = _likeliest(bench, _told_by_a_channel(bench, pair[0], shares), shares, alone)
+    preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), shares, alone)
     proven = partial(_proven, alone=alone, independent=independent, seed=seed)
-    yield from ((found,) for index in dict.fromkeys([told, pair[0]]) if (found := proven(bench, index)))
+    yield from ((found,) for index in dict.fromkeys([preferred, pair[0]]) if (found := proven(bench, index)))
     if len(pair) == 2:
         halves = [proven(bench.with_base(other), one) for one, other in (pair, pair[::-1])]
         if all(halves):
@@ -197,25 +198,25 @@ def _best_forms(bench: Bench, scores: Array) -> list[int]:
     return list(first.values())
 
 
-def _told_by_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
-    """Prefer a cause that a recorded channel tells to a schedule that explains little more.
+def _prefer_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
+    """Prefer an effect that a recorded channel shows to a schedule that explains little more.
 
-    A level per stretch follows whatever comes and goes, so it fits at least as well as the cause itself.
+    A level per stretch fits any intermittent cause, at least as well as the cause itself.
     """
     steady = [index for index, term in enumerate(bench.candidates) if term.axis == "steady"]
     if bench.candidates[chosen].axis == "steady" or not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
-    return best if shares[best] >= rules.MOSTLY * shares[chosen] else chosen
+    return best if shares[best] >= rules.SIMPLER * shares[chosen] else chosen
 
 
 def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
-    """Of hypotheses that the data cannot separate the likeliest beforehand: physics before a fault of an instrument,
-    a change that is natural for the effect before another."""
+    """Of hypotheses that the data cannot separate that with the highest prior: physics before a fault of an instrument,
+    a change that is typical for the effect before another."""
 
     def rarity(index: int) -> tuple[bool, bool, float]:
         term = bench.candidates[index]
-        return not term.hypothesis.physical, not term.natural, -float(alone[index])
+        return not term.hypothesis.physical, not term.typical, -float(alone[index])
 
     equals = [
         index
@@ -230,12 +231,12 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     physical, explained = bench.candidates[chosen].hypothesis.physical, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if physical else rules.SMALLEST_GAIN_OF_A_FAULT
     of_refit = explained / max(bench.refit_error, 1e-300)
-    if delta_bic < rules.MUST_PAY or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
+    if delta_bic < rules.STRONG_BIC or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
         return None
     if explained < meter_error(bench.runs):
         return None
-    if explained <= bench.doubted * _followed(bench, chosen):
-        return None  # errors of the channels would do as much
+    if explained <= bench.channel_error * _followed(bench, chosen):
+        return None  # errors of the channels explain as much
     without, with_it = bench.predictions(chosen)
     interval = gain(bench.target, without, with_it, bench.block, seed).ci95
     if interval[0] <= 0.0:
@@ -248,7 +249,7 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
 
 
 def _with_plain(bench: Bench, chosen: int) -> Term:
-    """A form with, where no robot file has it, the best of those that one has."""
+    """The chosen form; if a robot file cannot express it, with the best form that one can."""
     term = bench.candidates[chosen]
     same = [i for i, one in enumerate(bench.candidates) if one.effect == term.effect and one.axis == "steady"]
     plain = [index for index in same if not bench.candidates[index].flexible]
@@ -258,8 +259,8 @@ def _with_plain(bench: Bench, chosen: int) -> Term:
 
 
 def _followed(bench: Bench, chosen: int) -> float:
-    """Share of the channels' errors that a hypothesis may follow: all by place, where they come back, and in time one
-    of their independent windows with each of its levels."""
+    """Share of the channels' errors that a hypothesis may fit: all by place, where they repeat; in time one independent
+    window for each of its levels."""
     term = bench.candidates[chosen]
     if term.axis != "time":
         return float(term.axis == "place")
@@ -273,18 +274,18 @@ def _rivals(bench: Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
     found: dict[str, Term] = {}
     for index in np.argsort(-alone, kind="stable").tolist():
         other = bench.candidates[index]
-        if other.effect == bench.candidates[chosen].effect or alone[index] < rules.MUST_PAY or index in bench.beside:
+        if other.effect == bench.candidates[chosen].effect or alone[index] < rules.STRONG_BIC or index in bench.beside:
             continue
         alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
-        share = rules.ALIKE_BY_NATURE if alike else rules.ALIKE_IN_SIZE
+        share = rules.CONFUSABLE_SHARE if alike else rules.RIVAL_SHARE
         beside = bench.share(index)
-        doubtful = beside * bench.squared_error(index) <= bench.doubted * _followed(bench, index)
-        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.MUST_PAY):
+        doubtful = beside * bench.squared_error(index) <= bench.channel_error * _followed(bench, index)
+        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.STRONG_BIC):
             found.setdefault(other.effect, _with_plain(bench, index))
     return tuple(found.values())
 
 
 def shifted_in_time(columns: Array, rng: np.random.Generator) -> Array:
-    """The columns turned round over all runs by a random time: the same values, no cause."""
+    """The columns shifted circularly over all runs by a random time: the same values, no cause."""
     margin = len(columns) // 10
     return np.roll(columns, int(rng.integers(margin, len(columns) - margin)), axis=0)

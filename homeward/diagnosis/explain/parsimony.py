@@ -1,8 +1,8 @@
-"""One effect instead of several wrong parameters: what the refit takes up entirely, and no test of its residual sees.
+"""One effect instead of several wrong parameters, where the refit absorbs the effect and leaves no residual of it.
 
-A robot file that is off is off in a few numbers. Where a refit changes more of them than one effect would make up for,
-the effect is the simpler explanation: models of some numbers of the file, with one effect or none, are compared by the
-Bayesian information criterion (Kass & Raftery, 1995). A mass that is off also changes C_rr m, and counts once.
+A robot file is usually wrong in few numbers. Where a refit changes several that one effect would replace, the effect is
+the simpler explanation: models of some numbers of the file, with one effect or none, are compared by the Bayesian
+information criterion (Kass & Raftery, 1995). A wrong mass also changes C_rr m, and counts once.
 """
 
 from itertools import combinations
@@ -12,7 +12,7 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting
-from homeward.diagnosis.fit.doubt import meter_error
+from homeward.diagnosis.fit.channel_errors import meter_error
 from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
@@ -22,9 +22,10 @@ from homeward.logs.channels import Array, Mask
 
 
 def needless(fit: Refit, runs: Runs) -> Mask | None:
-    """Groups that need not differ from the robot file if one effect is at work, shape (groups,); None where none does.
+    """Groups that need not differ from the robot file if one effect is at work, shape (groups,); None where no
+    effect lowers BIC enough.
 
-    The refit leaves nothing that an effect would explain.
+    The refit must have no residual that an effect would explain.
     """
     problem = fit.parameters
     start = (problem.start - fit.theta) / problem.scale
@@ -55,7 +56,7 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
     fewer = [one for one in subsets if len(one) + 1 < len(off)]
     with_one = [(criterion((*one, count + index)), one) for one in fewer for index in range(len(effects))]
     best, changed = min(with_one, default=(np.inf, ()))
-    if best + rules.MUST_PAY > without:
+    if best + rules.STRONG_BIC > without:
         return None
     free: Mask = (numbers[list(changed)] != 0.0).any(axis=0)
     return ~free

@@ -1,4 +1,4 @@
-"""Where a mismatch sits and an effect is at work: stretches of the recordings, under a condition in plain words."""
+"""Where a mismatch is located and an effect is at work: stretches of the recordings, and their condition in words."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -34,13 +34,13 @@ class Location:
 
 
 def locate(dependence: Dependence, runs: Runs) -> Location:
-    """Find the split of a channel's values that separates the excess best, and say it in words."""
+    """Find the split of a channel's values that separates the excess best, and describe it in words."""
     if dependence.channel.name == "time_s":
         return _locate_in_time(dependence, runs)
     known = dependence.bin >= 0
     weight = np.bincount(dependence.bin[known], minlength=len(dependence.effect)).astype(np.float64) + 1e-9
     split, above = _best_split(dependence.effect, weight)
-    # Between the middles of the bins beside the split: their common edge may lie in the noise around a frequent value.
+    # The mean of the two bin centres: the common edge may lie in the noise around a frequent value.
     limit = float(dependence.centre[split - 1 : split + 1].mean())
     channel = dependence.channel
     values = np.nan_to_num(runs.context[channel.name])
@@ -55,9 +55,10 @@ def locate(dependence: Dependence, runs: Runs) -> Location:
 
 
 def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
-    """First bin above the threshold with the largest sum of squares between its sides, and whether that side is meant.
+    """First bin above the split with the largest sum of squares between its sides, and whether the upper side is
+    chosen.
 
-    Meant is the side that is clearly the exception or else the one where more is drawn than the model says.
+    The chosen side is a clear minority or else the one where more is drawn than predicted.
     """
     low, below = np.cumsum(weight), np.cumsum(weight * effect)
     high, total = low[-1] - low[:-1], low[-1]
@@ -68,7 +69,7 @@ def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
 
 
 def _plain(value: float) -> str:
-    """Two significant digits, as one would say it.
+    """A value to two significant digits.
 
     >>> _plain(0.20417), _plain(412.0), _plain(-0.0)
     ('0.2', '410', '0')
@@ -126,7 +127,7 @@ def _when(start_s: float, end_s: float, runs: Runs, here: Mask) -> str:
 
 
 def _at_work(contribution: Array) -> Mask:
-    """When an effect adds a good part of its usual peak, shape (windows,)."""
+    """Windows where an effect exceeds `AT_WORK` of its 0.99 quantile, shape (windows,)."""
     size = np.abs(contribution)
     return np.asarray(size > rules.AT_WORK * float(np.quantile(size, 0.99)))
 
@@ -134,8 +135,8 @@ def _at_work(contribution: Array) -> Mask:
 def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Mask | None = None) -> tuple[Place, ...]:
     """Stretches in which an effect was at work, each with its share of the effect's energy.
 
-    Without a condition in words, the words say when in its run a stretch lies; without `inside`, shape (windows,), the
-    effect is at work where its contribution, shape (windows,), is a good part of its usual peak.
+    Without a condition in words, the words give the time of a stretch in its run; without `inside`, shape (windows,),
+    the effect is at work where its contribution, shape (windows,), exceeds `AT_WORK` of its 0.99 quantile.
     """
     inside = _at_work(contribution) if inside is None else inside
     return _cut(inside, _shares(contribution, runs), runs, condition, _PAUSE_S, edge=1.0)
@@ -147,12 +148,12 @@ def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
         on = None if term.schedule is None else term.schedule.level > 0
         return places_of(contribution, runs, None, on)
     channels = {channel.name: channel for channel in TESTED}
-    told = (_condition_of(channels[name], contribution, runs) for name in term.hypothesis.channels)
-    return places_of(contribution, runs, next(filter(None, told), term.hypothesis.otherwise))
+    conditions = (_condition_of(channels[name], contribution, runs) for name in term.hypothesis.channels)
+    return places_of(contribution, runs, next(filter(None, conditions), term.hypothesis.otherwise))
 
 
 def where_at_work(term: Term, contribution: Array, runs: Runs) -> Location:
-    """Where something was at work whose name does not hold: the same stretches, as a location."""
+    """The stretches of an effect whose name was rejected, as a location."""
     found = places(term, contribution, runs)
     return Location("in some stretches of time", _at_work(contribution), contribution, found)
 
@@ -179,7 +180,7 @@ def total_share(contribution: Array, runs: Runs) -> float:
 
 
 def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> str | None:
-    """The values of a channel at which an effect is at work, in words; None if the channel does not tell."""
+    """The values of a channel at which an effect is at work, in words; None if they overlap too little."""
     values = runs.context.get(channel.name)
     if values is None:
         return None
@@ -195,7 +196,7 @@ def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> 
         for side, meant in ((True, values > middle), (False, values < middle)):
             score = 2.0 * float((meant & inside).sum()) / float(meant.sum() + inside.sum())
             best, limit, above = max((best, limit, above), (score, middle, side), key=lambda one: one[0])
-    return _words(channel, above, limit) if best > rules.TELLING else None
+    return _words(channel, above, limit) if best > rules.LEAST_OVERLAP else None
 
 
 def _words(channel: ResidualChannel, above: bool, limit: float) -> str:

@@ -1,14 +1,14 @@
-"""Hypotheses side by side: each fitted beside the refit and put to what was held out, its searches included.
+"""Cross-validation of hypotheses: each fitted beside the refit and scored on held-out windows, its searches included.
 
-Levels of a schedule are searched anew in every fold, on what is fitted to. Where an effect changes in time, stretches
-of a few windows are held out, as the windows around them tell its level; elsewhere whole blocks are.
+Levels of a schedule are searched anew in every fold, on its training windows. Where an effect changes in time,
+stretches of a few windows are held out, as the windows around them determine its level; elsewhere whole blocks are.
 
-How well nothing does as well comes from placebos. Of what needs no search, all hypotheses are tried on residuals whose
-blocks have random signs, which keeps their memory and their uneven size (wild cluster bootstrap: Cameron, Gelbach &
-Miller, 2008), and the best of them counts (Westfall & Young, 1993). A search is repeated on every placebo, until some
-do as well (Besag & Clifford, 1991): on random signs of blocks, too, or, of what changes repeatedly, on Gaussian noise
-of the same spectrum (Theiler et al., 1992), which has no levels. The exponential tail of their scores says how rare a
-better one is (Winkler et al., 2016), times the kinds of searches: those of one kind look at the same with other loads.
+The null distribution comes from placebos. Hypotheses without a search are all tried on residuals whose blocks have
+random signs, which keeps autocorrelation and heteroscedasticity (wild cluster bootstrap: Cameron, Gelbach & Miller,
+2008), and the best of them counts (Westfall & Young, 1993). A search is repeated on every placebo, until some score as
+high (Besag & Clifford, 1991): also on random signs of blocks or, for repeated changes, on Gaussian noise of the same
+spectrum (Theiler et al., 1992), which has no levels. The p-value comes from the exponential tail of their scores
+(Winkler et al., 2016), times the number of kinds of searches: those of one kind differ only in the load.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ FOLDS = 5
 """Of blocks or stretches, over which hypotheses are compared."""
 
 _DRAWS = 1999
-_SEARCHES = 39  # so that ten are in the upper quarter, whose mean tells the tail within a third
-_AS_GOOD = 3  # placebos that decide against a search
-_AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is looked for (change_points)
-_WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors
+_SEARCHES = 39  # ten are in the upper quarter, whose mean estimates the tail within a third
+_AS_GOOD = 3  # placebos with as high a score that end a search
+_AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
+_WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors above which windows are counted
 _RIDGE = 1e-9  # of a column's norm
 
 
 @dataclass(frozen=True)
 class _Split:
-    """One fold: its columns, their products and those with the target, over what is fitted to and what is held out."""
+    """One fold: its columns, their products and those with the target, over training and held-out windows."""
 
     held: Mask  # (windows,)
     columns: Array  # (windows, columns), the target last
@@ -51,22 +51,22 @@ class _Split:
 
 @dataclass(frozen=True)
 class Bench:
-    """Hypotheses and what they are tried beside and on."""
+    """Hypotheses, the base model that they extend, and the residual that they explain."""
 
-    model: Fitted  # whose numbers move too
+    model: Fitted  # refitted together with them
     candidates: tuple[Term, ...]
     runs: Runs
     target: Array  # what is to be explained, (windows,)
     block: Index
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
     refit_error: float = 0.0  # squared error that the refit leaves, without any effect
-    doubted: float = 0.0  # squared error that the errors of the channels account for
+    channel_error: float = 0.0  # squared error expected from errors of the channels
 
     def with_base(self, other: int) -> Bench:
         """The same with a hypothesis in the base."""
         extended = replace(self, beside=(*self.beside, other))
         for name in ("_whole", "_by_block", "_by_stretch"):
-            if name in self.__dict__:  # what was computed once holds there too
+            if name in self.__dict__:  # cached values do not depend on the base
                 extended.__dict__[name] = self.__dict__[name]
         return extended
 
@@ -85,7 +85,7 @@ class Bench:
         return tuple(self._fold(fold == one, "time") for one in range(FOLDS))
 
     def _fold(self, held: Mask, axis: str) -> _Split:
-        """Columns with the levels that a search without the held-out windows finds."""
+        """Columns with the levels found without the held-out windows."""
         columns = [term.columns for term in self.candidates]
         for searched, shares in self._searches:
             first = self.candidates[searched[0]]
@@ -97,8 +97,7 @@ class Bench:
 
     @cached_property
     def _searches(self) -> list[tuple[list[int], list[float]]]:
-        """Hypotheses that one search found, as effects of one load are searched for once, and its penalties, the
-        largest first."""
+        """Hypotheses that share a search, as effects of one load do, and its penalties, the largest first."""
         found: dict[tuple[bool, str, bytes], tuple[list[int], set[float]]] = {}
         for index, term in enumerate(self.candidates):
             if term.schedule is not None and term.load is not None:
@@ -127,7 +126,7 @@ class Bench:
         ])  # fmt: skip
 
     def _in_time(self, chosen: tuple[int, ...]) -> bool:
-        """Whether some size changes at moments that were searched for: then stretches are held out."""
+        """Whether some size changes at estimated moments: then stretches are held out."""
         terms = [self.candidates[one] for one in (*self.beside, *chosen)]
         return any(term.axis == "time" and term.schedule is not None for term in terms)
 
@@ -175,31 +174,31 @@ class Bench:
         return float(-independent * np.log(max(1.0 - share, 1e-300)) - freedom * np.log(independent))
 
     def delta_bic(self, *chosen: int) -> float:
-        """The same, with the independent windows of what these hypotheses leave."""
+        """The same, with the number of independent windows of their residual."""
         share = self.share(*chosen)
         independent = self.independent(*chosen) if -np.log(max(1.0 - share, 1e-300)) > _WORTH_A_LOOK else 2.0
         return self.score(share, independent, *chosen)
 
     def independent(self, *chosen: int) -> float:
-        """Number of independent windows, from the memory of what these hypotheses leave.
+        """Number of independent windows, from the autocorrelation time of the residual of these hypotheses.
 
-        What a wrong model leaves has the memory of what it lacks, and counts for less. But steps that stand clear of
-        what is left are told by the windows around them, whatever lasts longer.
+        The residual of a wrong model has the autocorrelation of what it lacks, and counts for less. But steps that are
+        clearly above the residual are identified by the windows around them, so that only short lags count.
         """
         left, run = self._left(chosen), self.runs.run
         clear = chosen and all(clearly_apart(self.candidates[one].schedule) for one in chosen)
         if clear:
-            return max(len(left) / noise_of(left, run, _AROUND_A_STEP).memory, 2.0)
+            return max(len(left) / noise_of(left, run, _AROUND_A_STEP).correlation, 2.0)
         return independent_windows(left, run)
 
     def _left(self, chosen: tuple[int, ...]) -> Array:
-        """What these hypotheses leave of the target, shape (windows,)."""
+        """Residual of these hypotheses, shape (windows,)."""
         columns = self._chosen(self._whole, chosen)
         weights = self._weights(self._whole, columns, chosen)
         return np.asarray(self.target - self._whole.columns[:, columns] @ weights)
 
     def absorbed(self) -> dict[str, float]:
-        """Share of each effect that the refit takes up: of several forms, the one that shows most counts."""
+        """Share of each effect that the refit absorbs: of several forms, the least absorbed one counts."""
         gram, base = self._whole.fitted, np.arange(self.model.jacobian.shape[1])
         inverse = np.linalg.pinv(gram[np.ix_(base, base)], rcond=1e-10)
         shares: dict[str, float] = {}
@@ -212,7 +211,7 @@ class Bench:
         return shares
 
     def predictions(self, *chosen: int) -> tuple[Array, Array]:
-        """What was held out as the base predicts it, and with these hypotheses, shape (windows,) each."""
+        """Held-out predictions of the base, and with these hypotheses, shape (windows,) each."""
         without, with_it = np.empty(len(self.target)), np.empty(len(self.target))
         for split in self._splits(self._in_time(chosen)):
             for result, terms in ((without, ()), (with_it, chosen)):
@@ -222,7 +221,7 @@ class Bench:
         return without, with_it
 
     def p_value(self, chosen: int, independent: float, seed: int) -> float:
-        """How often nothing but noise would bring some hypothesis as far, a search repeated on every placebo."""
+        """P-value: how often noise alone gives some hypothesis as high a score, a search repeated on every placebo."""
         rng = np.random.default_rng(seed)
         term = self.candidates[chosen]
         if term.schedule is None:
@@ -264,7 +263,7 @@ class Bench:
         return best
 
     def _placebos(self, chosen: int, rng: np.random.Generator) -> Iterator[Array]:
-        """Targets without a cause; signs change from block to block that outlast what the hypothesis leaves."""
+        """Targets without a cause; signs are random by blocks longer than the autocorrelation of the residual."""
         block = cut_blocks(self.runs.run, self._left((chosen,)))
         for _ in range(_SEARCHES):
             if self.candidates[chosen].hypothesis.changes == "repeatedly":
@@ -281,7 +280,7 @@ class Bench:
 
 
 def _tail(scores: Array, reached: float) -> float:
-    """How rarely a score is as high, from the exponential tail of the upper quarter of some scores.
+    """Probability of as high a score, from the exponential tail of the upper quarter of some scores.
 
     >>> round(_tail(np.arange(100.0), 87.0), 2)
     0.13
@@ -292,7 +291,7 @@ def _tail(scores: Array, reached: float) -> float:
 
 
 def _as_searched(term: Term, found: Sequence[Schedule]) -> Array:
-    """Columns of the same search in one fold: that of its penalty, or what a larger one found where it adds nothing."""
+    """Columns of the same search in one fold: by its penalty or, where that adds nothing, by a larger one."""
     assert term.schedule is not None and term.load is not None
     columns: Array = np.zeros_like(term.columns)
     for schedule in found:

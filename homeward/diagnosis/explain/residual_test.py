@@ -1,9 +1,10 @@
-"""Is anything left after the refit? A test of whether residuals depend on a channel, and on which values of it.
+"""Test of whether the residuals of a refit depend on a channel, and on which values of it.
 
-Under the hypothesis that nothing is missing, residuals have mean zero whatever the channels say, while they may be
-autocorrelated and uneven. Flipping the signs of whole blocks keeps both, and the refit is repeated on each draw (wild
-cluster bootstrap: Cameron, Gelbach & Miller, 2008). The smallest p-value over all channels is compared with its own
-bootstrap distribution (Westfall & Young, 1993), so looking at many channels does not raise the false alarm rate.
+Under the null hypothesis that nothing is missing, residuals have mean zero at all values of the channels, while they
+may be autocorrelated and heteroscedastic. Flipping the signs of whole blocks keeps both, and the refit is repeated on
+each draw (wild cluster bootstrap: Cameron, Gelbach & Miller, 2008). The smallest p-value over all channels is compared
+with its own bootstrap distribution (Westfall & Young, 1993), so that testing many channels does not raise the false
+alarm rate.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +15,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.doubt import doubted, meter_error
+from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
@@ -38,7 +39,7 @@ class ResidualChannel:
     above: str  # phrase for values above a limit
     below: str
     magnitude: bool = False
-    scales: bool = False  # may also change what driving costs
+    scales: bool = False  # may also scale the power of the drive
 
 
 TESTED = (
@@ -57,7 +58,7 @@ TESTED = (
 )  # fmt: skip
 """What residuals are tested against, beside time; a channel that no run has is left out.
 
-Battery voltage is not among them: it sags with the load, so every surge of power would seem to depend on it.
+Battery voltage is not among them: it sags with the load, so that any peak of power would correlate with it.
 """
 
 _TIME = ResidualChannel("time_s", "time in the run", "s", "after", "before")
@@ -68,8 +69,8 @@ class Dependence:
     """How residuals depend on a channel; arrays of shape (bins,)."""
 
     channel: ResidualChannel
-    scaled: bool  # the excess is a share of the drive's load, not a load of its own
-    p_value: float  # corrected for the number of looks; 1 where errors of the channels explain as much
+    scaled: bool  # the excess is a share of the drive's load, not an additive load
+    p_value: float  # corrected for multiple testing; 1 where errors of the channels explain as much
     held_out_gain: float  # share of the held-out squared error that the dependence explains
     bin: Index  # (windows,), -1 where the channel is missing
     centre: Array
@@ -78,17 +79,17 @@ class Dependence:
 
     @property
     def found(self) -> bool:
-        """Whether the dependence is beyond chance and large enough to matter."""
+        """Whether the dependence is significant and its gain large enough."""
         least = rules.SMALLEST_GAIN_IN_TIME if self.channel is _TIME else rules.SMALLEST_GAIN
         return self.p_value <= rules.FALSE_ALARM_RATE and self.held_out_gain >= least
 
 
 class _Look(NamedTuple):
-    """One look at the residuals: sums of the weighted residual over sets of windows."""
+    """One test statistic: sums of the weighted residual over sets of windows."""
 
     sums: Array  # (blocks, sets)
     columns: Array  # (sets, groups): the same sums over the Jacobian
-    family: Index  # (sets,): only the largest counts of sets with one number, such as the cuts of one run
+    family: Index  # (sets,): of sets with one number, such as the cuts of one run, the largest counts
 
 
 class _Test(NamedTuple):
@@ -104,15 +105,15 @@ class _Test(NamedTuple):
 class Blocks:
     """Block of each window, shape (windows,): stretches that count as independent."""
 
-    channels: Index  # for dependence on channels: outlasts whatever no channel explains
-    time: Index  # for changes in time: outlasts what neither a channel nor one change per run explains
+    channels: Index  # for channels: longer than the autocorrelation of what no channel explains
+    time: Index  # for time: the same for what neither a channel nor one change per run explains
 
 
 def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
-    """Cut blocks by the memory of what is left when every channel explains what it can.
+    """Cut blocks by the autocorrelation of the residual after every channel has explained what it can.
 
-    The memory of the plain residual would include that of the missing physics, which lasts as long as its cause. A
-    level that changes from run to run is memory where channels are tested, and the thing in question where time is.
+    The plain residual would include the autocorrelation of the missing physics, which lasts as long as its cause. A
+    level that changes from run to run is autocorrelation in tests of channels, and the alternative in tests of time.
     """
     residual = runs.observed - fit.predicted
     design = np.column_stack([fit.jacobian, *(_indicators(number) for _, _, number in _binned(runs))])
@@ -126,7 +127,7 @@ def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
 def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int = 0) -> list[Dependence]:
     """Test the residuals of a refit against time and every channel: found ones first, the largest gain first."""
     residual = runs.observed - fit.predicted
-    # Two families of looks, each with half of the false alarm rate. What happened in one run says nothing of another:
+    # Two families of tests, each with half of the false alarm rate. A change in one run does not predict another:
     # for time hold out stretches.
     found = [
         *_tested(fit, runs, list(_by_channel(fit, runs, residual, block.channels)), block.channels, fold, seed),
@@ -135,8 +136,8 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int =
     best = max((one.held_out_gain for one in found if one.found and one.channel is not _TIME), default=0.0)
 
     def rank(one: Dependence) -> tuple[bool, float]:
-        # Every cause that comes and goes is also a matter of time, and a level per stretch is more flexible.
-        behind = one.channel is _TIME and one.held_out_gain < rules.TIME_MUST_BEAT * best
+        # Every intermittent cause also depends on time, and a level per stretch is more flexible.
+        behind = one.channel is _TIME and one.held_out_gain < rules.TIME_OVER_CHANNEL * best
         return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
 
     return sorted(found, key=rank)
@@ -145,7 +146,7 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int =
 def _tested(
     fit: Fitted, runs: Runs, tests: Sequence[_Test], block: Index, fold: Index, seed: int
 ) -> Iterator[Dependence]:
-    """One family of looks, with the share of the held-out squared error that a step per bin explains."""
+    """One family of tests, with the share of the held-out squared error that a step per bin explains."""
     residual = runs.observed - fit.predicted
     total = max(float(residual @ residual), 1e-300)
     least = meter_error(runs)
@@ -162,7 +163,7 @@ def _tested(
         if folds and before.any():
             after = residual - held_out(lambda rows: design @ _least_squares(design[rows], residual[rows]), fold)  # noqa: B023  called at once
             gain = 1.0 - float(after @ after) / float(before @ before)
-        sure = gain * total > least and gain * total > doubted(fit, runs, one.channel.name)
+        sure = gain * total > least and gain * total > channel_error(fit, runs, one.channel.name)
         effect = _least_squares(design, residual)[fit.jacobian.shape[1] :]
         centre = np.array([np.mean(one.values[one.bin == number]) for number in range(len(effect))])
         yield Dependence(
@@ -171,7 +172,7 @@ def _tested(
 
 
 def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
-    """An excess of its own for all windows, and one that goes with the drive's load, where the robot file has one."""
+    """Weights of an additive excess and, where the robot file has a load of the drive, of one proportional to it."""
     problem, even = fit.parameters, np.ones(len(runs.observed))
     standing = 0.0
     if runs.unit == "W":
@@ -182,7 +183,7 @@ def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
 
 
 def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
-    """Bins that enough blocks reach into, and a trend over the channel's centred rank: few effects are not monotone."""
+    """Bins that cover enough blocks, and a trend over the channel's centred rank: most effects are monotone."""
     weights = _weights(fit, runs)
     for channel, values, number in _binned(runs):
         known = np.isfinite(values)
@@ -194,7 +195,7 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
             covered = np.bincount(reached, minlength=int(number.max()) + 1) >= _FEWEST_BLOCKS_A_BIN
             bins = _indicators(number, weight)[:, covered]
             slope = (weight * rank)[:, None]
-            # Only what the refit cannot take up itself is left to say anything.
+            # Only the part that the refit cannot absorb is tested.
             slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
             looks = (
                 _Look(per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
@@ -222,7 +223,7 @@ def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator
 
 
 def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
-    """Stretch of each window: a run is cut in two where the CUSUM departs most, if it does at all."""
+    """Stretch of each window: a run is cut in two where the CUSUM departs most, if by enough."""
     departure = _studentised(look.sums.sum(axis=0)[None], look.sums)[0]
     cut = np.zeros(len(run), dtype=np.intp)
     for one in np.unique(look.family):
@@ -278,12 +279,12 @@ def _studentised(draws: Array, sums: Array) -> Array:
 
 
 def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence[Sequence[_Look]], seed: int) -> Array:
-    """P-value of each candidate, corrected for all looks by the bootstrap distribution of the smallest."""
+    """P-value of each candidate, corrected for all tests by the bootstrap distribution of the smallest."""
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
-    signs[0] = 1.0  # what was recorded
+    signs[0] = 1.0  # the recorded residual
     bread = np.linalg.pinv(fit.jacobian.T @ fit.jacobian, rcond=1e-12)
     scores = per_block(fit.jacobian * residual[:, None], block)
-    refitted = (signs @ scores) @ bread  # (draws, groups): what the refit would take up of each draw
+    refitted = (signs @ scores) @ bread  # (draws, groups): what the refit would absorb of each draw
     single = np.array([
         np.min([_p_values(signs, refitted, look) for look in looks], axis=0) for looks in tests
     ]).reshape(-1, _DRAWS)  # fmt: skip
@@ -292,7 +293,7 @@ def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence
 
 
 def _p_values(signs: Array, refitted: Array, look: _Look) -> Array:
-    """P-value of each draw in one look, shape (draws,), from the draws' own distribution."""
+    """P-value of each draw in one test, shape (draws,), from the draws' own distribution."""
     squared = _studentised(signs @ look.sums - refitted @ look.columns.T, look.sums)
     families = [squared[:, look.family == one].max(axis=1) for one in np.unique(look.family)]
     statistic = np.sum([np.zeros(len(signs)), *families], axis=0)

@@ -1,8 +1,8 @@
-"""What a fit leaves open: covariance of what was fitted together, products that are known alone, range.
+"""Uncertainty of a fit: joint covariance, combinations that alone are identifiable, range.
 
-An effect has numbers beside its size: the temperature below which a battery loses capacity, the share of a computer's
-power that any sensing takes. Each is tried over its whole range and the model fitted anew (profile likelihood). Where
-others fit as well, intervals span all of them, and what goes with them is known as a product or a sum only.
+An effect has parameters beside its size: the temperature below which a battery loses capacity, the share of a
+computer's power that any sensing draws. Each is tried over its whole range and the model fitted anew (profile
+likelihood). Where others fit as well, intervals span all of them, and only products or sums with them are identifiable.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ from scipy.stats import chi2
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.fit.doubt import meter_error
+from homeward.diagnosis.fit.channel_errors import meter_error
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
@@ -41,7 +41,7 @@ class Joint:
 
 
 def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
-    """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,); held groups are left out."""
+    """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,), without held groups."""
     groups, problem = model.groups, model.parameters
     free = np.flatnonzero(~groups.held)
     to_group = problem.to_group[free]
@@ -71,7 +71,7 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
             scales = float(more @ added) / max(_STEP * float(added @ added), 1e-300)
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
-            if cosine > rules.ENTWINED and scales > rules.ENTWINED and one.column is not None:
+            if cosine > rules.CONFOUNDED and scales > rules.CONFOUNDED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[index] * problem.to_group[index]), known.names.index(name)
                 wide = 1.96 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
@@ -81,15 +81,15 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
 
 
 def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
-    """Mean power of each effect of which two numbers stand in for each other."""
+    """Mean power of each effect of which two parameters are confounded."""
     deviation = np.sqrt(np.maximum(np.diag(kept.covariance), 0.0))
     correlation = kept.covariance / np.maximum(np.outer(deviation, deviation), 1e-300)
     first = len(kept.names) - len(model.model.unknowns)
     found = []
     for index, term in enumerate(model.model.terms):
         mine = [first + at for at in model.model.of(index)]
-        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > rules.ENTWINED]
-        if not pairs or term.hypothesis.of_the_day:
+        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > rules.CONFOUNDED]
+        if not pairs or term.hypothesis.is_weather:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])
@@ -104,10 +104,10 @@ def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together
 
 
 def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, seed: int) -> Range | None:
-    """Range of a robot that goes on driving as it was recorded, m; None of motor current or where nothing drove.
+    """Range of a robot that goes on driving as it was recorded, m; None of motor current or without driving.
 
-    Usable energy over energy per metre: of what was recorded, and of what two robot files, as given and as handed over,
-    predict of the same trips, shape (windows,) each. The interval is by bootstrap over runs or, of fewer than three,
+    Usable energy over energy per metre: as recorded, and as two robot files, the given one and corrected.toml, predict
+    for the same trips, shape (windows,) each. The interval is by bootstrap over runs or, of fewer than three,
     over minutes of driving.
     """
     path_m, drawn_j = np.abs(runs.context["speed_mps"]) * runs.duration_s, runs.observed * runs.duration_s
@@ -130,14 +130,14 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
 
 @dataclass(frozen=True)
 class Open:
-    """A fitted model, of all that fit as well the one that asks for least change of the robot file, and the others."""
+    """A fitted model, of all that fit as well the one closest to the robot file, and the others."""
 
     model: Corrected
     others: tuple[Corrected, ...] = ()
 
     @property
     def spanning(self) -> Corrected:
-        """The model, with intervals of its effects' numbers that span those of all, up to the next that was tried."""
+        """The model, with intervals of its effects' parameters that span those of all, up to the next value tried."""
         first, alike, spans = self.model, (self.model, *self.others), {}
         if not self.others:
             return first
@@ -160,7 +160,7 @@ class Open:
         return replace(first, model=replace(first.model, terms=terms), ci95=ci95)
 
     def spanned(self, found: Sequence[Estimate], runs: Runs, block: Index) -> tuple[Estimate, ...]:
-        """Estimates of the groups by the model; one that is another in other models is confounded with the effects."""
+        """Estimates of the groups by the model; one that differs between models is confounded with the effects."""
         others = [estimates(one, runs, block) for one in self.others]
         effects = tuple(dict.fromkeys(one.effect for one in self.model.model.terms))
         result = []
@@ -172,12 +172,11 @@ class Open:
         return tuple(result)
 
     def products(self, runs: Runs, block: Index) -> tuple[Product, ...]:
-        """What the recordings determine no factor of alone.
+        """Identifiable combinations of parameters that are not identifiable alone.
 
-        A group that is held as assumed, and that an effect is proportional to: what is known is their product. Two
-        numbers of one effect that stand in for each other: what is known is the power that they make together. And what
-        is the same in all models while its parts are not: products of numbers, and sums of mean powers. Windows of
-        different `block`, shape (windows,), count as independent.
+        A held group and an effect proportional to it: their product. Two confounded parameters of one effect: their
+        mean power together. And combinations that are equal in all models while their parts are not: products of
+        numbers, and sums of mean powers. Windows of different `block`, shape (windows,), count as independent.
         """
         known = joint(self.model, runs, block)
         found = [*_with_groups(self.model, known, runs), *_powers(self.model, known, runs)]
@@ -199,13 +198,13 @@ class Open:
                 found.append(_product((one, other), value, wide, unit, together))
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
-            wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + rules.ALIKE_PRODUCT * value
+            wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + rules.PRODUCT_SPREAD * value
             found.append(_product(pair, value, wide, runs.unit, "mean power"))
         return tuple(found)
 
 
 def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
-    """Try other numbers of the effects of a model, beside a refit that holds the groups which the model holds."""
+    """Try other parameters of the effects of a model, beside a refit that holds the groups which the model holds."""
     terms = model.model.terms
     found = [model, *(fit_model(fit, other, runs, block) for other in _other_terms(fit, terms, runs))]
     best = min(found, key=lambda one: _error(one, runs))
@@ -218,7 +217,7 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     most = max(most, _error(best, runs) + meter_error(runs))
     alike = [one for one in found if _error(one, runs) <= most]
     if len(alike) < 3:
-        return Open(best)  # a neighbour at most is as likely: the numbers are determined
+        return Open(best)  # at most one neighbour is as likely: the parameters are identifiable
     start, scale = fit.parameters.start, fit.parameters.scale
     alike.sort(key=lambda one: float(np.sum(((one.theta - start) / scale) ** 2)))
     return Open(alike[0], tuple(alike[1:]))
@@ -229,11 +228,11 @@ def _error(model: Corrected, runs: Runs) -> float:
 
 
 def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list[Term]]:
-    """The terms with another value of one of their numbers."""
+    """The terms with another value of one of their parameters."""
     setting = Setting.of(fit, runs)
     for index, term in enumerate(terms):
         one = term.hypothesis
-        if term.axis != "steady" or term.fixed or not one.physical or one.of_the_day:
+        if term.axis != "steady" or term.fixed or not one.physical or one.is_weather:
             continue
         for number in one.entry.parameters[1:]:
             if number.name in one.reach(runs):
@@ -263,12 +262,11 @@ def _mean_powers(model: Corrected, runs: Runs) -> dict[str, float]:
 
 
 def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1) -> list[tuple[str, str]]:
-    """Pairs of names whose values differ from model to model by a share of the scale, but whose sum, or difference by
-    the sign, does not."""
+    """Pairs of names whose values vary between models (relative to `scale`) while their sum or difference does not."""
     vary = [
         name
         for name in models[0]
-        if all(name in one for one in models) and np.std([one[name] for one in models]) > rules.ALIKE_PRODUCT * scale
+        if all(name in one for one in models) and np.std([one[name] for one in models]) > rules.PRODUCT_SPREAD * scale
     ]
     sums = {(a, b): [one[a] + sign * one[b] for one in models] for a, b in combinations(vary, 2)}
-    return [pair for pair, values in sums.items() if np.std(values) <= rules.ALIKE_PRODUCT * scale]
+    return [pair for pair, values in sums.items() if np.std(values) <= rules.PRODUCT_SPREAD * scale]

@@ -1,10 +1,10 @@
-"""What other channels than power tell: the battery's voltage, its gauge, and a distance beside the odometer.
+"""Effects that other channels than power show: voltage, state of charge, and a distance beside the odometer.
 
-Power at the terminals cannot show what is lost inside the battery. But the voltage sags by the current times a
-resistance, and a recorded state of charge falls by the energy drawn, and lost, over what a full battery holds. One
-capacity for all runs is a parameter, to be refitted like the others; one that shrinks from run to run is ageing; and a
-loss that grows with the load or in the cold is an effect of the battery. Each is held to the proof of any effect: it
-must lower the held-out error of its channel, and more than random signs of blocks do (wild cluster bootstrap).
+Power at the terminals does not show losses inside the battery. But the voltage sags by the current times a resistance,
+and the state of charge falls by the energy drawn and lost over the capacity. One capacity for all runs is a parameter,
+refitted like the others; one that shrinks from run to run is ageing; and a loss that grows with the load or in the cold
+is an effect of the battery. Each is validated as any effect: it must lower the held-out error of its channel, by more
+than on random signs of blocks (wild cluster bootstrap).
 """
 
 import dataclasses
@@ -32,11 +32,11 @@ from homeward.physics import Robot
 from homeward.physics.terminals import lost_inside
 
 USABLE_ENERGY = "usable energy"
-"""Name of the parameter that the state of charge determines."""
+"""Name of the parameter identified from the state of charge."""
 
 _DRAWS = 1999
 _GAP = 1.5  # windows
-_SEARCHED = 3.0  # times the size that a linear response says
+_SEARCHED = 3.0  # upper end of the search, over the linear estimate
 
 
 @dataclass(frozen=True)
@@ -47,28 +47,28 @@ class Witnessed:
     parameters: Mapping[str, Value]
     contribution: Array  # (windows,), W
     proof: Proof  # in the channel that shows it
-    rivals: tuple[str, ...]  # what that channel cannot tell from it
-    told: str  # how it shows, in a sentence
+    rivals: tuple[str, ...]  # effects that are confounded with it in that channel
+    sentence: str  # the evidence, in words
 
     @property
     def in_file(self) -> Mapping[str, Numbers]:
-        """What a robot file says of it."""
+        """Its entry in a robot file; empty for a fault of an instrument."""
         numbers = {name: value.value for name, value in self.parameters.items()}
         return {self.hypothesis.id: numbers} if self.hypothesis.physical else {}
 
 
 @dataclass(frozen=True)
 class Capacity:
-    """What a recorded state of charge says of the energy that a full battery holds, J."""
+    """Energy of a full battery estimated from a recorded state of charge, J."""
 
     assumed_j: float
     fitted_j: float  # one for all runs
     ci95: tuple[float, float]
-    off: bool  # clearly another than assumed, and the same in all runs
+    off: bool  # significantly differs from assumed, and is the same in all runs
 
 
 def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[Witnessed, ...]]:
-    """What voltage, gauge and distance tell; windows of one `block`, shape (windows,), depend on each other."""
+    """Effects shown by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, seed)
     inside_w = np.zeros(len(runs.observed)) if sag is None else sag.contribution
@@ -80,7 +80,7 @@ def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity
 class _Reading:
     """A channel that is to be explained, where it is known, less its mean over stretches without a gap.
 
-    What was drawn in a gap is not known. Columns have shape (known windows, columns).
+    The energy drawn in a gap is unknown. Columns have shape (known windows, columns).
     """
 
     def __init__(self, values: Array, runs: Runs, block: Index, seed: int) -> None:
@@ -109,21 +109,21 @@ class _Reading:
         return found, standard_errors(columns, self.target - columns @ found, self.block)
 
     def proof(self, base: Array, added: Array, tried: Sequence[Array] = ()) -> Proof | None:
-        """Proof, if there is one, that the best of all columns tried explain the channel beside the base."""
+        """Evidence that the added columns, best of those tried, explain the channel beside the base; None if weak."""
         design = np.column_stack([base, added])
         before, after = (
             held_out(lambda chosen, of=of: of @ _fit(of[chosen], self.target[chosen]), self.block % FOLDS)  # type: ignore[misc]
             for of in (base, design)
         )
         gained = gain(self.target, before, after, self.block, self.seed)
-        pays = delta_bic(self.target, before, after, self.run, added.shape[1])
-        if pays < rules.MUST_PAY or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        bic_gain = delta_bic(self.target, before, after, self.run, added.shape[1])
+        if bic_gain < rules.STRONG_BIC or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             return None
         p_value = self._p_value(base, added, np.column_stack([added, *tried]))
-        return None if p_value > rules.FALSE_ALARM_RATE else Proof(pays, gained.share, p_value)
+        return None if p_value > rules.FALSE_ALARM_RATE else Proof(bic_gain, gained.share, p_value)
 
     def _p_value(self, base: Array, added: Array, tried: Array) -> float:
-        """How often random signs of blocks make some column tried explain as much as the best of those added."""
+        """P-value: how often, on random signs of blocks, some column tried explains as much as the best added."""
         left, own = (one - base @ _fit(base, one) for one in (self.target, tried))
         sums = per_block(own * left[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
@@ -134,7 +134,7 @@ class _Reading:
 
 
 def _gained(proof: Proof) -> float:
-    """Share of the held-out error that it takes away; 0 where no model was compared."""
+    """Share of the held-out error explained; 0 where no model was compared."""
     return proof.held_out_gain or 0.0
 
 
@@ -143,12 +143,12 @@ def _fit(design: Array, target: Array) -> Array:
 
 
 def _matters(lost_w: Array, runs: Runs) -> bool:
-    """Whether what is lost is a good part of what was drawn."""
-    return float(lost_w @ runs.duration_s) >= rules.MATTERS * float(runs.observed @ runs.duration_s)
+    """Whether a loss exceeds `MATERIAL_SHARE` of the energy drawn."""
+    return float(lost_w @ runs.duration_s) >= rules.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
 
 
 def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
-    """A resistance that the voltage shows, beside that of the file, where it loses a good part of the energy."""
+    """Internal resistance by the voltage, beside the file's, where it loses a material share of the energy."""
     voltage_v = runs.context.get("voltage_v", np.zeros(1))
     known = voltage_v > 0.0
     if runs.unit != "W" or not known.any():
@@ -169,7 +169,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     value = Value(in_file_ohm + ohm, (in_file_ohm + ohm - wide, in_file_ohm + ohm + wide), entry.switch.unit)
     return Witnessed(
         battery.INTERNAL_RESISTANCE, {entry.switch.name: value}, lost_w, proof,
-        (battery.IN_STEP_WITH_COLD,) if cold else (),
+        (battery.CONFOUNDED_WITH_COLD,) if cold else (),
         f"The voltage sags by {value.value:.3g} ohm times the current.",
     )  # fmt: skip
 
@@ -177,7 +177,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
 def _gauge(
     fit: Refit, runs: Runs, inside_w: Array, block: Index, seed: int
 ) -> tuple[Capacity | None, Witnessed | None]:
-    """Capacity by the state of charge, and what makes it fall otherwise; nothing where it hardly fell."""
+    """Capacity by the state of charge, and an effect that changes its fall; None of both where it hardly fell."""
     robot, soc = fit.parameters.nominal, runs.context.get("soc")
     if soc is None or runs.unit != "W":
         return None, None
@@ -199,17 +199,16 @@ def _gauge(
     if not found:
         return capacity, None
     best = found[0]
-    alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.ALIKE_IN_SIZE * _gained(best.proof))
+    alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.RIVAL_SHARE * _gained(best.proof))
     best = dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
     return dataclasses.replace(capacity, off=False), best
 
 
 def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, block: Index, seed: int) -> list[Term]:
-    """Hypotheses that the gauge does not rule out: a battery gives what is drawn, whatever a meter reads.
+    """Hypotheses that the state of charge does not contradict: it falls by the true energy, whatever a meter reads.
 
-    Where the state of charge falls by the energy that was read, the meter is right; where it falls by that less what a
-    meter is thought to add, it is the meter, and no load that was put on. `base`, shape (windows, columns), is fitted
-    beside the hypotheses.
+    Where it falls by the energy that was read, the meter is right; where it falls by that less the error of a faulty
+    meter, the meter is wrong and no load was added. `base`, shape (windows, columns), is fitted beside the hypotheses.
     """
     runs, soc = setting.runs, setting.runs.context.get("soc")
     misread = [term for term in candidates if term.misread]
@@ -218,24 +217,24 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     channel = _Reading(-soc, runs, block, seed)
     drawn = channel.summed(runs.observed)[:, None]
     as_read = drawn @ _fit(drawn, channel.target)
-    speaks: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
+    gains: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
     left: dict[int, float] = {}
     for term in misread:
         design = np.column_stack([base, term.columns])
         weights = _fit(design, setting.residual)
         true = channel.summed(runs.observed - term.columns @ weights[base.shape[1] :])[:, None]
-        speaks[id(term)] = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
+        gains[id(term)] = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
         left[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
     best = min(left, key=lambda one: left[one])
     return [
         one
         for one in candidates
-        if (speaks[id(one)] > -rules.MUST_PAY if one.misread else one.axis != "time" or speaks[best] < rules.MUST_PAY)
+        if (gains[id(one)] > -rules.STRONG_BIC if one.misread else one.axis != "time" or gains[best] < rules.STRONG_BIC)
     ]
 
 
 def _lost(fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> Witnessed | None:
-    """An effect of the battery that makes the gauge fall faster at some loads or temperatures than at others."""
+    """An effect of the battery that makes the charge fall faster at some loads or temperatures than at others."""
     setting = Setting.of(fit, runs)
     robot = fit.parameters.nominal
 
@@ -259,7 +258,7 @@ def _lost(fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> Witnessed 
         design = drawn + fallen(one, shape, size)
         return float(np.sum((channel.target - design @ _fit(design, channel.target)) ** 2))
 
-    # Sizes are often a small share of the largest: look up to some times what the response to a small size says.
+    # Sizes are often far below their bound: search up to a multiple of the linear estimate.
     rate, per_size = _fit(np.column_stack([drawn, fallen(one, shape, TINY) / TINY]), channel.target)
     most = float(np.clip(_SEARCHED * per_size / max(float(rate), 1e-9), TINY * switch.high, switch.high))
     size = float(minimize_scalar(left, bounds=(0.0, most), method="bounded").x)
@@ -271,13 +270,13 @@ def _lost(fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> Witnessed 
     design, slope = drawn + at, (fallen(one, shape, size + step) - at) / step
     residual = channel.target - design @ _fit(design, channel.target)
     wide = 1.96 * float(standard_errors(np.column_stack([design, slope]), residual, channel.block)[-1])
-    alike = (other.id for share, other, _ in proven if _gained(share) > rules.ALIKE_BY_NATURE * _gained(proof))
+    alike = (other.id for share, other, _ in proven if _gained(share) > rules.CONFUSABLE_SHARE * _gained(proof))
     units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
     others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
     value = Value(size, (max(size - wide, 0.0), size + wide), switch.unit)
     return Witnessed(one, {switch.name: value, **others}, lost_w, proof,
                      tuple(rival for rival in dict.fromkeys(alike) if rival != one.id),
-                     "The state of charge falls faster than the energy drawn says where it is at work.")  # fmt: skip
+                     "The state of charge falls faster than the energy drawn implies where it is at work.")  # fmt: skip
 
 
 def _loss_w(one: Hypothesis, shape: Numbers, size: float, runs: Runs, robot: Robot) -> Array:
@@ -306,7 +305,7 @@ def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
     last = Value(float(lost[numbers[-1]]), (max(float(ends[0]), 0.0), float(ends[1])), "1")
     of_window = lost[runs.run]
     lost_w = np.maximum(runs.observed, 0.0) * of_window / (1.0 - of_window)
-    # A battery that has lost more than the effect allows drives nothing: its gauge is wrong.
+    # No battery that has lost more than the effect allows drives a robot: its reading is wrong.
     if not _matters(lost_w, runs) or lost.max() > battery.AGEING.entry.switch.high:
         return None
     return Witnessed(
@@ -314,32 +313,32 @@ def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
         {battery.AGEING.entry.switch.name: last},
         lost_w,
         proof,
-        _in_step(rate, runs, numbers),
-        "The battery fades from run to run, as the state of charge falls faster than the energy drawn says: in the "
-        f"last run {last.value:.0%} of the usable energy is gone, which explains {_gained(proof):.0%} of the "
-        "gauge's held-out squared error.",
+        _confounders(rate, runs, numbers),
+        "The battery fades from run to run, as the state of charge falls faster than the energy drawn implies: in "
+        f"the last run {last.value:.0%} of the usable energy is lost, which explains {_gained(proof):.0%} of the "
+        "held-out squared error of the state of charge.",
     )
 
 
-def _in_step(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
-    """What else may have made the gauge fall faster: the cold, or a higher load, where it came in step."""
+def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
+    """Confounders of ageing: cold or load, where they are rank-correlated with the faster fall of the charge."""
     air = runs.context.get("temperature_c")
     load, warmth = (
         None if one is None else np.array([np.nanmean(one[runs.run == number]) for number in numbers])
         for one in (runs.observed, air)
     )
-    found = [battery.IN_STEP_WITH_LOAD] if spearmanr(rate, load).statistic > rules.ALIKE else []
-    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.ALIKE):
-        found.append(battery.IN_STEP_WITH_COLD)
+    found = [battery.CONFOUNDED_WITH_LOAD] if spearmanr(rate, load).statistic > rules.SAME else []
+    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.SAME):
+        found.append(battery.CONFOUNDED_WITH_COLD)
     return tuple(found)
 
 
 def _odometer(fit: Refit, runs: Runs) -> Witnessed | None:
-    """Speeds that a recorded distance contradicts; they were set right where the runs were read."""
+    """Speeds that a recorded distance contradicts; they were corrected when the runs were read."""
     scales = np.array([run.odometer_scale for run in runs.signals])
     if not scales.any():
         return None
-    # How likely as many runs would disagree in all parts of their way, were each part as likely to err either way.
+    # Probability that as many runs disagree in all parts of their way, if the sign of each part is random.
     p_value = float(binom.sf(np.count_nonzero(scales) - 1, len(scales), 2.0 ** (1 - ODOMETER_PARTS)))
     if p_value > rules.FALSE_ALARM_RATE:
         return None

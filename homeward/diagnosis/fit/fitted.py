@@ -1,7 +1,7 @@
-"""A model fitted to recordings, with what it takes to ask what is left and what a further column would explain.
+"""A model fitted to recordings, its residual, and what a further column would explain.
 
-Further columns are fitted by bounded least squares through the columns' products: once these are summed, a fit costs
-microseconds, whatever the length of the recordings.
+Further columns are fitted by bounded least squares on the Gram matrix: once it is summed, a fit takes microseconds,
+whatever the length of the recordings.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from homeward.logs.channels import Array, Mask
 if TYPE_CHECKING:
     from homeward.diagnosis.fit.refit import Refit
 
-_RIDGE = 1e-9  # of a column's norm: keeps collinear columns from blowing up
+_RIDGE = 1e-9  # of a column's norm: bounds the weights of collinear columns
 
 
 class Fitted(Protocol):
-    """The refit, or the corrected model: what it predicts, how that depends on its numbers, its fit to a part."""
+    """The refit or the corrected model: its prediction, its derivatives, and its fit to a part of the windows."""
 
     @property
     def parameters(self) -> Parameters: ...  # the groups and their bounds
@@ -33,9 +33,9 @@ class Fitted(Protocol):
     @property
     def theta(self) -> Array: ...  # (groups,), values of the parameters
     @property
-    def predicted(self) -> Array: ...  # (windows,), for the windows it was fitted to
+    def predicted(self) -> Array: ...  # (windows,)
     @property
-    def jacobian(self) -> Array: ...  # (windows, columns), derivative of the prediction by its numbers
+    def jacobian(self) -> Array: ...  # (windows, columns), derivative of the prediction by the fitted numbers
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest physical step of each column of the Jacobian, each of shape (columns,)."""
@@ -45,13 +45,13 @@ class Fitted(Protocol):
 
 
 def excited(fit: Fitted, runs: Runs, share: float | Array = 1e-6) -> Mask:
-    """Whether a plausible change of each number moves the prediction by this share, shape (columns,)."""
+    """Whether a plausible change of each number changes the prediction by this share, shape (columns,)."""
     norms = np.linalg.norm(fit.jacobian, axis=0)
     return np.asarray(norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12))
 
 
 def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> Array:
-    """Prediction, (windows,), by a fit of a model to the chosen windows, with columns of any size beside it."""
+    """Prediction, (windows,), by a fit of a model to the chosen windows with further, unbounded columns."""
     columns = np.column_stack([fit.jacobian, beside])
     low, high = fit.freedom()
     free = np.full(beside.shape[1], np.inf)

@@ -11,15 +11,15 @@ from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index
 
 _SHORTEST = 10  # windows
-_STRETCH = 4  # windows: two seconds, what a change of level is held to last at least
+_STRETCH = 4  # windows: two seconds, the least duration of a level
 _MOST_BLOCKS = 2000
-_MEMORY_TIMES = 3.0  # blocks are this many correlation times long
+_CORRELATION_TIMES = 3.0  # blocks are this many correlation times long
 _MOST_FOLDS = 10
 _LONGEST_LAG = 400  # windows
-_MOST_CORRELATED = 0.9  # over any lag: beyond it is drift, not noise
+_MOST_CORRELATED = 0.9  # largest correlation over a lag: above it is drift, not noise
 _BLOCK_FOLDS = 5
 FEWEST_RUNS = 3
-"""To hold out whole runs."""
+"""Runs from which whole runs are held out."""
 
 
 def correlation_windows(residual: Array, run: Index) -> float:
@@ -49,22 +49,22 @@ def independent_windows(residual: Array, run: Index) -> float:
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of a series of windows: correlation time in windows, and standard deviation of what lasts that long."""
+    """Noise of a series of windows: autocorrelation time in windows, and long-run standard deviation."""
 
-    memory: float
+    correlation: float
     long_run: float  # sqrt of the variance of a sum of n windows over n
 
 
 def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)) -> Noise:
-    """Noise of residuals from their increments, so that changes of level do not count as noise where they are few.
+    """Noise of residuals from their increments, so that few changes of level do not count as noise.
 
     The increments over k and 2 k windows of an autoregressive process have a ratio of variances of 1 + phi^k. Medians
-    keep out the few increments across a change; the shorter the lags, the fewer they are.
+    are robust to the few increments across a change; the shorter the lags, the fewer they are.
 
     >>> rng = np.random.default_rng(0)
     >>> series = rng.normal(size=20000) + 50.0 * (np.arange(20000) // 1000 % 2)
     >>> found = noise_of(series, np.zeros(20000, dtype=int), lags=(1, 2, 4))
-    >>> round(found.memory), round(found.long_run)
+    >>> round(found.correlation), round(found.long_run)
     (1, 1)
     """
     best = Noise(1.0, _spread(residual, run, 1) / np.sqrt(2.0))
@@ -74,9 +74,9 @@ def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)
             continue
         phi = float(np.clip(long / short - 1.0, 0.0, _MOST_CORRELATED)) ** (1.0 / lag)
         variance = short / (2.0 * (1.0 - phi**lag))
-        memory = (1.0 + phi) / (1.0 - phi)
-        if variance * memory > best.long_run**2:
-            best = Noise(memory, float(np.sqrt(variance * memory)))
+        correlation = (1.0 + phi) / (1.0 - phi)
+        if variance * correlation > best.long_run**2:
+            best = Noise(correlation, float(np.sqrt(variance * correlation)))
     return best
 
 
@@ -88,12 +88,12 @@ def _spread(values: Array, run: Index, lag: int) -> float:
 
 
 def cut_blocks(run: Index, residual: Array | None = None) -> Index:
-    """Block number of each window, shape (windows,): within one run, and long enough to outlast the residual's memory.
+    """Block number of each window, shape (windows,): within one run, and longer than the residual's autocorrelation.
 
     Blocks are shortened where fewer than `FEWEST_BLOCKS` would remain.
     """
-    memory = 0.0 if residual is None else correlation_windows(residual, run)
-    length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_MEMORY_TIMES * memory)))
+    correlation = 0.0 if residual is None else correlation_windows(residual, run)
+    length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_CORRELATION_TIMES * correlation)))
     length = max(_SHORTEST, min(length, len(run) // (rules.FEWEST_BLOCKS + len(np.unique(run)))))
     block = np.empty(len(run), dtype=np.intp)
     following = 0
@@ -113,13 +113,13 @@ def per_block(values: Array, block: Index) -> Array:
 
 
 def cut_stretches(run: Index) -> Index:
-    """Number within its run of the stretch of a few windows that each window lies in, shape (windows,)."""
+    """Number within its run of each window's stretch of a few windows, shape (windows,)."""
     first = np.searchsorted(run, run)
     return (np.arange(len(run)) - first) // _STRETCH
 
 
 def cut_folds(runs: Runs, block: Index) -> tuple[Index, Literal["run", "block"]]:
-    """Fold of each window, shape (windows,): whole runs held out, or long stretches of fewer than three."""
+    """Fold of each window, shape (windows,): whole runs or, of fewer than three runs, long stretches."""
     count = len(runs.signals)
     if count >= FEWEST_RUNS:
         return runs.run % _MOST_FOLDS if count > _MOST_FOLDS else runs.run, "run"

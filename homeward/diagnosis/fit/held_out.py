@@ -1,4 +1,4 @@
-"""Arms of the comparison: how well each model predicts recordings it has not seen."""
+"""Arms of the comparison: how well each model predicts held-out recordings."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ _MOST_FOR_TREES = 20_000
 
 @dataclass(frozen=True)
 class Gain:
-    """Share of a squared held-out error that is explained."""
+    """Share of a squared held-out error that a model explains."""
 
     share: float
     ci95: tuple[float, float]
 
 
 def held_out(predict: Callable[[Mask], Array], fold: Index) -> Array:
-    """Prediction of each window, shape (windows,), by `predict`, which fits to chosen windows: those of other folds."""
+    """Prediction of each window, shape (windows,), by `predict`, fitted to chosen windows of the other folds."""
     predicted = np.empty(len(fold))
     for one in np.unique(fold):
         test = fold == one
@@ -43,9 +43,10 @@ def black_box(
     channels: Collection[str] | None = None,
     beside: Sequence[Array] = (),
 ) -> Array:
-    """Prediction for all windows, (windows,), by boosted trees that are fitted to chosen ones, or a draw of very many.
+    """Prediction for all windows, (windows,), by boosted trees fitted to the chosen ones (a random sample of very
+    many).
 
-    Features are the channels (all by default), `nominal`, what the refit predicts, and those `beside`, (windows,) each.
+    Features are the channels (all by default), `nominal`, the prediction of a fit, and those `beside`, (windows,) each.
     """
     used = [values for name, values in runs.context.items() if channels is None or name in channels]
     rows = np.flatnonzero(chosen)
@@ -53,22 +54,22 @@ def black_box(
         return nominal
     if len(rows) > _MOST_FOR_TREES:
         rows = np.sort(rng.choice(rows, _MOST_FOR_TREES, replace=False))
-    known = (one for one in (*used, *beside) if np.isfinite(one[rows]).any())  # what these runs lack tells none
+    known = (one for one in (*used, *beside) if np.isfinite(one[rows]).any())  # skip channels that these runs lack
     features = np.column_stack([nominal, *known])
     trees = HistGradientBoostingRegressor(
         max_iter=150, max_leaf_nodes=15, min_samples_leaf=30, early_stopping=False,
         random_state=int(rng.integers(2**31)),
     )  # fmt: skip
-    with threadpool_limits(1):  # its threads wait for each other busily, which a loaded machine makes very slow
+    with threadpool_limits(1):  # its busy waiting is very slow on a loaded machine
         trees.fit(features[rows], (runs.observed - nominal)[rows])
         predicted: Array = nominal + trees.predict(features)
     return predicted
 
 
 def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) -> Gain:
-    """Share of the squared held-out error that a prediction takes from another, its interval by bootstrap over blocks.
+    """Share by which one prediction lowers another's squared held-out error, its interval by bootstrap over blocks.
 
-    All have shape (windows,); `before` is what the plainer model predicts of what was held out.
+    All have shape (windows,); `before` is the held-out prediction of the simpler model.
     """
     sums: Array = np.stack([np.bincount(block, (observed - one) ** 2) for one in (before, after)]).astype(np.float64)
     interval = bootstrap(sums, seed, lambda drawn: 1.0 - drawn[1] / np.maximum(drawn[0], 1e-300))
@@ -76,24 +77,24 @@ def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) 
 
 
 def delta_bic(observed: Array, before: Array, after: Array, run: Index, freedom: int = 1) -> float:
-    """Difference of BIC by held-out predictions; what a wrong model leaves has memory, and counts for less."""
+    """Reduction of BIC by held-out predictions; windows count as independent by the residual's autocorrelation."""
     without, with_it = (max(float(((observed - one) ** 2).sum()), 1e-300) for one in (before, after))
     independent = independent_windows(observed - after, run)
     return float(independent * np.log(without / with_it) - freedom * np.log(independent))
 
 
 def bootstrap(sums: Array, seed: int, of: Callable[[Array], Array]) -> tuple[float, float]:
-    """95 % interval of what is made of sums over blocks, shape (sums, blocks), by bootstrap over the blocks."""
+    """95 % interval of a function `of` sums over blocks, shape (sums, blocks), by bootstrap over the blocks."""
     chosen = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
     low, high = np.quantile(of(sums[:, chosen].sum(axis=2)), [0.025, 0.975])
     return float(low), float(high)
 
 
 def range_accuracy_pct(predicted: Array, runs: Runs, fold: Index) -> float | None:
-    """Accuracy of the range that a model would have estimated for each held-out trip, in per cent, their mean.
+    """Mean accuracy of the range that a model estimates for each held-out trip, per cent.
 
-    A model that predicts the energy of a trip 25 % too high estimates a range 20 % too short: 80 % accurate, as the
-    paper counts its 66 to 91 %.
+    A model that predicts the energy of a trip 25 % too high estimates a range 20 % too short: 80 % accurate, the
+    definition of the paper for its 66 to 91 %.
     """
     recorded_j, predicted_j = (np.bincount(fold, power * runs.duration_s) for power in (runs.observed, predicted))
     counted = (recorded_j > 0.0) & (predicted_j > 0.0)

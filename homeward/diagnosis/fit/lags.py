@@ -1,8 +1,8 @@
-"""Channels that come late, and clocks that drift: seen from the power, which every channel of motion must explain.
+"""Lags of channels and drifting clocks, estimated from how well the channels of motion explain power.
 
-Power is regressed on what driving consists of. A channel of slope that is late explains most when it is set back; the
-clock of power against that of motion is late, part of a run by part, by what makes the regression follow it best. A lag
-of power that does not change stays: it is named as any other fault of an instrument.
+Power is regressed on the terms of the drive. The lag of a slope channel is the shift that explains most; the drift of
+the clock of power against that of motion is fitted together with the regression. A constant lag of power is not
+corrected: it is named as any other fault of an instrument.
 """
 
 from collections.abc import Sequence
@@ -15,25 +15,25 @@ from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, slope_of, windows
 from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
 _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel
 _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
-_MOST_RUNS = 5  # that are asked: all have the same sensor
-_MOST_ASKED = 20_000  # samples of each: half an hour at 10 Hz
+_MOST_RUNS = 5  # in the search: all have the same sensor
+_MOST_SEARCHED = 20_000  # samples of each run: half an hour at 10 Hz
 _COARSE_DRIFT_S = 0.5
 _GROUNDS = 12  # knots along the way
-_STRETCH_S = 10.0  # longer than a robot takes to change its speed: their errors count as independent
+_STRETCH_S = 10.0  # longer than a change of speed: errors of stretches count as independent
 _FEWEST_STRETCHES = 12
-_MOST_SAMPLES = 200_000  # a clock that drifts over hours of driving is nothing that a straight line follows
+_MOST_SAMPLES = 200_000  # over hours of driving a drift is not linear
 _ITERATIONS = 4
 
 
 def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
-    """What power is regressed on, shape (n, columns): force balance times speed, starts, turning, sensing.
+    """Regressors of power, shape (n, columns): force balance times speed, starts, turning, sensing.
 
-    Where the place is known, ground that rolls harder in some places is not taken for slopes that come at other times.
+    Where the place is known, rolling resistance varies along the way, so that it is not confounded with a late slope.
     """
     speed = np.abs(run.speed_mps)
     top = robot.max_speed_mps
@@ -41,7 +41,7 @@ def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
     climbs = speed * np.maximum(slope + robot.rolling_resistance, 0.0)
     pull = speed * np.maximum(run.accel_mps2 * np.sign(run.speed_mps), 0.0)
     moving = (speed > 0.0).astype(np.float64)
-    starts = np.maximum(np.diff(moving, prepend=moving[0]), 0.0)  # break-away and inrush last a moment
+    starts = np.maximum(np.diff(moving, prepend=moving[0]), 0.0)  # break-away and inrush are short
     return np.column_stack([
         np.ones(len(speed)), moving, starts, speed[:, None] * _grounds(run), speed**3 / top**2, climbs, pull,
         np.abs(run.yaw_rate_radps), run.sensing_hz,
@@ -49,7 +49,7 @@ def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
 
 
 def _grounds(run: Signals) -> Array:
-    """How much each sample belongs to each of some stretches of the way, shape (n, stretches)."""
+    """Interpolation weight of each sample for each stretch of the way, shape (n, stretches)."""
     place_m = run.context.get("place_m")
     if place_m is None or not np.isfinite(place_m).all() or float(np.ptp(place_m)) == 0.0:
         return np.ones((len(run.time_s), 1))
@@ -58,18 +58,18 @@ def _grounds(run: Signals) -> Array:
 
 
 def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: Robot) -> float:
-    """Time by which the channel of slope is late in all runs of these recordings, s; 0 where that does not matter.
+    """Lag of the slope channel in all runs of these recordings, s; 0 where correcting it explains too little.
 
-    No filter looks ahead: what would make slopes early is no lag of theirs.
+    Only positive lags are searched: filters are causal.
     """
     sloping = [index for index, run in enumerate(runs) if run.grade_rad.any()][:_MOST_RUNS]
-    asked = [runs[index].only(np.arange(len(runs[index].time_s)) < _MOST_ASKED) for index in sloping]
-    if not asked:
+    searched = [runs[index].only(np.arange(len(runs[index].time_s)) < _MOST_SEARCHED) for index in sloping]
+    if not searched:
         return 0.0
 
     def error(late_s: float) -> Array:
         left = []
-        for index, run in zip(sloping, asked, strict=True):
+        for index, run in zip(sloping, searched, strict=True):
             slope = slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
             left.append(_regression(run, drive_columns(run, robot, np.zeros(1) if slope is None else slope)))
         return np.array(left)
@@ -82,27 +82,27 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
     best = min(errors, key=lambda late: float(errors[late].sum()))
     if best < rules.SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
         return 0.0
-    return best if float(errors[best].sum()) < (1.0 - rules.LAG_MUST_EXPLAIN) * _by_power(asked, robot) else 0.0
+    return best if float(errors[best].sum()) < (1.0 - rules.SMALLEST_LAG_GAIN) * _by_power(searched, robot) else 0.0
 
 
 def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
-    """Squared error where power is what is late or drifts: against it, slopes seem early."""
-    right = without_drift(runs, robot)[0]
-    columns = [drive_columns(run, robot, run.grade_rad) for run in right]
+    """Squared error if instead power lags or its clock drifts."""
+    fixed = without_drift(runs, robot)[0]
+    columns = [drive_columns(run, robot, run.grade_rad) for run in fixed]
     return min(
-        sum(_regression(_early(run, lag_s), made) for run, made in zip(right, columns, strict=True))
+        sum(_regression(_early(run, lag_s), made) for run, made in zip(fixed, columns, strict=True))
         for lag_s in _SHARED_S
     )
 
 
 def _early(run: Signals, lag_s: float | Array) -> Signals:
-    """The run with its power set back by a lag."""
+    """The run with a lag of its power removed."""
     return replace(run, observed=np.interp(run.time_s + lag_s, run.time_s, run.observed))
 
 
 def _regression(run: Signals, columns: Array) -> float:
-    """Squared error over windows that power regressed on columns leaves."""
-    cut = windows(run.time_s, max(WINDOW_S, usual_step_s(run.time_s)))
+    """Squared residual over windows of power regressed on columns."""
+    cut = windows(run.time_s, max(WINDOW_S, median_step_s(run.time_s)))
     design = np.column_stack([cut.means(one) for one in columns.T])
     target = cut.means(run.observed)
     weights = np.linalg.lstsq(design, target, rcond=None)[0]
@@ -111,10 +111,10 @@ def _regression(run: Signals, columns: Array) -> float:
 
 
 def without_drift(runs: Sequence[Signals], robot: Robot) -> tuple[list[Signals], dict[str, float]]:
-    """The runs with the clock of power set right where it drifts against that of motion; the drift of each, s."""
+    """The runs with the drift of the clock of power against that of motion removed, and the drift of each, s."""
     drifts = [_drift(run, robot) for run in runs]
-    right = [_early(run, drift_s * _since(run)) if drift_s else run for run, drift_s in zip(runs, drifts, strict=True)]
-    return right, {run.name: drift_s for run, drift_s in zip(runs, drifts, strict=True) if drift_s}
+    fixed = [_early(run, drift_s * _since(run)) if drift_s else run for run, drift_s in zip(runs, drifts, strict=True)]
+    return fixed, {run.name: drift_s for run, drift_s in zip(runs, drifts, strict=True) if drift_s}
 
 
 def _since(run: Signals) -> Array:
@@ -123,10 +123,10 @@ def _since(run: Signals) -> Array:
 
 
 def _drift(run: Signals, robot: Robot) -> float:
-    """Time by which the clock of power falls back over the run, s, 0 where it is not clear.
+    """Time by which the clock of power falls back over the run, s, 0 where it is not significant.
 
-    The likeliest of a few drifts, then Gauss-Newton on lag and drift together with the coefficients; the drift's
-    standard error is clustered by stretch.
+    The best of a few drifts, then Gauss-Newton on lag and drift together with the coefficients; the drift's standard
+    error is clustered by stretch.
     """
     stretch = (run.time_s - run.time_s[0]) // _STRETCH_S
     if stretch[-1] < _FEWEST_STRETCHES or len(run.time_s) > _MOST_SAMPLES:
@@ -146,15 +146,15 @@ def _drift(run: Signals, robot: Robot) -> float:
     error_s = np.inf
     for _ in range(_ITERATIONS):
         late, weights, _ = fit(lag_s, drift_s)
-        pace = -np.gradient(late @ weights, run.time_s)
-        design = np.column_stack([late, pace, pace * since])
+        rate = -np.gradient(late @ weights, run.time_s)
+        design = np.column_stack([late, rate, rate * since])
         found = np.linalg.lstsq(design, run.observed, rcond=None)[0]
         left = run.observed - design @ found
         lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
         error_s = float(standard_errors(design, left, stretch.astype(np.intp))[-1])
     if error_s > abs(drift_s) / rules.CLEAR_DRIFT or not rules.SMALLEST_DRIFT_S < abs(drift_s) < rules.LONGEST_DRIFT_S:
         return 0.0
-    # The pace of a noisy channel is noise that many a lag seems to explain: the power itself must follow better.
+    # The derivative of a noisy channel is noise, which some lag fits by chance: power itself must be explained better.
     without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)
     with_it = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
-    return drift_s if with_it < (1.0 - rules.LAG_MUST_EXPLAIN) * without else 0.0
+    return drift_s if with_it < (1.0 - rules.SMALLEST_LAG_GAIN) * without else 0.0

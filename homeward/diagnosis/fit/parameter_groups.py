@@ -1,8 +1,8 @@
-"""The parameters that recordings can tell apart: five groups, their bounds and predictions.
+"""The identifiable groups of parameters, five at most, with their bounds and predictions.
 
 From sampled speed, grade and power only five groups of the model are identifiable: the idle and the per-sample part of
 P_anc, C_rr m / Gamma, c / Gamma and m / Gamma; from motor current the last three over k, the thrust per ampere, and the
-current at rest. Losses are therefore kept as the robot file has them and the rest is fitted.
+current at rest. Losses are therefore held at the robot file's values and the rest is fitted.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ _SAMPLE_PARTS = ("sensing_j_per_sample", "computer_j_per_sample")
 
 @dataclass(frozen=True)
 class Group:
-    """One identifiable group: its name, symbol and unit, and whether measured motion is behind its column."""
+    """One identifiable group: its name, symbol and unit, and whether its column is computed from measured motion."""
 
     name: str
     symbol: str
@@ -55,7 +55,7 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class Parameters:
-    """The fitted parameters of a problem: a vector theta, how it becomes a robot, and its physical bounds.
+    """The fitted parameters of a problem: a vector theta, its conversion to a robot, and its physical bounds.
 
     theta is (idle power W, energy per sample J, C_rr m kg, c N s^2/m^2, m kg) or, of motor current, (current at rest A,
     C_rr m, c, m), with the losses (and the thrust per ampere) as assumed. Arrays have shape (groups,).
@@ -68,7 +68,7 @@ class Parameters:
     high: Array
     scale: Array  # a plausible change of each
     to_group: Array  # group value = theta * to_group
-    current_known: bool  # False: motor current without a known thrust per ampere
+    current_known: bool  # False: motor current with an unknown thrust per ampere
 
     def robot(self, theta: Array) -> Robot:
         """The robot with these parameters."""
@@ -78,7 +78,7 @@ class Parameters:
         return with_ancillary(robot, *ancillary) if len(ancillary) == 2 else robot
 
     def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:
-        """What these parameters predict, shape (windows,), with effects if any are given."""
+        """Prediction of these parameters, shape (windows,), with effects if any are given."""
         robot, extra = self.robot(theta), with_effects or WithEffects()
         if extra.effects:
             robot = with_effects_of(robot, extra.effects)
@@ -87,7 +87,7 @@ class Parameters:
 
 
 def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) -> Robot:
-    """The robot with these effects; where its file has no track, the one that an effect was fitted with."""
+    """The robot with these effects; where its file has no track width, that fitted with an effect."""
     track_m = next((numbers["track_m"] for numbers in effects.values() if "track_m" in numbers), robot.track_m)
     added = {
         effect: {name: value for name, value in numbers.items() if name != "track_m"}
@@ -116,13 +116,13 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     top_speed = max(float(np.max(np.abs(runs.context["speed_mps"]))), 1e-3)
     gamma = robot.traction_efficiency
     known = runs.unit == "W" or robot.traction_n_per_a > 0.0
-    if not known:  # any thrust per ampere will do: the groups do not depend on it
+    if not known:  # an arbitrary thrust per ampere: the groups do not depend on it
         robot = dataclasses.replace(robot, traction_n_per_a=float(rolling_force(robot)) / max(most, 1e-9))
     per = gamma if runs.unit == "W" else thrust_n_per_a(robot)
     idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w if runs.unit == "W" else 0.0
     sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
     fastest_hz = max(float(np.max(runs.sensing_hz, initial=0.0)), robot.max_sensing_hz)
-    # Of a drag that is unknown all that was drawn ten times over is out of the question.
+    # An unknown drag is bounded by ten times the largest recorded power.
     most_force = most * (gamma / top_speed if runs.unit == "W" else per)
     most_drag = rules.MOST_TIMES * robot.drag_ns2_per_m2 or 10.0 * most_force / top_speed**2
     most = max(most, 2.0 * idle, 1e-6)
@@ -146,7 +146,7 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
 def derivatives(problem: Parameters, theta: Array, predicted: Array, predict: Callable[[Array], Array]) -> list[Array]:
     """Derivative of `predict` by each group in units of `scale`, by a small step within the bounds from theta.
 
-    There it gives `predicted`, shape (windows,).
+    `predicted`, shape (windows,), is its value at theta.
     """
     columns = []
     for index in range(len(theta)):

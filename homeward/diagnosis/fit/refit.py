@@ -1,7 +1,7 @@
-"""The best the known physics can do: refit the groups of parameters that a recording can tell apart.
+"""Least-squares refit of the groups of parameters that recordings can identify.
 
-Least squares on window means, not a robust loss: a median ignores the peaks, and the energy is in the peaks. Intervals
-come from a sandwich estimator clustered by block, which holds under autocorrelated and uneven residuals.
+Window means are fitted without a robust loss: a median ignores the peaks, and the energy is in the peaks. Intervals
+come from a sandwich estimator clustered by block, valid under autocorrelated and heteroscedastic residuals.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.doubt import reliability
+from homeward.diagnosis.fit.channel_errors import reliability
 from homeward.diagnosis.fit.fitted import Fitted, excited
 from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
@@ -26,13 +26,13 @@ from homeward.physics import Robot
 Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]
 
 _ITERATIONS = 12
-_WEAK_PRIOR = 1e-5  # of a column's norm: keeps a parameter that the data leave open at its assumed value
+_WEAK_PRIOR = 1e-5  # of a column's norm: an unidentifiable parameter stays at its assumed value
 _RESTS_ON = {"rolling": "speed_mps", "drag": "speed_mps", "mass": "grade_rad"}
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the recordings say about a group; `fitted` and `ci95` are None where they say nothing."""
+    """Estimate of a group; `fitted` and `ci95` are None where it is not identifiable."""
 
     group: Group
     assumed: float | None
@@ -40,22 +40,22 @@ class Estimate:
     ci95: tuple[float, float] | None
     status: Status
     mixed_with: tuple[str, ...] = ()
-    off: bool = False  # excludes what the robot file assumes, at 5 % over all groups together
+    off: bool = False  # significantly differs from the robot file, at 5 % over all groups together
 
     def confounded(self, mixed_with: tuple[str, ...]) -> Estimate:
-        """The same where something stands in for it, so that nothing is known of it."""
+        """The same where it is confounded with others, so that it has no value."""
         return dataclasses.replace(self, fitted=None, ci95=None, status="confounded", mixed_with=mixed_with, off=False)
 
 
 @dataclass(frozen=True)
 class Refit:
-    """A fit with what it takes to redo it on a part of the windows: at theta, predicted and its Jacobian."""
+    """A fit, linearised at theta so that it can be repeated on a part of the windows."""
 
     parameters: Parameters
     theta: Array  # (groups,)
     predicted: Array  # (windows,)
     jacobian: Array  # (windows, groups), per unit of `scale`; 0 for groups that are held
-    held: Mask  # (groups,): those that stay as the robot file has them
+    held: Mask  # (groups,): those kept at the robot file's values
 
     @property
     def robot(self) -> Robot:
@@ -64,22 +64,22 @@ class Refit:
 
     @property
     def groups(self) -> Refit:
-        """The fit of the groups, as a model with effects has it too."""
+        """The fit of the groups; a model with effects has the same property."""
         return self
 
     @property
     def beside(self) -> Array:
-        """Derivative by anything but the groups: there is none here, shape (windows, 0)."""
+        """Derivative by anything but the groups: none here, shape (windows, 0)."""
         return np.empty((len(self.predicted), 0))
 
     @property
     def at_bound(self) -> Mask:
-        """Groups at a bound of what is physical, shape (groups,); a power or drag of zero is a value like any other."""
+        """Groups at a physical bound, shape (groups,); a power or drag of zero is a regular value."""
         low, high, margin = self.parameters.low, self.parameters.high, 1e-9 * self.parameters.scale
         return np.asarray((self.theta >= high - margin) | ((self.theta <= low + margin) & (low > 0.0)))
 
     def freedom(self) -> tuple[Array, Array]:
-        """Least and largest step from theta that is physical, in units of `scale`, each of shape (groups,)."""
+        """Least and largest physical step from theta, in units of `scale`, each of shape (groups,)."""
         low, high = ((end - self.theta) / self.parameters.scale for end in (self.parameters.low, self.parameters.high))
         return low - 1e-12, high + 1e-12
 
@@ -89,7 +89,7 @@ class Refit:
 
     def step(self, jacobian: Array, residual: Array) -> Array:
         """Best step of theta in units of `scale`, within the bounds, for these windows."""
-        # Normal equations through a triangle: a few rows whatever the length of the recording.
+        # QR reduces the problem to a few rows, whatever the length of the recording.
         triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
         weak = _WEAK_PRIOR * max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
         start = (self.parameters.start - self.theta) / self.parameters.scale
@@ -103,7 +103,7 @@ class Refit:
         return dataclasses.replace(self, theta=self.moved(step), predicted=self.predicted + self.jacobian @ step)
 
     def refitted(self, chosen: Mask, runs: Runs) -> Refit:
-        """As `fitted_to`: the groups alone are all but linear."""
+        """As `fitted_to`: without effects the model is almost linear."""
         return self.fitted_to(chosen, runs.observed)
 
     def replayed(self, runs: Runs) -> Array:
@@ -118,7 +118,7 @@ def refit(runs: Runs, robot: Robot) -> Refit:
 
 
 def holding(fit: Refit, runs: Runs, held: Mask) -> Refit:
-    """The same fit with some groups, shape (groups,), as the robot file has them."""
+    """The same fit with some groups, shape (groups,), held at the robot file's values."""
     return _fit(fit.parameters, runs, held)
 
 
@@ -140,8 +140,7 @@ def _fit(problem: Parameters, runs: Runs, held: Mask) -> Refit:
 
 
 def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
-    """Value and interval of each group, or why there is none; residuals of different blocks, shape (windows,), count as
-    independent."""
+    """Value and interval of each group, or why there is none; blocks, shape (windows,), count as independent."""
     fit, beside = model.groups, model.beside
     problem, jacobian = fit.parameters, fit.jacobian
     moving = excited(fit, runs)

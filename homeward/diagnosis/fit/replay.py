@@ -1,4 +1,4 @@
-"""Recorded runs replayed through the physics: what a robot file predicts, window by window."""
+"""Recorded runs replayed through the physics: the prediction of a robot file for each window."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -9,14 +9,14 @@ import numpy as np
 
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, windows
 from homeward.logs.channels import Array, Index
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics import Robot, replay
 from homeward.physics.effects import payload
 from homeward.physics.terminals import at_terminals
 
-_MOST_WINDOWS = 100_000  # of very long recordings the windows grow instead
-_MOST_LOADS = 5  # at which a run is replayed
-_SLOW_MPS = 0.02  # wheels slower than this stand: a motor's current vanishes with the motion
+_MOST_WINDOWS = 100_000  # beyond it the windows get longer
+_MOST_LOADS = 5  # payload levels at which a run is replayed
+_SLOW_MPS = 0.02  # below it the wheels are at rest: motor current vanishes with the motion
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Runs:
     unit: Unit
     run: Index  # which of `signals` a window belongs to
     time_s: Array
-    duration_s: Array  # time that a window stands for
+    duration_s: Array  # length of a window
     observed: Array
     context: Mapping[str, Array]  # NaN where a run lacks the channel
 
@@ -45,11 +45,11 @@ class Runs:
 
 @dataclass(frozen=True)
 class WithEffects:
-    """What a prediction adds to the robot: effects by id, and what the drive met or its instruments did."""
+    """Additions to the robot in a prediction: effects by id, conditions of the drive, errors of its instruments."""
 
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     headwind_mps: Sequence[Array] | None = None  # against the direction of travel, an array per run
-    lag_s: float = 0.0  # time by which the instrument is late
+    lag_s: float = 0.0  # delay of the instrument
     speed_factors: Sequence[float] | None = None  # true over recorded speed, a number per run
     roughness: Array | None = None  # of the ground, (windows,)
 
@@ -57,7 +57,7 @@ class WithEffects:
 def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
     """Average runs with one unit over windows that hold at least so many samples."""
     total_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in signals)
-    lengths = [max(WINDOW_S, samples * usual_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
+    lengths = [max(WINDOW_S, samples * median_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
     cuts = [windows(run.time_s, length) for run, length in zip(signals, lengths, strict=True)]
     pairs = list(zip(signals, cuts, strict=True))
     counts = [int(cut.keep.sum()) for cut in cuts]
@@ -75,15 +75,15 @@ def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
 
 
 def thrust_n_per_a(robot: Robot) -> float:
-    """Thrust at the wheels per ampere of motor current, N/A: what gear friction leaves of it.
+    """Thrust at the wheels per ampere of motor current, N/A, after gear friction.
 
-    The motor loss eta2 is electrical: it takes voltage and no torque.
+    The motor loss eta2 is electrical: it lowers the voltage, not the torque.
     """
     return robot.traction_n_per_a * (1.0 - robot.friction_loss)
 
 
 def power_w(run: Signals, robot: Robot) -> Array:
-    """Battery power that a robot file says of a run, W, shape (samples,)."""
+    """Battery power that a robot file predicts for a run, W, shape (samples,)."""
     return _loaded(robot, run)[0]
 
 
@@ -93,7 +93,7 @@ def wheels_mps(run: Signals, robot: Robot) -> Array:
 
 
 def current_a(run: Signals, robot: Robot, rest_current_a: float) -> Array:
-    """Motor current that a robot file says of a run, A, shape (samples,), see `predict`."""
+    """Motor current that a robot file predicts for a run, A, shape (samples,), see `predict`."""
     return _current_a(run, robot, _loaded(robot, run)[1], rest_current_a)
 
 
@@ -105,9 +105,9 @@ def _current_a(run: Signals, robot: Robot, force_n: Array, rest_current_a: float
 def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffects | None = None) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
-    Power that was recorded as voltage times current is that at the battery's terminals. Motor current is what the
-    motors push with over the thrust per ampere, plus what they draw at rest; a descent that the robot rolls down draws
-    none, as in the power of the drive. The effects are those of the robot, not of `met`.
+    Power that was recorded as voltage times current is that at the battery's terminals. Motor current is the thrust
+    over the thrust per ampere, plus the current at rest; a descent that the robot rolls down draws none, as in the
+    power of the drive. The effects are those of the robot, not of `met`.
     """
     met = met or WithEffects()
     means = []
@@ -130,7 +130,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
 def _loaded(robot: Robot, run: Signals, **met: Any) -> tuple[Array, Array]:
     """Power and wheel force of a robot with the run's recorded load beside that of its file, shape (n,) each.
 
-    Between a few loads both are linear in the load, but for the bends where nothing is drawn.
+    Interpolated between a few loads: both are piecewise linear in the load, with kinks where the drive draws nothing.
     """
     load_kg = np.nan_to_num(run.context.get("payload_kg", np.zeros(1)))
     levels = np.unique(load_kg)

@@ -1,4 +1,4 @@
-"""Checks before any fitting: which runs can be used, and what to know about the rest."""
+"""Checks before any fitting: which runs are usable, and findings about all of them."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from homeward.diagnosis.read.pitch import without_tilt
 from homeward.diagnosis.read.signals import Signals, gaps, known, signals
 from homeward.logs.channels import lacking
 from homeward.logs.recordings import Recording
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
-_STANDS_MPS = 0.01
+_STANDSTILL_MPS = 0.01
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to know about a recording; one that is `refused` is set aside and takes no part in the verdict."""
+    """A remark on a recording; one that is `refused` is excluded from the verdict."""
 
     recording: str
     text: str
@@ -33,7 +33,7 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
     """Check each recording of a robot and bring the usable ones into one form.
 
     Power is preferred: where some runs hold power and others only motor current, the latter are set aside. Top speed
-    and power by the robot file tell a wrong unit from a fast drive.
+    and power by the robot file distinguish a wrong unit from a fast drive.
     """
     findings: list[Finding] = []
     kept: list[tuple[Recording, Signals]] = []
@@ -59,56 +59,56 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
     if not kept:
         return [], findings
     findings += _lacked([run for _, run in kept], {name for recording, _ in kept for name in recording.channels})
-    runs, said = _set_right([run for _, run in kept], [recording for recording, _ in kept], robot)
-    return runs, findings + said
+    runs, notes = _corrected([run for _, run in kept], [recording for recording, _ in kept], robot)
+    return runs, findings + notes
 
 
 def _lacked(runs: Sequence[Signals], recorded: Collection[str]) -> list[Finding]:
-    """Channels that some runs have and others lack: there nothing was sensed, or the value is not known."""
+    """Channels that some runs have and others lack: there nothing was sensed, or the value is unknown."""
     given = dict.fromkeys(name for run in runs for name in run.context if name in recorded)
     found = []
     for run in runs:
         if lacks := [name for name in given if name not in run.context]:
-            nothing = "; its sensing rate is taken for 0" if "sensing_hz" in lacks else ""
+            nothing = "; its sensing rate is assumed to be 0" if "sensing_hz" in lacks else ""
             found.append(Finding(run.name, f"lacks {', '.join(lacks)}, which other runs have{nothing}"))
     return found
 
 
-def _set_right(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
-    """The runs without what only their drive shows: a late or tilted slope, a clock that drifts, another robot."""
-    said: list[Finding] = []
+def _corrected(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
+    """The runs corrected for a late or tilted slope and a drifting clock, seen from power; a check of the robot."""
+    notes: list[Finding] = []
     first = runs[0].name
     late_s = late_slope(runs, sources, robot)
     if late_s:
         runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
-        said.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are set right"))
+        notes.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are set right"))
     if any("grade_rad" in source.channels for source in sources):
         runs, angle = without_tilt(runs)
         if angle:
             text = f"slopes of ways that close have a mean of {np.degrees(angle):+.2g} degrees"
-            said.append(Finding(first, f"{text}: the sensor is tilted, and the slopes of all runs are set right"))
+            notes.append(Finding(first, f"{text}: the sensor is tilted, and the slopes of all runs are set right"))
     runs, drifts = without_drift(runs, robot)
     for name, drift_s in drifts.items():
         way = "back" if drift_s > 0.0 else "ahead"
         text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is set right"
-        said.append(Finding(name, text))
+        notes.append(Finding(name, text))
     ratio = _over_expected(runs, robot)
     if not 1.0 / rules.RIGHT_ROBOT < ratio < rules.RIGHT_ROBOT:
         text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
-        said.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
-    return runs, said
+        notes.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
+    return runs, notes
 
 
 def _over_expected(signals: Sequence[Signals], robot: Robot) -> float:
-    """What runs draw, over what the robot file says; 1 where it says nothing."""
+    """Recorded power or current over the robot file's prediction; 1 where there is none."""
     runs = average_runs(signals)
-    told = runs.unit == "W" or robot.traction_n_per_a > 0.0
-    expected = float(np.sum(predict(runs, robot))) if told else 0.0
+    predictable = runs.unit == "W" or robot.traction_n_per_a > 0.0
+    expected = float(np.sum(predict(runs, robot))) if predictable else 0.0
     return float(np.sum(runs.observed)) / expected if expected > 0.0 else 1.0
 
 
 def _lacks(recording: Recording) -> str | None:
-    """What a recording must have and has not, or None."""
+    """What a recording lacks to be usable, or None."""
     if lacks := lacking(recording.channels):
         return f"has no {lacks}"
     missing = 1.0 - float(known(recording).mean())
@@ -123,7 +123,7 @@ def _lacks(recording: Recording) -> str | None:
 
 
 def fault_of(run: Signals, robot: Robot) -> str | None:
-    """Why a run of a robot cannot be used, in a phrase: it is too short, or in another unit; None where it can."""
+    """Why a run of a robot cannot be used, such as its length or unit, in a phrase; None where it can."""
     if len(run.time_s) == 0:
         return "holds nothing but charging"
     if len(run.time_s) < rules.FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < rules.SHORTEST_RUN_S:
@@ -156,17 +156,17 @@ def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
         remarks.append(f"{missing} samples without motion or power are left out")
     remarks += [f"missing values of {name} are interpolated" for name in run.filled]
     if "elevation_m" in recording.channels and "grade_rad" not in run.context:
-        remarks.append("elevation_m varies hardly more than its own steps or noise: slopes are taken for unknown")
+        remarks.append("elevation_m varies hardly more than its own steps or noise: slopes are treated as unknown")
     jumps = gaps(run.time_s)
     if len(jumps):
         longest = float(np.max(np.diff(run.time_s)[jumps]))
         remarks.append(
-            f"{len(jumps)} gaps, the longest {longest:.3g} s where {usual_step_s(run.time_s):.3g} s is usual"
+            f"{len(jumps)} gaps, the longest {longest:.3g} s where the median step is {median_step_s(run.time_s):.3g} s"
         )
-    if np.mean(np.abs(run.speed_mps) > _STANDS_MPS) == 0.0 and not run.yaw_rate_radps.any():
-        remarks.append("the robot stands throughout: nothing to learn about its drive")
+    if np.mean(np.abs(run.speed_mps) > _STANDSTILL_MPS) == 0.0 and not run.yaw_rate_radps.any():
+        remarks.append("the robot stands throughout: the parameters of its drive are not identifiable")
     elif np.ptp(run.speed_mps) < 0.1 * np.max(np.abs(run.speed_mps)):
-        remarks.append("the speed hardly changes: idle power, rolling resistance and drag cannot be told apart from it")
+        remarks.append("the speed hardly changes: idle power, rolling resistance and drag are confounded")
     if run.unit == "A" and (run.observed > 0.0).all():
         remarks.append("motor current without voltage: torque only, so power, energy and range are not known")
     return remarks

@@ -1,1 +1,1 @@
-"""Recordings in, signals out: what their instruments do to them."""
+"""From recordings to signals: corrections for noise and faults of their instruments."""

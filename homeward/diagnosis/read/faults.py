@@ -1,6 +1,6 @@
-"""Faults of the logging itself, seen before anything is fitted: set aside, each said in one line.
+"""Faults of the logging itself, removed before anything is fitted, each with a note of one line.
 
-Spikes of one sample, power that flows back while the robot stands, and readings that are held until the next one.
+Spikes of one sample, charging at standstill, and readings that are held until the next one.
 """
 
 import dataclasses
@@ -17,17 +17,17 @@ from homeward.physics import Robot
 
 _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
 _MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad", "elevation_m")
-_TELLS = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
-_JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # a wheel may jump: its command does
+_CHANNEL_OF = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
+_JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # not wheel speeds: they may jump with their command
 _STANDS = 0.02  # of the top speed
 _FEWEST_UPDATES = 20
 _JITTER = 0.34  # of a period, one sample in three
 
 
 def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[str, float]]:
-    """The recording without what is no reading, with a note for each kind of fault; power set aside is NaN.
+    """The recording without faulty readings, with a note for each kind of fault; power left out is NaN.
 
-    With it the standard deviation of the error of each channel that was interpolated between readings.
+    Also the standard deviation of the error of each channel that was interpolated between readings.
     """
     channels, notes = dict(recording.channels), list(recording.notes)
     error: dict[str, float] = {}
@@ -65,7 +65,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
         elif _smooth(channels[name][fresh]):
             time_s = channels["time_s"]
             # Of a random walk between two readings (a Brownian bridge), on average over the time between them.
-            error[_TELLS.get(name, name)] = float(np.sqrt(np.mean(np.diff(channels[name][fresh]) ** 2) / 6.0))
+            error[_CHANNEL_OF.get(name, name)] = float(np.sqrt(np.mean(np.diff(channels[name][fresh]) ** 2) / 6.0))
             channels[name] = np.interp(time_s, time_s[fresh], channels[name][fresh])
             notes.append(f"{name} is held for {period_s:.2g} s at a time: values between are interpolated")
     resets = int((np.diff(channels.get("distance_m", np.zeros(1))) < -rules.RESET_M).sum())
@@ -75,7 +75,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
 
 
 def _spikes(values: Array) -> Mask:
-    """Samples far off both their neighbours and beyond what all others reach."""
+    """Samples far from both their neighbours and beyond the range of all others."""
     spikes = np.zeros(len(values), dtype=bool)
     known = np.flatnonzero(np.isfinite(values))
     if len(known) < _FEWEST_UPDATES:
@@ -92,7 +92,7 @@ def _spikes(values: Array) -> Mask:
 
 
 def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mask:
-    """Spikes of power with which the robot sets off, where most of its starts have one: that is how it draws."""
+    """Spikes of power at starts, where most starts have one: they are part of the load."""
     time_s = channels["time_s"]
     speed = np.abs(np.nan_to_num(speed_of(channels)))
     slow = speed <= _STANDS * robot.max_speed_mps
@@ -107,7 +107,7 @@ def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mas
 
 
 def _silent(channels: Mapping[str, Array], robot: Robot) -> Mask:
-    """Samples of driving for which a meter of battery power is silent, as at a restart: something always draws."""
+    """Samples of driving where a meter of battery power reads zero, as at its restart: the load is never zero."""
     none = np.zeros(len(channels["time_s"]), dtype=bool)
     drawn = channels.get("power_w", channels.get("current_a"))
     if drawn is None:
@@ -120,7 +120,7 @@ def _silent(channels: Mapping[str, Array], robot: Robot) -> Mask:
 
 
 def _charging(channels: dict[str, Array], robot: Robot) -> Mask:
-    """Samples of a standing robot into whose battery power flows, for some seconds on end."""
+    """Samples at standstill with negative power, for some seconds on end."""
     time_s = channels["time_s"]
     charging = np.zeros(len(time_s), dtype=bool)
     drawn = channels.get("power_w", channels.get("current_a"))
@@ -128,8 +128,8 @@ def _charging(channels: dict[str, Array], robot: Robot) -> Mask:
         return charging
     stands = np.abs(speed_of(channels)) < _STANDS * robot.max_speed_mps
     driving = drawn[~stands & np.isfinite(drawn)]
-    usual = float(driving.mean()) if len(driving) else 0.0
-    back = stands & (drawn < -rules.ZERO_ERROR * max(usual, 0.0))
+    typical = float(driving.mean()) if len(driving) else 0.0
+    back = stands & (drawn < -rules.ZERO_ERROR * max(typical, 0.0))
     edges = np.flatnonzero(np.diff(back.astype(np.int8), prepend=0, append=0))
     for first, after in zip(edges[::2], edges[1::2], strict=True):
         if time_s[after - 1] - time_s[first] >= rules.CHARGES_S:
@@ -147,22 +147,22 @@ def _updates(values: Array) -> Index | None:
     if len(change) < _FEWEST_UPDATES:
         return None
     apart = np.diff(change)
-    usual = int(np.median(apart))
-    if usual < 2:
+    typical = int(np.median(apart))
+    if typical < 2:
         return None
-    whole = np.maximum(np.rint(apart / usual), 1.0)
-    off = np.abs(apart - whole * usual)
-    if float((off <= (_JITTER * usual if usual > 2 else 0.0)).mean()) < rules.HELD:
+    whole = np.maximum(np.rint(apart / typical), 1.0)
+    off = np.abs(apart - whole * typical)
+    if float((off <= (_JITTER * typical if typical > 2 else 0.0)).mean()) < rules.HELD:
         return None
-    # Where the reading repeats itself by chance, as at rest, it was fresh all the same.
+    # A fresh reading may equal the one before, as at rest.
     spans = zip(change[:-1], change[1:], whole.astype(int), strict=True)
     between = [np.linspace(a, b, times, endpoint=False) for a, b, times in spans]
-    before, after = np.arange(change[0], -1, -usual)[:0:-1], np.arange(change[-1], int(known.sum()), usual)
+    before, after = np.arange(change[0], -1, -typical)[:0:-1], np.arange(change[-1], int(known.sum()), typical)
     fresh = np.rint(np.concatenate([before, *between, after])).astype(np.intp)
     return np.asarray(np.flatnonzero(known)[np.unique(fresh)])
 
 
 def _smooth(fresh: Array) -> bool:
-    """Whether held values follow each other closely enough to tell what lies between."""
+    """Whether held values are autocorrelated enough to interpolate between them."""
     centred = fresh - fresh.mean()
     return float(centred[1:] @ centred[:-1]) > rules.HELD_SMOOTH * float(centred @ centred)

@@ -1,9 +1,9 @@
-"""Noise of a channel, from the channel itself, and what the channel says behind it.
+"""Noise of a channel, estimated from the channel itself, and the smoothed channel.
 
-A channel is a smooth signal and white noise: differences of the signal are normal, and how large they are against the
-noise is what makes the recording likeliest (Whittaker, 1922; the ratio by marginal likelihood: Wecker & Ansley, 1983).
-What is taken for the channel then is its expectation given the recording. A regression on that is not attenuated, as
-one on the noisy channel is (regression calibration: Carroll et al., Measurement Error in Nonlinear Models, 2006).
+A channel is modelled as a smooth signal plus white noise: differences of the signal are normal, and their variance over
+that of the noise maximises the marginal likelihood (Whittaker, 1922; Wecker & Ansley, 1983). The smoothed channel is
+its expectation given the recording. A regression on that is not attenuated, as one on the noisy channel is (regression
+calibration: Carroll et al., Measurement Error in Nonlinear Models, 2006).
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _DRAWS = 16  # of the posterior: its variance, averaged over thousands of sample
 class Smoothed:
     """A channel without its noise; arrays of shape (n,).
 
-    `draws` of shape (draws, m) are what it may have been instead, about its mean, over the first m samples.
+    `draws` of shape (draws, m) are draws of the posterior about its mean, over the first m samples.
     """
 
     values: Array
@@ -37,8 +37,8 @@ class Smoothed:
 def white_noise(values: Array) -> float:
     """Standard deviation of the white noise of an evenly spaced channel, from its second differences.
 
-    Their median, as a signal that now and then changes its level or its slope does not move it (Gasser, Sroka &
-    Jennen-Steinmetz, 1986); a zero is a sensor that shows rest, without noise.
+    Their median is robust to occasional changes of level or slope of the signal (Gasser, Sroka & Jennen-Steinmetz,
+    1986); zeros are left out, as a sensor shows rest without noise.
 
     >>> rng = np.random.default_rng(0)
     >>> round(white_noise(np.repeat([0.0, 3.0, 1.0], 1000) + 0.1 * rng.normal(size=3000)), 2)
@@ -62,7 +62,7 @@ def smoothed(
         values: The channel, shape (n,); any number where the weight is 0.
         order: Of the differences that are normal: 1 for a channel whose level wanders, 2 for one whose slope does.
         weight: Inverse variance of the noise of each sample, relative; 1 by default.
-        breaks: 0 where a difference that starts there is not bound to be small, 1 elsewhere, shape (n - order,).
+        breaks: 0 where a difference that starts there may be large, 1 elsewhere, shape (n - order,).
         jumps: Whether differences have Student's t distribution instead, as those of a channel that mostly keeps its
             level (by expectation maximisation: Lange, Little & Taylor, 1989).
         noise: Standard deviation of the noise, where it is known.
@@ -92,15 +92,15 @@ def smoothed(
 def _likeliest(
     values: Array, weight: Array, stiffness: Array, order: int, grid: Array, noise: float | None
 ) -> tuple[float, Array, float]:
-    """Likeliest logarithm of the ratio of variances, its Cholesky factor, and the noise's standard deviation."""
+    """Maximum-likelihood log ratio of variances, its Cholesky factor, and the noise's standard deviation."""
     roughness = _penalty(stiffness, order, len(values))
 
-    def unlikeliness(log_ratio: float) -> float:
+    def negative_log_likelihood(log_ratio: float) -> float:
         return _fit(values, weight, roughness, stiffness, log_ratio, noise)[2]
 
-    start = float(grid[np.argmin([unlikeliness(one) for one in grid])])
+    start = float(grid[np.argmin([negative_log_likelihood(one) for one in grid])])
     low, high = max(start - 2.0, _LOG_RATIOS[0]), min(start + 2.0, _LOG_RATIOS[1])
-    found = minimize_scalar(unlikeliness, bounds=(low, high), method="bounded", options={"xatol": _PRECISE})
+    found = minimize_scalar(negative_log_likelihood, bounds=(low, high), method="bounded", options={"xatol": _PRECISE})
     best = float(found.x)
     factor, variance, _ = _fit(values, weight, roughness, stiffness, best, noise)
     return best, factor, float(np.sqrt(variance))
@@ -150,6 +150,6 @@ def _fit(
     rows = len(bound)
     free = max(known - (len(values) - rows), 1)
     variance = squared / free if noise is None else noise**2
-    likely = free * np.log(variance) + squared / variance + 2.0 * float(np.log(factor[-1]).sum())
-    likely -= rows * log_ratio + float(np.log(bound).sum())
-    return factor, variance, likely
+    minus_two_log_likelihood = free * np.log(variance) + squared / variance + 2.0 * float(np.log(factor[-1]).sum())
+    minus_two_log_likelihood -= rows * log_ratio + float(np.log(bound).sum())
+    return factor, variance, minus_two_log_likelihood

@@ -1,6 +1,4 @@
-"""A slope sensor that is mounted at an angle: on a way that ends where it began, and on one driven both ways, slopes
-add up to nothing.
-"""
+"""Tilt of a slope sensor, estimated from ways that close or are driven both ways, where the mean slope is zero."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,12 +9,12 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.read.signals import Signals, gaps
 from homeward.logs.channels import Array
 
-_PLACES = 40  # along the way, compared out and home
+_PLACES = 40  # cells along the way, compared out and home
 _FEWEST_PLACES = 20  # half of them, so that most of the way was driven both ways
 
 
 def tilt(run: Signals) -> tuple[float, float] | None:
-    """Angle by which the slope sensor of a run reads too much, and its standard error, rad; None where no way tells."""
+    """Tilt of the slope sensor of a run and its standard error, rad; positive if it reads too much; None if unknown."""
     if "place_m" not in run.context or "grade_rad" not in run.context or len(gaps(run.time_s)):
         return None
     steps_m = run.speed_mps[:-1] * np.diff(run.time_s)
@@ -26,7 +24,7 @@ def tilt(run: Signals) -> tuple[float, float] | None:
     slope = np.tan(run.grade_rad)
     near = np.flatnonzero(run.base_distance_m <= rules.CLOSED * length_m)
     if len(near):
-        # What is missing to a closed way, and the odometer's error, lie on ground of unknown slope.
+        # The slope is unknown over the gap of the way and over the odometer's error.
         closed = slice(near[0], near[-1])
         onward_m = float(steps_m[closed].sum())
         open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), rules.CLOSED * length_m / 2.0)
@@ -37,7 +35,7 @@ def tilt(run: Signals) -> tuple[float, float] | None:
 
 
 def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
-    """Mean of the slopes read out and home at the same distance from base, where they mirror each other."""
+    """Mean of the slopes read out and home at the same distance from base, where they are anticorrelated."""
     moving = run.speed_mps > 0.0
     if not moving.any() or not np.ptp(run.base_distance_m):
         return None
@@ -51,24 +49,24 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
             sides.append(np.bincount(place[chosen], slope[chosen], _PLACES) / np.where(count > 0, count, np.nan))
     both = np.isfinite(sides[0]) & np.isfinite(sides[1])
     out, home = sides[0][both], sides[1][both]
-    if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -rules.ALIKE:
+    if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -rules.SAME:
         return None
     middle = (out + home) / 2.0
-    # A hill that is not quite mirrored is off the same way from place to place.
-    memory = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, 0.9))
+    # The error of hills that do not quite mirror is autocorrelated along the way.
+    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, 0.9))
     error = float(middle.std(ddof=1) / np.sqrt(len(middle)))
-    return float(middle.mean()), error * float(np.sqrt((1.0 + memory) / (1.0 - memory)))
+    return float(middle.mean()), error * float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
 
 
 def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
-    """The runs with the slope sensor set level by all runs that tell its tilt, and the tilt, rad; 0 where none does."""
-    told = [found for run in runs if (found := tilt(run)) is not None]
-    if not told:
+    """The runs without the tilt of the slope sensor, estimated from all together; the tilt, rad, 0 if not clear."""
+    tilts = [found for run in runs if (found := tilt(run)) is not None]
+    if not tilts:
         return list(runs), 0.0
-    angles, errors = np.array(told).T
+    angles, errors = np.array(tilts).T
     weight = 1.0 / np.maximum(errors, 1e-6) ** 2
     angle = float(np.average(angles, weights=weight))
-    # Between runs it may vary by more than each one's error says.
+    # Between runs it may vary by more than its standard error.
     error = max(float(weight.sum() ** -0.5), float(np.std(angles)) / np.sqrt(len(angles)))
     if abs(angle) <= rules.CLEAR_TILT * error:
         return list(runs), 0.0

@@ -1,7 +1,7 @@
-"""What the diagnosis works on: the channels of a run in one form, and their means over short windows.
+"""Input of the diagnosis: the channels of a run in one form, and their means over short windows.
 
-Means over windows of about a second take out current ripple and small clock errors, and make the cost of everything
-after the replay independent of the sampling rate.
+Means over windows of about a second average out current ripple and small clock errors, and make the run time after the
+replay independent of the sampling rate.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.slope import slope_along
 from homeward.logs.channels import Array, Index, Mask
 from homeward.logs.recordings import Recording
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
 Unit = Literal["W", "A"]
 
-_GAP_FACTOR = 10.0  # a step longer than this many usual steps is a gap
+_GAP_FACTOR = 10.0  # a step longer than this many median steps is a gap
 WINDOW_S = 0.5
-"""Length of the averaging windows, s; a recording with longer steps takes more.
+"""Length of the averaging windows, s; longer for a recording with longer steps.
 
 Longer ones hide the accelerations of small fast robots, shorter ones show current ripple and clock errors.
 """
@@ -33,7 +33,7 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 _REACH_S = 3.0  # at top speed
 _CREEPS = 0.02  # of the top speed
 ODOMETER_PARTS = 10
-"""Of the way, that must agree on an odometer's error: that all do by chance has a probability of 2^-9."""
+"""Parts of the way that must agree on the sign of an odometer's error: by chance all do with probability 2^-9."""
 
 _FEWEST_TO_SMOOTH = 50  # samples
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
@@ -42,11 +42,10 @@ _CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m
 
 @dataclass(frozen=True)
 class Signals:
-    """One run as the replay and the tests take it; arrays of shape (n,).
+    """One run, the input of the replay and the tests; arrays of shape (n,).
 
     `observed` is battery power in W or, where only motor current was recorded, the sum of the currents' magnitudes
-    in A: torque draws current whichever way it turns a wheel. `context` holds every further channel that a mismatch may
-    depend on.
+    in A: torque draws current in either direction. `context` holds every further channel that a mismatch may depend on.
     """
 
     name: str
@@ -63,8 +62,8 @@ class Signals:
     observed: Array
     context: Mapping[str, Array]
     filled: tuple[str, ...] = ()
-    odometer_scale: float = 0.0  # relative error of the recorded speed, by a recorded distance; it is set right
-    at_terminals: bool = False  # whether `observed` is voltage times current: what a battery loses inside is not in it
+    odometer_scale: float = 0.0  # relative error of the recorded speed, by a recorded distance; corrected
+    at_terminals: bool = False  # whether `observed` is voltage times current, without internal battery losses
     error: Mapping[str, float] = field(default_factory=dict)  # standard deviation of a channel's error over windows
     start_s: float = 0.0  # added to `time_s` for the time since 1970, where it is known
 
@@ -89,7 +88,7 @@ def signals(
         recording: The recording.
         robot: Its robot: the track turns a difference of wheel speeds into a turning rate.
         slope_late_s: Time by which grade or elevation is late.
-        error: Standard deviations over windows of the errors of channels, as far as they are known before.
+        error: Known standard deviations over windows of the errors of channels.
     """
     given = recording.channels
     good = np.isfinite(speed_of(given))
@@ -121,18 +120,19 @@ def signals(
         unit == "W" and "power_w" not in given, error, recording.start_s,
     )  # fmt: skip
     when = time_s + (slope_late_s if grade is not None else 0.0)
-    there = (when >= time_s[0]) & (when <= time_s[-1])  # the slope of the last moments came too late to be recorded
+    there = (when >= time_s[0]) & (when <= time_s[-1])  # the slope of the last moments was not yet recorded
     return run.only(np.isfinite(observed) & there)
 
 
 def _at_rest(recorded: Array, speed: Array, slowest_mps: float) -> Array:
-    """The speed with a robot at rest where it is slower, as a noisy sensor never shows one, and moving as soon as one
-    that shows zeros at rest does: a start that comes a sample late may come a window late."""
+    """The speed with rest detected: below a threshold for a noisy sensor, at exact zeros for one that shows them.
+
+    Exact zeros keep the time of a start: a sample late may be a window late."""
     slow = np.abs(speed) < slowest_mps
     if slow.all() or not slow.any() or np.median(np.abs(recorded[slow])) > 0.0:
         return np.where(slow, 0.0, speed)
     index = np.arange(len(speed))
-    forward = np.interp(index, index[~slow], speed[~slow]) >= 0.0  # as it moves before or after
+    forward = np.interp(index, index[~slow], speed[~slow]) >= 0.0  # sign of the motion before and after
     return np.where(slow, np.where(forward, slowest_mps, -slowest_mps) * (recorded != 0.0), speed)
 
 
@@ -165,8 +165,8 @@ def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> f
 
 
 def _direction(kept: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot) -> Array:
-    """1 where the robot moves away from base and -1 where it comes back, by stretches that a position's noise is
-    small against; the sign of the speed where the distance from base is unknown."""
+    """1 where the robot moves away from base and -1 where it comes back, over stretches that are
+    long against the noise of position; the sign of the speed where the distance from base is unknown."""
     place_m = kept.get("base_distance_m")
     if place_m is None or len(time_s) < 2:
         return np.where(speed < 0.0, -1.0, 1.0)
@@ -188,7 +188,7 @@ def observed_of(given: Mapping[str, Array]) -> tuple[Array, Unit]:
 def _turning(
     kept: Mapping[str, Array], time_s: Array, robot: Robot, error: dict[str, float]
 ) -> tuple[dict[str, Array], Array]:
-    """Turning as the recording has it: a rate in rad/s or, without a track, a difference of wheel speeds in m/s."""
+    """Recorded turning: a rate in rad/s or, without a track, a difference of wheel speeds in m/s."""
     if "yaw_rate_radps" in kept:
         rate = kept["yaw_rate_radps"]
     elif "wheel_left_mps" in kept and "wheel_right_mps" in kept:
@@ -207,11 +207,11 @@ def _turning(
 
 
 def _straight(rate: Array, time_s: Array, error: float) -> Array:
-    """The turning rate with what its own error over windows makes of driving straight set to zero.
+    """The turning rate, set to zero where it does not significantly differ from zero over a window.
 
-    What turning costs rises steeply from none, and with the rate's size: noise about zero would cost as much as a bend.
+    The power of turning rises steeply with the size of the rate: noise about zero would count as a turn.
     """
-    size = max(1, round(WINDOW_S / usual_step_s(time_s)))
+    size = max(1, round(WINDOW_S / median_step_s(time_s)))
     return np.where(np.abs(uniform_filter1d(rate, size)) < rules.STRAIGHT * error, 0.0, rate)
 
 
@@ -219,14 +219,14 @@ def slope_of(
     given: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot, late_s: float,
     error: dict[str, float] | None = None,
 ) -> Array | None:  # fmt: skip
-    """Slope angle along forward travel, rad, shape (n,), from grade or elevation; None where neither tells it.
+    """Slope angle along forward travel, rad, shape (n,), from grade or elevation; None without either.
 
     Args:
         given: Channels of a recording, shape (samples,) each, with its `time_s`.
         speed, time_s: Speed, negative in reverse, and its time, shape (n,).
         robot: The robot, for how far it drives in a window.
         late_s: Time by which the channel is late.
-        error: Where to note the standard deviation of its error over windows; without it noise gets less care.
+        error: Receives the standard deviation of its error over windows; None for a faster, less exact result.
     """
     name = "grade_rad" if "grade_rad" in given else "elevation_m"
     if name not in given or len(time_s) < 2:
@@ -236,7 +236,7 @@ def slope_of(
         return values if error is None else _without_noise(name, values, time_s, error)
     if not _rises(values):
         return None
-    after = gaps(time_s) + 1  # the way driven in a gap is not known, so that its rise would make a cliff
+    after = gaps(time_s) + 1  # the distance driven in a gap is unknown: its rise is removed
     values = values - np.cumsum(np.bincount(after, values[after] - values[after - 1], len(values)))
     found = slope_along(values, speed, steps_s(time_s), robot.max_speed_mps * WINDOW_S, kinks=error is not None)
     if found is None:
@@ -255,14 +255,14 @@ def _rises(elevation_m: Array) -> bool:
 
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:
-    """The channel, without its noise where that matters to its mean over windows or to the rate of its change."""
+    """The channel, smoothed where its noise is material in its window means or, of speed, in their changes."""
     if len(values) < _FEWEST_TO_SMOOTH or not np.ptp(values):
         return values
-    size = max(1, round(WINDOW_S / usual_step_s(time_s)))
+    size = max(1, round(WINDOW_S / median_step_s(time_s)))
     noise = white_noise(values)
     means = uniform_filter1d(values, size)[::size]
     spread, change = float(np.var(means)), float(np.mean(np.diff(means) ** 2))
-    # The rate of change of the speed is a channel of its own, and noisier.
+    # Acceleration, the rate of change of speed, is noisier.
     if noise**2 / size <= rules.NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
         error[name] = float(noise / np.sqrt(size))
         return values
@@ -286,7 +286,7 @@ class Windows:
     keep: Mask  # (windows,), filled at least half
 
     def means(self, values: Array) -> Array:
-        """Mean of each kept window, NaN left out of none: a window with a NaN is NaN."""
+        """Mean of each kept window; a window with a NaN is NaN."""
         counts = np.diff(np.append(self.start, len(values)))
         return np.asarray((np.add.reduceat(values, self.start) / counts)[self.keep])
 
@@ -297,9 +297,9 @@ class Windows:
 
 
 def steps_s(time_s: Array) -> Array:
-    """Time between samples, s, shape (n - 1,); of a gap a usual step, as what was driven in it is not known."""
-    steps, usual = np.diff(time_s), usual_step_s(time_s)
-    return np.where(steps > _GAP_FACTOR * usual, usual, steps)
+    """Time between samples, s, shape (n - 1,); of a gap the median step, as its driving is unknown."""
+    steps, typical = np.diff(time_s), median_step_s(time_s)
+    return np.where(steps > _GAP_FACTOR * typical, typical, steps)
 
 
 def path_m(speed: Array, time_s: Array) -> Array:
@@ -309,7 +309,7 @@ def path_m(speed: Array, time_s: Array) -> Array:
 
 def gaps(time_s: Array) -> Index:
     """Indices of samples after which the recording has a gap."""
-    return np.flatnonzero(np.diff(time_s) > _GAP_FACTOR * usual_step_s(time_s))
+    return np.flatnonzero(np.diff(time_s) > _GAP_FACTOR * median_step_s(time_s))
 
 
 def windows(time_s: Array, window_s: float) -> Windows:

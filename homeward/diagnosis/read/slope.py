@@ -1,7 +1,7 @@
-"""The slope along the way from a recorded elevation, over a distance that the elevation's own noise asks for.
+"""The slope along the way from a recorded elevation, smoothed over a distance set by the elevation's own noise.
 
-Elevation is smoothed over distance driven and not over time, so that standing still makes no slope. A spline follows
-it as closely as its noise allows; it may bend freely where the robot turns back on its way.
+Elevation is smoothed over distance driven and not over time, so that standstill adds no slope. The stiffness of the
+spline follows from the noise; it may bend freely where the robot turns back on its way.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from homeward.diagnosis.read.noise import smoothed
 from homeward.logs.channels import Array
 
 _STEEPEST = 1.0  # rise over run: no ground robot climbs it
-_FEWEST = 8  # heights, for a level, a slope, and how both vary
-_MIDDLE = 0.1  # weight of the middle of a plateau against its edges: known within half a step, not within a sample
+_FEWEST = 8  # heights, to estimate a level, a slope, and their variances
+_MIDDLE = 0.1  # weight of the middle of a plateau over its edges: known to half a step only
 
 
 def slope_along(
@@ -27,7 +27,7 @@ def slope_along(
         speed_mps: Speed, negative in reverse, shape (n,).
         steps_s: Time from each sample to the next, shape (n - 1,).
         cell_m: Samples within this distance count as taken at one place.
-        kinks: Whether the slope may change suddenly, as where the robot turns round; without, it is found sooner.
+        kinks: Whether the slope may change suddenly, as where the robot turns round; without, it is faster.
     """
     way_m = speed_mps[:-1] * steps_s
     path_m = np.concatenate(([0.0], np.cumsum(np.abs(way_m))))
@@ -36,13 +36,13 @@ def slope_along(
     cells = int(path_m[-1] / cell_m)
     cell_m = float(path_m[-1]) / cells
     cell = np.minimum((path_m / cell_m).astype(np.intp), cells - 1)
-    # By the way and not by time: a stop would pull the mean of its cell to where in it the robot stands.
-    steps = _told_by_steps(elevation_m, path_m)
+    # Weighted by distance, not time: a stop would bias the mean of its cell to where in it the robot stands.
+    steps = _from_steps(elevation_m, path_m)
     height, weight = steps or (elevation_m, np.append(np.abs(way_m), 0.0))
     weight = np.where(np.isfinite(height), weight, 0.0)
     total: Array = np.bincount(cell, weight, cells).astype(np.float64)
     mean = np.bincount(cell, weight * np.nan_to_num(height), cells) / np.maximum(total, 1e-12)
-    if steps is None:  # as many samples as their unequal weights are worth
+    if steps is None:  # effective number of samples of unequal weights
         total = total**2 / np.maximum(np.bincount(cell, weight**2, cells), 1e-24)
     if not np.ptp(height[weight > 0.0]):
         return np.zeros(len(elevation_m)), 0.0
@@ -53,17 +53,18 @@ def slope_along(
     bends = np.where(turns_back[:-1] | turns_back[1:], 0.0, 1.0)
     found = smoothed(mean, 2, total, bends, kinks)
     rise = np.clip(np.diff(found.values) / cell_m, -_STEEPEST, _STEEPEST)
-    # Beside the noise: within a cell the slope may be as it was before or as it is after.
+    # Beside the noise: within a cell the slope may be that of the cell before or after.
     error = float(np.hypot(np.std(np.diff(found.draws, axis=1)) / cell_m, np.std(np.diff(rise)) / 2.0))
-    # Backwards the slope of the way is that of the ground reversed.
+    # In reverse the slope along forward travel has the other sign.
     steep: Array = np.interp(path_m, np.arange(1, cells) * cell_m, rise)
     return np.arctan(np.where(speed_mps < 0.0, -steep, steep)), error
 
 
-def _told_by_steps(elevation_m: Array, path_m: Array) -> tuple[Array, Array] | None:
-    """Heights and weights where a coarse elevation steps, in the middle between two levels; None where it does not.
+def _from_steps(elevation_m: Array, path_m: Array) -> tuple[Array, Array] | None:
+    """Heights and weights at the steps of a coarse elevation, in the middle between two levels; None if it is not
+    coarse.
 
-    Between two steps the level itself says the height only within a step: its middle gets a small weight.
+    Between two steps the height is known to a step only: the middle of a plateau gets a small weight.
     """
     known = np.flatnonzero(np.isfinite(elevation_m))
     moved = np.append(True, np.diff(path_m[known]) > 0.0)

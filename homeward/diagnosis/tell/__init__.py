@@ -1,1 +1,1 @@
-"""The verdict in words, pages and robot files."""
+"""The verdict as text, pages and robot files."""

@@ -1,4 +1,4 @@
-"""The corrected robot: fitted groups written back into a robot file, as far as recordings determine them."""
+"""The corrected robot: identifiable groups and effects written back into a robot file."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -17,8 +17,8 @@ from homeward.physics import Robot
 
 
 @dataclass(frozen=True)
-class Said:
-    """What a robot file says of a fit, and what only these drives or their instruments add to it."""
+class FileContent:
+    """The part of a fit that a robot file contains, and what these drives or their instruments add to it."""
 
     theta: Array  # (groups,)
     effects: Mapping[str, Mapping[str, float]]
@@ -26,15 +26,15 @@ class Said:
     reading: Array | float = 0.0  # what instruments add, (windows,)
 
 
-def can_be_said(term: Term) -> bool:
-    """Whether a robot file can say an effect: of one size, begun at some moment to stay, or uneven ground."""
-    if not term.hypothesis.physical or term.hypothesis.of_the_day or term.flexible:
+def is_expressible(term: Term) -> bool:
+    """Whether a robot file can express an effect: of one size, begun at some moment to stay, or uneven ground."""
+    if not term.hypothesis.physical or term.hypothesis.is_weather or term.flexible:
         return False
     return term.axis == "steady" or _is_ground(term) or _stays(term)
 
 
 def _stays(term: Term) -> bool:
-    """Whether an effect begins once and is then at work to the end: so the robot is now."""
+    """Whether an effect begins once and is then at work to the end, as in the robot's present state."""
     return (
         term.schedule is not None
         and term.schedule.levels == 2
@@ -47,10 +47,10 @@ def _is_ground(term: Term) -> bool:
     return term.hypothesis.of_rolling and term.at_work is not None
 
 
-def said(model: Refit | Corrected, runs: Runs) -> Said:
-    """Tell what a robot file can say of a fit from what it cannot: when, where, and what instruments did."""
+def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
+    """Separate what a robot file can express of a fit from what it cannot: times, places, and instruments."""
     if isinstance(model, Refit):
-        return Said(model.theta, {}, WithEffects())
+        return FileContent(model.theta, {}, WithEffects())
     terms, theta = model.model.terms, model.theta
     effects: dict[str, dict[str, float]] = {}
     met = replace(model.model.within(runs, model.values), effects={})
@@ -60,23 +60,23 @@ def said(model: Refit | Corrected, runs: Runs) -> Said:
             smoothest, gain, roughness = _ground(model, index, runs)
             theta = theta.copy()
             theta[ROLLING] *= smoothest
-            usual = float(np.average(roughness, weights=np.abs(runs.context["speed_mps"]) * runs.duration_s))
-            of_gain, of_usual = term.hypothesis.entry.parameters
-            effects[term.effect] = {of_gain.name: gain, of_usual.name: usual}
+            typical = float(np.average(roughness, weights=np.abs(runs.context["speed_mps"]) * runs.duration_s))
+            of_gain, of_typical = term.hypothesis.entry.parameters
+            effects[term.effect] = {of_gain.name: gain, of_typical.name: typical}
             met = replace(met, roughness=roughness)
-        elif can_be_said(term):
+        elif is_expressible(term):
             effects[term.effect] = {**_numbers(model, index), **term.hypothesis.reach(runs)}
             if _stays(term) and term.load is not None and term.schedule is not None:
                 reading -= term.load * model.sizes(index)[0] * (term.schedule.level == 0)  # it had not begun
         elif term.misread:
             reading += term.columns @ model.sizes(index)
-    return Said(theta, effects, met, reading)
+    return FileContent(theta, effects, met, reading)
 
 
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
     """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
 
-    Of a smooth profile the ends are quantiles: a hat that few windows reach says little.
+    The ends of a smooth profile are quantiles: a hat function that covers few windows is poorly estimated.
     """
     term = model.model.terms[index]
     switch = term.hypothesis.entry.switch
@@ -105,14 +105,14 @@ def _numbers(model: Corrected, index: int) -> dict[str, float]:
     return {**{name: value for name, value in term.shape.items() if name in known}, **numbers}
 
 
-def written(robot: Robot, told: Said, unit: Unit) -> Robot:
-    """Robot as its file has it after a fit: the fitted groups, with losses as assumed, and the effects.
+def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
+    """Robot with the fitted groups, with losses as assumed, and the effects.
 
-    Groups that the fit holds stay as they are, and ancillary power where motor current was recorded.
+    Groups that the fit holds are unchanged, and so is ancillary power where motor current was recorded.
     """
-    *ancillary, rolling_kg, drag, mass_kg = told.theta.tolist()
-    if told.effects:
-        effects = {name: {key: rounded(value) for key, value in one.items()} for name, one in told.effects.items()}
+    *ancillary, rolling_kg, drag, mass_kg = content.theta.tolist()
+    if content.effects:
+        effects = {name: {key: rounded(value) for key, value in one.items()} for name, one in content.effects.items()}
         robot = with_effects_of(robot, effects)
     if unit == "W":
         robot = with_ancillary(robot, *ancillary)
@@ -126,13 +126,13 @@ def written(robot: Robot, told: Said, unit: Unit) -> Robot:
     )
 
 
-def replayed(robot: Robot, told: Said, runs: Runs) -> Array:
-    """What a robot file predicts of these drives, shape (windows,).
+def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
+    """Prediction of a robot file for these drives, shape (windows,).
 
-    They are on the ground that they met, read by their instruments, with the current at rest that no file holds.
+    It includes their ground, the errors of their instruments, and the current at rest, which no file contains.
     """
-    rest_current_a = float(told.theta[AT_REST]) if runs.unit == "A" else 0.0
-    return told.reading + predict(runs, robot, rest_current_a, told.met)
+    rest_current_a = float(content.theta[AT_REST]) if runs.unit == "A" else 0.0
+    return content.reading + predict(runs, robot, rest_current_a, content.met)
 
 
 def _unless_equal(before: float, after: float) -> float:
@@ -140,20 +140,20 @@ def _unless_equal(before: float, after: float) -> float:
 
 
 def rounded(value: float) -> float:
-    """A number as a robot file has it, to six digits."""
+    """A number rounded to the six digits of a robot file."""
     return float(f"{value:.6g}")
 
 
-_ROUNDING = 1e-9  # of a number: what arithmetic with a group that is held may leave
+_ROUNDING = 1e-9  # relative rounding error of a group that is held
 
 
 def of_capacity(robot: Robot, factor: float) -> Robot:
-    """The robot with a battery that holds so many times what its file says."""
+    """The robot with the capacity of its battery times a factor."""
     return dataclasses.replace(robot, rated_energy_j=rounded(robot.rated_energy_j * factor))
 
 
 def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:
-    """Comment for each field of the robot file that was changed: what it was, and under which assumption it holds."""
+    """Comment for each field of the robot file that was changed: its old value, and the assumption of the new one."""
     weighed = any(one.group.name == "mass" and one.fitted is not None for one in estimates)
     held = {
         "rolling_resistance": f"from C_rr m / Gamma, {'' if weighed else 'mass and '}losses kept as assumed",

@@ -1,6 +1,6 @@
-"""Plots of the report: recorded against simulated over time, and what is left against what explains it.
+"""Plots of the report: recorded against simulated over time, and residuals against the channels that explain them.
 
-No string of a recording or robot file goes into a plot, which would read markup in it.
+No string of a recording or robot file goes into a plot, which would interpret markup in it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,7 @@ Stretch = tuple[float, float]
 def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[dict[str, Any]]]:
     """Recorded against simulated before and after the correction, and the runs to choose from, the worst first.
 
-    Of a run: the number that its traces carry as `meta`, its name and length, where to begin, and the vertical axis.
+    Of a run: the number of its traces in `meta`, its name and length, where to begin, and the vertical axis.
     """
     runs, predictions = evidence.runs, evidence.predictions
     squared = (runs.observed - evidence.predictions["refit"]) ** 2
@@ -95,7 +95,7 @@ def _worst_stretch(time_s: Array, squared: Array) -> tuple[float, float]:
 def _add_places(
     figure: go.Figure, places: Mapping[str, Sequence[Stretch]], limits: tuple[float, float], row: int, shown: int
 ) -> None:
-    """Shade stretches of one run, by the name of what is there."""
+    """Shade stretches of one run, labelled by effect or condition."""
     low, high = limits
     for (label, found), colour in zip(places.items(), _AT_WORK, strict=False):
         figure.add_scatter(
@@ -129,21 +129,21 @@ def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[
 
 
 def _thinned(values: Array) -> NDArray[np.float32]:
-    """Means over as many neighbours as it takes to have no more points than are drawn."""
+    """Means over neighbours, so that at most `_MOST_POINTS` remain."""
     starts = np.arange(0, len(values), -(-len(values) // _MOST_POINTS))
     means = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
     return _rounded(means)
 
 
 def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
-    """What is left against the channel that shows each named effect, or that explains most where none was named.
+    """Residuals against the channel that shows each named effect, or that explains most where none was named.
 
     Of a channel: the dependence, the names of the effects that it shows, and the figures before (the refit) and, where
     effects were named, after (corrected).
     """
     chosen: dict[int, list[str]] = {}
     for one in analysis.diagnosis.missing_physics:
-        index = _telling(one.effect, evidence)
+        index = _dependence_on(one.effect, evidence)
         if index is not None:
             chosen.setdefault(index, []).append(one.name)
     if not chosen and evidence.dependences:
@@ -161,8 +161,8 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
     return found
 
 
-def _telling(effect: str, evidence: Evidence) -> int | None:
-    """Index of the dependence on the channel that shows an effect best; time for what comes and goes."""
+def _dependence_on(effect: str, evidence: Evidence) -> int | None:
+    """Index of the dependence on the channel that shows an effect best; time for a schedule."""
     scheduled = any(
         one.term.effect == effect and one.term.schedule is not None and one.term.axis == "time"
         for one in evidence.naming.named
@@ -221,7 +221,7 @@ def _values(shown: Dependence, runs: Runs) -> Array:
 
 
 def _rounded(values: Array | pd.Series) -> NDArray[np.float32]:
-    """Values as few bytes of the page."""
+    """Values with few digits, for a small page."""
     return np.round(values, 4).astype(np.float32)
 
 

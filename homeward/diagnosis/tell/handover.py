@@ -1,8 +1,8 @@
-"""Which robot file is handed over: one with the effects, one with fitted parameters only, or the one that was given.
+"""Choice of corrected.toml: a file with the effects, one with fitted parameters only, or the given one unchanged.
 
-What is proven must be what is handed over. So each fold's fit is written as a robot file, by the code that writes
-corrected.toml, and that file is replayed on what was held out. What a file cannot say is not in it: schedules, but for
-what began once and stays, weather, faults of instruments, and the current at rest, which is added to the replay.
+The file itself is validated: each fold's fit is written as a robot file, by the code that writes corrected.toml, and
+replayed on the held-out windows. A file cannot contain schedules (except of an effect that begins once and stays),
+weather, faults of instruments, and the current at rest, which is added to the replay.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Handed, Verdict
-from homeward.diagnosis.tell.corrected import can_be_said, of_capacity, replayed, said, written
+from homeward.diagnosis.tell.corrected import file_content, is_expressible, of_capacity, replayed, written
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 
@@ -30,19 +30,19 @@ Model = TypeVar("Model", Refit, Corrected)
 
 @dataclass(frozen=True)
 class Handover:
-    """The robot that is handed over, what its file predicts of what was recorded, and what it holds and why."""
+    """The robot of corrected.toml, the predictions of its file, and its content and why."""
 
     robot: Robot
-    held_out: Array | None  # each fold by the file of the others, (windows,); None where no file predicts it
+    held_out: Array | None  # each fold by the file of the others, (windows,); None if not predictable
     replayed: Array | None  # by the file itself, (windows,)
     handed: Handed
 
 
 def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index) -> tuple[Refit, Corrected | None]:
-    """The fits with each group that the recordings leave open held as the robot file has it.
+    """The fits with each group that is not identifiable held at the robot file's value.
 
-    One group after the other is held, first that whose assumed value the recordings mind least: of two that cannot be
-    told apart, the other is then determined. Windows of different `block`, shape (windows,), count as independent.
+    One group after the other is held, first that whose assumed value raises the error least: of two confounded groups,
+    the other is then identifiable. Windows of different `block`, shape (windows,), count as independent.
     """
     nothing = np.zeros(len(fit.held), np.bool_)
     plain = _determined(lambda held: holding(fit, runs, held), nothing, runs, block)
@@ -54,48 +54,47 @@ def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index
     )
 
 
-def sayable(
+def expressible(
     plain: Refit, corrected: Corrected | None, named: Sequence[Named], runs: Runs, block: Index
 ) -> Corrected | None:
-    """The fit of all that a robot file can say, beside faults of instruments; None where it can say none of what is
-    `named`.
+    """The fit of all that a robot file can express, beside faults of instruments; None if it is nothing of the `named`.
 
-    What a schedule, weather or a flexible form explains goes to the groups and effects that stay, as far as they take
-    it; so does what may be the robot's as well as its meter's.
+    The groups and effects that are kept absorb what they can of schedules, weather and flexible forms; so do they of
+    effects that are confounded with a fault of the meter.
     """
     if corrected is None:
         return None
     terms = corrected.model.terms
     forms = [term.plain or term for term in terms]
-    kept = [form for form, one in zip(forms, named, strict=True) if not _unsaid(one, form)]
+    kept = [form for form, one in zip(forms, named, strict=True) if not _excluded(one, form)]
     if [id(one) for one in kept] == [id(one) for one in terms]:
         return corrected
     return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
 
 
-def _unsaid(named: Named, form: Term) -> str:
-    """Why a robot file does not hold what is named, nothing where it does or a fault of an instrument is named."""
+def _excluded(named: Named, form: Term) -> str:
+    """Why a robot file does not contain a named effect; empty where it does, and for a fault of an instrument."""
     one, meant = form.hypothesis, (named.term, *named.rivals)
     if any(term.misread for term in meant) and any(term.hypothesis.physical for term in meant):
-        return f"{one.name} may be the robot's or its meter's"
-    if one.of_the_day:
+        return f"{one.name} is confounded with a fault of the meter"
+    if one.is_weather:
         return f"{one.name} is weather"
-    return f"a robot file cannot say when {one.name} is at work" if one.physical and not can_be_said(form) else ""
+    return f"a robot file cannot hold when {one.name} is at work" if one.physical and not is_expressible(form) else ""
 
 
 def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, block: Index) -> Model:
     model = fit_holding(held)
     while True:
-        told = estimates(model, runs, block)
-        is_open = np.array([one.status != "fitted" for one in told]) & ~held
+        estimated = estimates(model, runs, block)
+        is_open = np.array([one.status != "fitted" for one in estimated]) & ~held
         if not is_open.any():
             return model
-        idle = is_open & np.array([one.status == "not excited" for one in told])
+        idle = is_open & np.array([one.status == "not excited" for one in estimated])
         if idle.any():
             held = held | idle
             model = fit_holding(held)
             continue
-        at_bound = np.array([one.status == "at bound" for one in told])
+        at_bound = np.array([one.status == "at bound" for one in estimated])
         candidates = (is_open | _alike(model, is_open & at_bound)) & ~held
         each = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
         fits = [(fit_holding(one), one) for one in each]
@@ -103,25 +102,25 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
 
 
 def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
-    """Groups that look much like one of those chosen: they may have taken what that lacks."""
+    """Groups correlated with one of those chosen: they may have absorbed a part of it."""
     columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
     return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.HALF).any(axis=1))
 
 
 def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
-    """Choose the robot that is handed over for one as its file has it.
+    """Choose the robot of corrected.toml, from `robot` as its file has it.
 
-    The effects must predict what was held out better than the refit, and the energy (the charge) of trips no worse; the
-    fitted parameters better than the file that was given. What a verdict does not ask for is not changed: a difference
-    within the noise is no correction. Parameters that make up for unknown physics are said to be no measurement. What
-    voltage and gauge show of the battery is added. The seed is that of a bootstrap over trips.
+    The effects must predict held-out windows better than the refit, and the energy (the charge) of trips no worse; the
+    fitted parameters better than the given file. Nothing is changed where the verdict is no mismatch: a difference
+    within the noise is no correction. Parameters that compensate for unknown physics are reported as no measurement.
+    Effects of the battery shown by voltage or state of charge are added. The seed is that of a bootstrap over trips.
     """
     handover = _proven(robot, verdict, evidence, seed)
     changed, handed, capacity = handover.robot, handover.handed, evidence.capacity
     if shown := [one.in_file for one in evidence.witnessed if one.in_file]:
         for numbers in shown:
             changed = with_effects_of(changed, numbers)
-        handed = replace(handed, why=f"{handed.why}; beside that it holds what voltage or gauge show of the battery")
+        handed = replace(handed, why=f"{handed.why}; it also holds what voltage or charge show of the battery")
     if capacity is not None and capacity.off and verdict != "unknown_physics":
         changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
     return replace(handover, robot=changed, handed=handed)
@@ -130,38 +129,38 @@ def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> 
 def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
     runs, nominal = evidence.runs, evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
-        why = "the recordings ask for no change that a robot file can hold"
+        why = "the verdict requires no change of the robot file"
         return Handover(robot, nominal, nominal, Handed("nominal", why))
     if nominal is None:
-        why = "the robot file gives no thrust per ampere (traction_n_per_a), so what it says cannot be put to the proof"
+        why = "the robot file gives no thrust per ampere (traction_n_per_a), so that its prediction cannot be tested"
         return Handover(robot, None, None, Handed("nominal", why))
-    reason = "; ".join(filter(None, (_unsaid(one, one.term.plain or one.term) for one in evidence.naming.named)))
-    told = f"{reason}; " if reason else ""
+    reason = "; ".join(filter(None, (_excluded(one, one.term.plain or one.term) for one in evidence.naming.named)))
+    caveat = f"{reason}; " if reason else ""
     if verdict == "unknown_physics":
-        told = "its parameters make up for what is unknown, as far as they can, and are no measurement; "
-    model = sayable(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
+        caveat = "its parameters absorb a part of the unknown physics and are no measurement; "
+    model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
     if model is not None:
         after = _held_out(robot, model, evidence)
         worse = worse_than(evidence.predictions["refit"], after, runs, evidence.trip, seed)
         if not worse:
-            why = "replayed as written it predicts what was held out better than the refit"
+            why = "replayed as written, it predicts held-out windows better than the refit"
             why += f"; {reason}" if reason else ""
             changed, by_file = _filed(robot, model, runs)
             return Handover(changed, after, by_file, Handed("corrected", why))
-        told = f"with what is missing, as far as a robot file can say it, {worse}; "
+        caveat = f"with the missing physics that a robot file can express, {worse}; "
     after = _held_out(robot, evidence.plain, evidence)
     worse = worse_than(nominal, after, runs, evidence.trip, seed)
     if worse:
-        return Handover(robot, nominal, nominal, Handed("nominal", f"{told}with its parameters fitted, {worse}"))
-    why = f"{told}replayed as written it predicts what was held out better than the file that was given"
+        return Handover(robot, nominal, nominal, Handed("nominal", f"{caveat}with its parameters fitted, {worse}"))
+    why = f"{caveat}replayed as written, it predicts held-out windows better than the given file"
     changed, by_file = _filed(robot, evidence.plain, runs)
     return Handover(changed, after, by_file, Handed("refit", why))
 
 
 def worse_than(before: Array, after: Array, runs: Runs, trip: Index, seed: int) -> str:
-    """Why to prefer the prediction `before` of what was held out to `after`, shape (windows,) each, or nothing.
+    """Why to prefer the held-out prediction `before` to `after`, shape (windows,) each; empty if not.
 
-    The interval of what trips are off by is by bootstrap; `trip` says what counts as one, shape (windows,).
+    The interval of the trips' errors is by bootstrap; `trip` numbers the trips, shape (windows,).
     """
     errors = [float(np.sqrt(np.mean((one - runs.observed) ** 2))) for one in (after, before)]
     if errors[0] >= errors[1]:
@@ -177,13 +176,13 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: Index, seed: int) 
 
 
 def _held_out(robot: Robot, model: Refit | Corrected, evidence: Evidence) -> Array:
-    """What the file of each fold's fit predicts of that fold, shape (windows,)."""
+    """Prediction of each fold by the file fitted to the others, shape (windows,)."""
     runs = evidence.runs
     return held_out(lambda chosen: _filed(robot, model.refitted(chosen, runs), runs)[1], evidence.fold)
 
 
 def _filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:
-    """A fit as a robot file, and what that predicts."""
-    told = said(model, runs)
-    robot = written(robot, told, runs.unit)
-    return robot, replayed(robot, told, runs)
+    """A fit as a robot file, and its prediction, shape (windows,)."""
+    content = file_content(model, runs)
+    robot = written(robot, content, runs.unit)
+    return robot, replayed(robot, content, runs)

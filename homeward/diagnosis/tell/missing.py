@@ -1,4 +1,4 @@
-"""What is missing, as the result has it: each effect with its numbers, where it acts, and how sure that is."""
+"""Missing physics for the result: each effect with its parameters, its places and the evidence for it."""
 
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Hypothesis
@@ -15,15 +15,15 @@ def missing_physics(evidence: Evidence) -> tuple[MissingPhysics, ...]:
         numbers, where = corrected.parameters_of(index), places(one.term, corrected.contribution[index], runs)
         proof, rivals = Proof(one.delta_bic, one.held_out_gain, one.p_value), tuple(term.effect for term in one.rivals)
         drive = to_tell_apart(evidence.fitted, runs, evidence.left, one.term, one.rivals)
-        found.append(MissingPhysics(*_told(one.term.hypothesis), numbers, where, proof, rivals, drive))
+        found.append(MissingPhysics(*_description(one.term.hypothesis), numbers, where, proof, rivals, drive))
     for shown in evidence.witnessed:
         where = places_of(shown.contribution, runs, None, shown.contribution != 0.0)
         measurement = shown.hypothesis.measurement
         advice = f"{measurement[0].upper()}{measurement[1:]}." if shown.rivals else ""
         numbers = dict(shown.parameters)
-        found.append(MissingPhysics(*_told(shown.hypothesis), numbers, where, shown.proof, shown.rivals, advice))
+        found.append(MissingPhysics(*_description(shown.hypothesis), numbers, where, shown.proof, shown.rivals, advice))
     return tuple(found)
 
 
-def _told(one: Hypothesis) -> tuple[str, str, str, str, str]:
+def _description(one: Hypothesis) -> tuple[str, str, str, str, str]:
     return one.id, one.name, one.entry.sentence, one.entry.equation, one.entry.source

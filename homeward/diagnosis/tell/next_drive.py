@@ -1,10 +1,9 @@
-"""The next experiment: the drive of the menu after which the effects would be told apart best.
+"""The next experiment: the drive of the menu that separates the effects best.
 
-The information of the recordings at hand is a matrix for the groups of the refit and the size of each effect; each
-drive of the menu would add its own, from what the kernel says that the effects would add there. The groups are a
-nuisance, so the determinant of what is left for the effects counts (D_s-optimality: Atkinson & Donev, Optimum
-Experimental Designs, 1992). Before anything is recorded an effect is known to within its fitted size, a group to
-within a plausible change.
+The Fisher information of the recordings is a matrix for the groups of the refit and the size of each effect; each drive
+of the menu adds its own, simulated by the kernel. The groups are nuisance parameters, so the criterion is the
+determinant of the information on the effects alone (D_s-optimality: Atkinson & Donev, Optimum Experimental Designs,
+1992). The prior standard deviation of an effect is its fitted size, that of a group a plausible change.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,12 +24,12 @@ from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Mask
 
 GUIDE = "docs/recording_guide.md"
-"""The page that says how to drive and record each drive of the menu."""
+"""The page that describes how to drive and record each drive of the menu."""
 
 
 @dataclass(frozen=True)
 class SizedEffect:
-    """An effect at the size that the recordings give it; `column` is what it adds there, shape (windows,)."""
+    """An effect at its size in the recordings; `column` is its contribution there, shape (windows,)."""
 
     hypothesis: Hypothesis
     size: float
@@ -39,7 +38,7 @@ class SizedEffect:
 
 
 def at_its_size(fit: Refit, runs: Runs, term: Term) -> SizedEffect:
-    """An effect at its fitted size; of several sizes (levels, places) the one that adds most."""
+    """An effect at its fitted size; of several sizes (levels, places) the one with the largest contribution."""
     term = term.plain or term
     columns = np.column_stack([fit.jacobian, term.columns])
     low, high = fit.freedom()
@@ -60,7 +59,7 @@ def gains(
 ) -> dict[str, float]:
     """Rise of the log-determinant of the information on effects and named groups by each drive of the menu.
 
-    `left` is what the best model leaves, shape (windows,); groups that are not named are a nuisance.
+    `left` is the residual of the best model, shape (windows,); groups that are not named are nuisance parameters.
     """
     names = [group.name for group in fit.parameters.groups]
     of_interest = np.array([name in groups for name in names] + [True] * len(effects))
@@ -72,22 +71,22 @@ def gains(
     for manoeuvre in MENU:
         added = responses(fit, runs, manoeuvre, effects) / noise_w
         if effects and not added[:, len(names) :].any():
-            added = 0.0 * added  # it may settle the groups, but nobody would call a drive without the effect a test
+            added = 0.0 * added  # a drive without the effect may identify the groups, but does not test the effect
         after = before + windows_a_second * added.T @ added
         found[manoeuvre.id] = _determinant(after, of_interest) - _determinant(before, of_interest)
     return found
 
 
 def _determinant(information: Array, of_interest: Mask) -> float:
-    """Log-determinant of the information about some of the parameters when the others are unknown."""
+    """Log-determinant of the information on some of the parameters when the others are unknown."""
     whole = np.linalg.slogdet(information)[1]
     return float(whole - np.linalg.slogdet(information[np.ix_(~of_interest, ~of_interest)])[1])
 
 
 def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, effects: Sequence[SizedEffect]) -> Array:
-    """What the groups (per unit of `scale`) and the effects add on a drive, shape (samples, groups + effects)."""
-    usual_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
-    drive = Drive(fit, manoeuvre, runs.unit, usual_c)
+    """Responses to the groups (per unit of `scale`) and the effects on a drive, shape (samples, groups + effects)."""
+    mean_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
+    drive = Drive(fit, manoeuvre, runs.unit, mean_c)
     added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in effects]
     return np.column_stack([*derivatives(fit.parameters, fit.theta, drive.plain, drive.predict), *added])
 
@@ -95,19 +94,19 @@ def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, effects: Sequence[Si
 def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequence[Term]) -> str:
     """The drive or, where no drive of the menu does, the measurement that separates an effect from its rivals.
 
-    Without rivals: the drive that would determine its size best. `left` is what the best model leaves, (windows,).
+    Without rivals: the drive that determines its size best. `left` is the residual of the best model, (windows,).
     """
     effects = [at_its_size(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, left, [one for one in effects if one.size != 0.0]))
-    worthwhile = gain >= (rules.SEPARATES if rivals else rules.MEASURES)
-    # Where a measurement has to tell: of a fault of the instrument before that of physics.
+    worthwhile = gain >= (rules.SEPARATING_GAIN if rivals else rules.INFORMATION_GAIN)
+    # Of measurements, that of a fault of an instrument comes before that of physics.
     measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
     advice = best.sentence if worthwhile else measured.measurement
     name = first.hypothesis.name
     if not rivals:
         return f"To measure {name} better, {advice}."
     others = " and ".join(rival.hypothesis.name for rival in rivals)
-    return f"To tell {name} from {others}, {advice}."
+    return f"To distinguish {name} from {others}, {advice}."
 
 
 def _best(found: Mapping[str, float]) -> tuple[Manoeuvre, float]:
@@ -116,7 +115,7 @@ def _best(found: Mapping[str, float]) -> tuple[Manoeuvre, float]:
 
 
 def next_experiment(evidence: Evidence) -> str | None:
-    """The one thing to do next, or None where nothing is open."""
+    """The next experiment, or None where nothing is ambiguous."""
     fit, runs, left, named = evidence.fitted, evidence.runs, evidence.left, evidence.naming.named
     if rivalled := next((one for one in named if one.rivals), None):
         return to_tell_apart(fit, runs, left, rivalled.term, rivalled.rivals)
@@ -128,13 +127,13 @@ def next_experiment(evidence: Evidence) -> str | None:
 def to_determine(
     fit: Refit, runs: Runs, left: Array, estimates: Sequence[Estimate], long_enough: bool = True
 ) -> str | None:
-    """The drive that determines the groups which recordings leave open, or a longer one if they are too short to test.
+    """The drive that identifies the groups without a value, or a longer one if recordings are too short to test.
 
-    `left` is what the best model leaves, shape (windows,).
+    `left` is the residual of the best model, shape (windows,).
     """
     open_groups = [one.group for one in estimates if one.fitted is None]
     best, gain = _best(gains(fit, runs, left, [], [group.name for group in open_groups]))
-    if open_groups and gain >= rules.MEASURES:
+    if open_groups and gain >= rules.INFORMATION_GAIN:
         longer = "" if long_enough else ", for five minutes or more"
         unknown = ", ".join(f"{group.name.replace('_', ' ')} ({group.symbol})" for group in open_groups)
         return f"To determine {unknown}, {best.sentence}{longer}."
@@ -142,7 +141,7 @@ def to_determine(
 
 
 def repeat(location: Location) -> str:
-    """The drive that shows whether a condition is behind what nothing explains."""
+    """The drive that tests whether a condition causes the unexplained excess."""
     if all(place.condition == location.condition for place in location.places):
         return (
             f"To find out what is missing, alternate a minute with {location.condition} and a minute without, "

@@ -9,24 +9,24 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from homeward.diagnosis import rules
 
 PAPER_ACCURACY = "66 to 91 %"
-"""What the paper claims for the range that its model estimates."""
+"""Accuracy that the paper claims for the range estimated by its model."""
 
 ARMS: Mapping[str, str] = {
     "nominal": "the robot file as it is",
     "refit": "its parameters fitted",
     "corrected": "fitted together with what was found missing",
     "file": "corrected.toml, replayed as written",
-    "black_box": "boosted trees on the same channels: what there is to gain",
-    "placebo": "what was found missing, shifted in time: what chance gains",
+    "black_box": "boosted trees on the same channels: an upper bound of the gain",
+    "placebo": "what was found missing, shifted in time: the gain by chance",
 }
 """The arms of the comparison in the order in which they are shown, in words."""
 
 CLEAR = {"paper_bgcolor": "rgba(0, 0, 0, 0)", "plot_bgcolor": "rgba(0, 0, 0, 0)"}
-"""Layout of a figure that shows the page behind it, light or dark."""
+"""Layout of a figure with a transparent background, for light and dark pages."""
 
 
 def templates(autoescape: bool = True, package: str = "homeward.diagnosis.tell") -> Environment:
-    """The templates beside this file, with filters for numbers and names; pages escape what others have named.
+    """The templates beside this file, with filters for numbers and names; pages escape names given by others.
 
     Those of another `package` are found first, and may extend `page.html`.
     """
@@ -43,12 +43,12 @@ def templates(autoescape: bool = True, package: str = "homeward.diagnosis.tell")
 
 
 def page(environment: Environment, template: str, **values: object) -> str:
-    """A page as text that can be written: names of files may hold bytes that are no text."""
+    """A page as text that can be encoded: file names may contain bytes that are not text."""
     return environment.get_template(template).render(**values).encode("utf-8", "replace").decode("utf-8")
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number as one writes it, a dash for none.
+    """A number to some significant digits, a dash for none.
 
     >>> number(1234.5), number(-0.0001234), number(None), number(1.5), number(0.0)
     ('1234', '−0.000123', '–', '1.50', '0')
@@ -81,7 +81,7 @@ def decimal(value: float, places: int) -> str:
 
 
 def typeset(text: str) -> str:
-    """Formulas and units of the project's own with their signs.
+    """Formulas and units with their typographic signs.
 
     >>> typeset("c / Gamma, N s^2/m^2")
     'c / Γ, N s²/m²'
@@ -92,7 +92,7 @@ def typeset(text: str) -> str:
 
 
 def labels(paths: Sequence[str]) -> dict[str, str]:
-    """Each recording's file name, with as many of its folders as tell it from the others.
+    """Each recording's file name, with as many of its folders as distinguish it from the others.
 
     >>> labels(["data/ice/1.csv", "data/snow/1.csv", "data/snow/2.csv"])
     {'data/ice/1.csv': 'ice/1.csv', 'data/snow/1.csv': 'snow/1.csv', 'data/snow/2.csv': '2.csv'}

@@ -1,4 +1,4 @@
-"""The table `[uncertainty]` of corrected.toml: what the recordings leave open of the robot, from what was held out."""
+"""The table `[uncertainty]` of corrected.toml: uncertainty of the robot, from held-out errors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from homeward.diagnosis.fit.replay import wheels_mps
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.tell.corrected import rounded
 from homeward.logs.channels import Array, Index
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics.uncertainty import Uncertainty
 
 FittedTo = Literal["nothing", "others", "all"]
@@ -26,14 +26,14 @@ _NORMAL = 1.96
 _COVERED = 0.95  # below the upper end of a 90 % interval
 _MOST_INSTRUMENT = 0.5
 _STAYS = 0.5  # share of the samples with the charge of the one before, above which it is shown in steps
-_FEWEST_STANDING = 50  # samples that tell the noise of power
+_FEWEST_STANDING = 50  # samples to estimate the noise of power
 
 
 def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
-    """How sure the robot is that a diagnosis hands over; of motor currents, of their charge, which is no energy.
+    """Uncertainty of the robot in corrected.toml; of motor currents, that of their charge, which is no energy.
 
-    What nothing explains is the rest that the handed-over file leaves of windows that it was not fitted to. Where one
-    run alone was recorded, how runs differ is not known and left out.
+    The unexplained part is the residual of the file on windows that it was not fitted to. With one run, the spread
+    between runs is unknown and left out.
     """
     evidence, handed = analysis.evidence, analysis.diagnosis.file
     if evidence is None or handed is None:
@@ -47,7 +47,7 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     rest_w, rest_windows = within_runs(left, runs.run)
     # Integrated over both sides, an exponential correlation of length L makes 2 L.
     mean_mps = float(np.average(np.abs(runs.context["speed_mps"]), weights=runs.duration_s))
-    if runs.unit == "A":  # of the wheels, which also take charge on the spot
+    if runs.unit == "A":  # of the wheels, which also draw charge on the spot
         mean_mps = float(np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals])))
     correlated_m = 0.5 * rest_windows * float(np.median(runs.duration_s)) * mean_mps
     fitted, covariance = _fitted(evidence, handed.holds)
@@ -70,12 +70,12 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
 
 
 def within_runs(left: Array, run: Index) -> tuple[float, float]:
-    """Standard deviation of what a file leaves about each run's mean, and how many windows it is correlated over.
+    """Standard deviation of a file's residual about each run's mean, and its autocorrelation time, windows.
 
-    By how much the means differ is not in it: that is `between_runs`.
+    The spread of the means is not included: that is `between_runs`.
 
     Args:
-        left: What the file leaves of each window, W or A, shape (windows,).
+        left: Residual of the file in each window, W or A, shape (windows,).
         run: Number of the run of each, shape (windows,).
     """
     about = left - (np.bincount(run, left) / np.bincount(run))[run]
@@ -83,37 +83,36 @@ def within_runs(left: Array, run: Index) -> tuple[float, float]:
 
 
 def between_runs(left: Array, predicted: Array, run: Index, fitted_to: FittedTo) -> float | None:
-    """Standard deviation between runs, a share, with which the interval of one more run is as wide as it should be.
+    """Standard deviation between runs, a share, that gives a prediction interval of one more run its nominal coverage.
 
-    It is by how much the energy of runs was off, over what the file says of it, widened by Student's t for their
-    number. A run that was predicted from the others is off by the file's own error, too; where the file was fitted to
-    all, that is added (Whitmore, The American Statistician 40, 1986). What nothing explains within a run is a part of
-    it.
+    It is the error of the energy of runs over its prediction by the file, widened by Student's t for their number. The
+    error of a run predicted from the others includes the file's own; where the file was fitted to all runs, that is
+    added (Whitmore, The American Statistician 40, 1986). The unexplained variance within runs is subtracted.
 
     Args:
-        left: What the file leaves of each window, W or A, shape (windows,).
-        predicted: What it says of each.
+        left: Residual of the file in each window, W or A, shape (windows,).
+        predicted: Its prediction of each.
         run: Number of the run of each.
-        fitted_to: What the file that predicts a run was fitted to.
+        fitted_to: Which runs the file that predicts a run was fitted to.
 
     Returns:
-        None of one run, of which it is not known.
+        None of one run.
     """
     count = np.bincount(run)
     runs = len(count)
     if runs < 2:
         return None
-    off, said = (np.bincount(run, values) / count for values in (left, predicted))
+    off, predicted_mean = (np.bincount(run, values) / count for values in (left, predicted))
     freedom = runs if fitted_to == "nothing" else runs - 1
     variance = float(off @ off) * ((1.0 + 1.0 / runs) / freedom if fitted_to == "all" else 1.0 / runs)
     wider = float(student.ppf(_COVERED, freedom) / norm.ppf(_COVERED))
     rest, windows = within_runs(left, run)
     within = rest**2 * windows * float(np.mean(1.0 / count))
-    return rounded(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(said**2))))
+    return rounded(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(predicted_mean**2))))
 
 
 def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
-    """Names and covariance, as shares, of what the file holds of the fit, and of the battery's capacity."""
+    """Names and relative covariance of the fitted numbers in the file, and of the battery's capacity."""
     names: list[str] = []
     matrix = np.zeros((0, 0))
     if holds != "nominal":
@@ -139,13 +138,13 @@ def _shares(joint: Joint, effects: bool) -> tuple[list[str], Array]:
 
 
 def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], ...]:
-    """Noise of the instruments, as far as the recordings show it; that of power where the robot stood."""
+    """Noise of the instruments, estimated from the recordings; that of power at standstill."""
     runs, found = evidence.runs, dict[str, float]()
     stood = [run.observed[run.speed_mps == 0.0] for run in runs.signals]
     parts = [white_noise(one) for one in stood if len(one) >= _FEWEST_STANDING]
     if parts:
         found["power_noise"] = float(np.median(parts)) / mean_w
-        found["reading_s"] = float(np.median([usual_step_s(run.time_s) for run in runs.signals]))
+        found["reading_s"] = float(np.median([median_step_s(run.time_s) for run in runs.signals]))
     graded = [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]
     if graded:
         found["grade_noise"] = float(np.median(graded))

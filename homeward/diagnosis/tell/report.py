@@ -1,4 +1,4 @@
-"""What is written to the output folder: diagnosis.json, corrected.toml, a self-contained report.html, time series."""
+"""Files of the output folder: diagnosis.json, corrected.toml, a self-contained report.html, time series."""
 
 import dataclasses
 import hashlib
@@ -65,7 +65,7 @@ def write_files(folder: str | Path, files: Mapping[str, str | bytes]) -> list[Pa
 
 
 def check_writable(folder: str | Path) -> None:
-    """Make the output folder and see that a file can be written there, before any work is done.
+    """Make the output folder and check that a file can be written there, before any work is done.
 
     Raises:
         OSError: It cannot.
@@ -76,7 +76,7 @@ def check_writable(folder: str | Path) -> None:
 
 
 def corrected_toml(analysis: Analysis) -> str:
-    """Robot file with the fitted values, each changed line with what it was."""
+    """Robot file with the fitted values; a comment on each changed line gives the old one."""
     known = () if analysis.evidence is None else analysis.evidence.estimates
     changed = comments(analysis.robot, analysis.corrected, known)
     head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
@@ -92,7 +92,7 @@ def corrected_toml(analysis: Analysis) -> str:
 
 
 def report_html(analysis: Analysis) -> str:
-    """The report as one page that needs no network; everything that was recorded or named by others is escaped."""
+    """The report as one page that needs no network; all text from recordings and robot files is escaped."""
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
     names = labels([one.path for one in diagnosis.recordings] + [one.recording for one in analysis.findings])
     environment = templates()
@@ -146,7 +146,7 @@ def _where(analysis: Analysis) -> list[tuple[str, tuple[Place, ...], float | Non
 
 @dataclass(frozen=True)
 class RankRow:
-    """One hypothesis of the ranking; `note` says why it is marked."""
+    """One hypothesis of the ranking; `note` explains its mark."""
 
     effect: str
     form: str
@@ -157,7 +157,7 @@ class RankRow:
 
 
 def ranking(naming: Naming) -> list[RankRow]:
-    """The named effects, each as it did beside those named before it, then every other hypothesis as it did alone."""
+    """The named effects, each scored beside those named before it, then every other hypothesis scored alone."""
     rows: list[RankRow] = []
     kinds: dict[tuple[str, str], tuple[str, str]] = {}
     for index, one in enumerate(naming.named):
@@ -167,29 +167,29 @@ def ranking(naming: Naming) -> list[RankRow]:
         note = f"{alone}: gain {low:.0f} to {high:.0f} %, placebos p ≤ {one.p_value:.2g}"
         form = _FORMS[one.term.axis]
         rows.append(RankRow(one.term.effect, form, one.delta_bic, one.held_out_gain, "named", note))
-        told = f"cannot be told from {one.term.hypothesis.name}"
-        kinds |= {(rival.effect, rival.axis): ("rival", told) for rival in one.rivals}
+        rivalled = f"cannot be distinguished from {one.term.hypothesis.name}"
+        kinds |= {(rival.effect, rival.axis): ("rival", rivalled) for rival in one.rivals}
     named = {(one.term.effect, one.term.axis) for one in naming.named}
     for other in naming.ranking:
         kind, note = kinds.get((other.effect, other.axis), ("", ""))
-        if not rows and other.delta_bic > rules.VERY_STRONG:
-            note = "not named: its gain may be none, or placebos do as well"
+        if not rows and other.delta_bic > rules.VERY_STRONG_BIC:
+            note = "not named: its gain is not significant"
         if (other.effect, other.axis) not in named:
             rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))
     return rows
 
 
 def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, float]], dict[str, list[str]]]:
-    """Effects with the share that the refit would absorb, least first; and under each reason those that stay unseen."""
+    """Effects with the share that the refit would absorb, least first; by reason those not identifiable."""
     shares = analysis.diagnosis.what_this_log_can_show
     visible = sorted(((effect, share) for effect, share in shares.items() if share is not None), key=lambda one: one[1])
     unseen: dict[str, list[str]] = {}
     for effect, share in shares.items():
         if share is not None:
             continue
-        one, why, needs = CATALOGUE[effect], "Nothing in these recordings sets it apart from the parameters", ""
+        one, why, needs = CATALOGUE[effect], "Confounded with the parameters in these recordings", ""
         if evidence.runs.unit == "A" and not one.of_current:
-            why = "Not in motor current, which follows torque"
+            why = "Not visible in motor current, which is proportional to torque"
         elif channels := one.missing(evidence.runs):
             why, needs = "A channel is missing", f" (needs {', '.join(channels)})"
         unseen.setdefault(why, []).append(one.name + needs)

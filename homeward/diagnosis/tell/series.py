@@ -1,6 +1,4 @@
-"""What was recorded beside what each model predicts, over time: Parquet for data frames, MCAP for PlotJuggler and
-Foxglove.
-"""
+"""Time series of recorded and predicted power: Parquet for data frames, MCAP for PlotJuggler and Foxglove."""
 
 from __future__ import annotations
 
@@ -27,7 +25,7 @@ def series(evidence: Evidence) -> pd.DataFrame:
 
     Returns:
         `run`, a path; `time_s`, since 1970 where the recording has it, else as recorded; `measured_w`; and for each arm
-        that there is of nominal, refit, corrected and file `ARM_w`, what it predicts of windows that were held out, and
+        that there is of nominal, refit, corrected and file `ARM_w`, its held-out prediction, and
         `residual_ARM_w`, measured less predicted. Of motor current the columns end in `_a`. Their errors are those of
         the arms in diagnosis.json.
     """

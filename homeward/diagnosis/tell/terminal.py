@@ -38,7 +38,7 @@ def show(analysis: Analysis, console: Console) -> None:
         say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed", indent=2)
     for product in diagnosis.products:
         value = f"{number(product.value.value)} {product.value.unit} (95 %: {interval(product.value.ci95)})"
-        say(console, f"{product.name}: {value}, known together only, neither by itself", indent=2)
+        say(console, f"{product.name}: {value}, only identifiable together", indent=2)
     if found := diagnosis.range:
         console.print()
         by_files = f"{number(found.file_m)} m by corrected.toml, {number(found.nominal_m)} m by the robot file"
@@ -76,7 +76,7 @@ def _show_effect(one: MissingPhysics, console: Console) -> None:
         say(console, f"{name} = {number(value.value)}{unit} (95 %: {interval(value.ci95)})", indent=2)
     if one.confused_with:
         rivals = ", ".join(one.confused_with).replace("_", " ")
-        say(console, f"could as well be: {rivals}. {one.to_tell_apart}", indent=2)
+        say(console, f"confounded with: {rivals}. {one.to_tell_apart}", indent=2)
 
 
 def _percent(value: float | None) -> str:
@@ -84,12 +84,12 @@ def _percent(value: float | None) -> str:
 
 
 def plain(text: str) -> str:
-    """Text with dashes and minus signs that every terminal has."""
+    """Text with ASCII dashes and minus signs."""
     return text.replace("–", "-").replace("−", "-")
 
 
 def say(console: Console, text: str, indent: int = 0) -> None:
-    """Print text that may hold names given by others: no markup, no control characters, only what can be shown."""
+    """Print text that may hold names given by others: no markup, no control characters, only encodable ones."""
     shown = "".join(c if c.isprintable() else "?" for c in plain(text))
     shown = shown.encode(console.encoding, "replace").decode(console.encoding)
     console.print(Padding(Text(shown), (0, 0, 0, indent), expand=False))

@@ -1,4 +1,4 @@
-"""The sentences of a diagnosis, as a roboticist would say them: templates/summary.txt with what it needs."""
+"""The sentences of a diagnosis: templates/summary.txt and its values."""
 
 from collections.abc import Sequence
 from pathlib import PurePath
@@ -7,7 +7,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
-from homeward.diagnosis.fit.doubt import Tells, lasts, unrecorded
+from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
@@ -31,7 +31,7 @@ def summary(
     found: Sequence[MissingPhysics],
     handed: Handed,
 ) -> str:
-    """The verdict in one or two sentences, what corrected.toml holds, and how many runs were set aside."""
+    """The verdict in one or two sentences, the content of corrected.toml, and how many runs were set aside."""
     text = (
         templates(autoescape=False)
         .get_template("summary.txt")
@@ -46,17 +46,17 @@ def summary(
     return " ".join(text.split())
 
 
-def _unrecorded(evidence: Evidence, fit: Fit) -> list[Tells]:
-    """What was not recorded, where the best model leaves much that lasts; nothing where all was."""
+def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
+    """Unrecorded dependencies of power, where the best model has a large autocorrelated residual; else none."""
     best = "corrected" if "corrected" in fit.arms else "refit"
     r2, left, lacks = fit.arms[best].r2, evidence.runs.observed - evidence.predictions[best], evidence.naming.unrecorded
-    if r2 is None or (r2 > rules.EXPLAINS and not lacks):
+    if r2 is None or (r2 > rules.LEAST_R2 and not lacks):
         return []
-    return unrecorded(evidence.runs) if lacks or lasts(left, evidence.runs) else []
+    return unrecorded(evidence.runs) if lacks or is_autocorrelated(left, evidence.runs) else []
 
 
 def _excess(evidence: Evidence) -> float | None:
-    """Mean of what the effects leave, or of what the refit does not predict, under the located condition."""
+    """Mean residual of the effects, or held-out error of the refit over that elsewhere, under the located condition."""
     if evidence.remains is not None:
         return float(evidence.remains.location.excess[evidence.remains.location.inside].mean())
     if evidence.location is None:
@@ -74,12 +74,12 @@ def _place(evidence: Evidence) -> str:
 
 
 def why_open(estimate: Estimate) -> str:
-    """Why a group has no value, in a few words."""
+    """Why a group has no value, in a phrase."""
     mixed = estimate.mixed_with
     return {
         "fitted": "fitted",
         "not excited": "has no influence on these recordings",
-        "confounded": f"cannot be told apart from {', '.join(mixed)}" if mixed else "varies by measurement noise only",
-        "too uncertain": "too uncertain to print",
-        "at bound": "pulled to the bound of what is physical, so not a measurement",
+        "confounded": f"is confounded with {', '.join(mixed)}" if mixed else "varies by measurement noise only",
+        "too uncertain": "its interval is too wide",
+        "at bound": "fitted at its physical bound, so not a measurement",
     }[estimate.status]

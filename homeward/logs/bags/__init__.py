@@ -15,7 +15,7 @@ FLIGHT_SUFFIXES = (".ulg", ".bin")
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a log of messages: a file by its ending, a folder by what lies in it."""
+    """Whether a path is a log of messages: a file by its ending, a folder by its files."""
     return path.suffix in SUFFIXES or is_flight_log(path) or (path.is_dir() and bool(storage_files(path)))
 
 

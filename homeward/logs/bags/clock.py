@@ -1,18 +1,18 @@
 """One clock for topics that come at different rates.
 
-The clock is that of the slower of power and motion: its own samples are taken as they are, so that no sample is made
-up. What comes faster is averaged around each tick, halfway to its neighbours; what comes slower, a state of charge, is
-linear in between. Nothing is carried across a gap: there the value is missing.
+The clock is that of the slower of power and motion, whose samples are used unchanged. Faster topics are averaged around
+each tick, halfway to its neighbours; slower ones, such as a state of charge, are interpolated linearly. Nothing is
+interpolated across a gap: there the value is missing.
 """
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from homeward.logs.channels import Array
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 
-_GAP = 5.0  # usual steps between samples, beyond which nothing is known in between
-_FASTEST_S = 0.02  # a finer clock says no more about energy
+_GAP = 5.0  # median steps between samples; a longer step is a gap
+_FASTEST_S = 0.02  # a finer clock adds no information on energy
 
 
 def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:
@@ -23,13 +23,13 @@ def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:
 
 
 def slower(*times: Array) -> Array:
-    """The times of the topic that comes least often, over what all cover."""
+    """The times of the slowest topic, over the time that all cover."""
     start, end = max(one[0] for one in times), min(one[-1] for one in times)
-    slowest = max(times, key=usual_step_s)
+    slowest = max(times, key=median_step_s)
     clock: Array = slowest[(slowest >= start) & (slowest <= end)]
     if len(clock) < 2:
         return clock
-    kept = max(round(_FASTEST_S / usual_step_s(clock)), 1)
+    kept = max(round(_FASTEST_S / median_step_s(clock)), 1)
     return clock[::kept]
 
 
@@ -42,9 +42,9 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     """
     if len(time_s) < 2:
         return np.full(len(clock_s), np.nan)
-    tick_s = usual_step_s(clock_s)
+    tick_s = median_step_s(clock_s)
     own = np.minimum(np.searchsorted(time_s, clock_s), len(time_s) - 1)
-    if np.array_equal(time_s[own], clock_s) and tick_s < 2.0 * usual_step_s(time_s):
+    if np.array_equal(time_s[own], clock_s) and tick_s < 2.0 * median_step_s(time_s):
         return values[own]  # the channel that the clock is of
     half = np.minimum(0.5 * np.diff(clock_s), 0.5 * tick_s)
     half = np.minimum(np.append(half, half[-1:]), np.append(half[:1], half))
@@ -56,6 +56,6 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     wide = half > 0.0
     means = np.interp(clock_s, time_s, values)
     means[wide] = (integral(end[wide]) - integral(start[wide])) / (2.0 * half[wide])
-    gap = np.concatenate(([0], np.cumsum(steps > _GAP * max(usual_step_s(time_s), tick_s))))
+    gap = np.concatenate(([0], np.cumsum(steps > _GAP * max(median_step_s(time_s), tick_s))))
     first, last = (np.clip(np.searchsorted(time_s, at, side="right"), 1, len(steps)) for at in (start, end))
     return np.asarray(np.where(inside & (gap[last] == gap[first - 1]), means, np.nan))

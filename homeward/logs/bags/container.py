@@ -17,7 +17,7 @@ from homeward.logs.columns import RecordingError
 class Bag(contextlib.ExitStack):
     """A bag that is open for reading until it is left.
 
-    `connections` are its topics, of which one may have several; `notes` say what reading left out.
+    `connections` are its topics, of which one may have several; `notes` list what was left out.
     """
 
     def __init__(self, path: Path) -> None:
@@ -44,7 +44,7 @@ class Bag(contextlib.ExitStack):
             raise
 
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Messages of some topics with the time of receipt, ns; a file that breaks off ends there, with a note."""
+        """Messages of some topics with the time of receipt, ns; a damaged file ends at the damage, with a note."""
         for reader in self._readers:
             here = [connection for connection in connections if connection in reader.connections]
             if not here:
@@ -75,7 +75,7 @@ class Bag(contextlib.ExitStack):
             self.notes.append("has no metadata.yaml: the recorder was stopped before it ended the bag")
         readers = [self._reader(file) for file in storage_files(self.path)]
         if self.notes and any(isinstance(reader, Remains) for reader in readers):
-            self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]  # the files say it more clearly
+            self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]  # the files give better ones
         return readers
 
     def _reader(self, file: Path) -> Any:

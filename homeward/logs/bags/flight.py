@@ -51,7 +51,7 @@ class Message:
 class FlightLog(contextlib.ExitStack):
     """A log of an autopilot, open for reading until it is left.
 
-    `connections` are its messages; `notes` say what reading left out.
+    `connections` are its messages; `notes` list what was left out.
     """
 
     def __init__(self, path: Path) -> None:
@@ -101,7 +101,7 @@ class FlightLog(contextlib.ExitStack):
 
     @contextlib.contextmanager
     def _listening(self, name: str, kind: str) -> Iterator[None]:
-        """Turns what a reader prints of damage into a note, and what it raises into a `RecordingError`."""
+        """Turns a reader's printed warnings into a note, and its exceptions into a `RecordingError`."""
         said = _FirstLine()
         try:
             with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -119,7 +119,7 @@ class FlightLog(contextlib.ExitStack):
 
 
 class _Finite:
-    """A file that may be read from as often as it has bytes, twice: `pyulog` can go back for ever in a damaged one."""
+    """A file with a limit on reads, twice its bytes: `pyulog` can go back for ever in a damaged one."""
 
     def __init__(self, file: Any, bytes_: int) -> None:
         self._file, self._left = file, 2 * bytes_

@@ -4,7 +4,7 @@ Methods, the first that a bag allows:
 
 1. `orientation` of an IMU whose driver fills it in: how far the robot's forward axis points up,
    `sin(grade) = 2 (x z - w y)` for the quaternion x, y, z, w, averaged over `_ORIENTATION_S`.
-2. `acceleration` of an IMU: an accelerometer feels the slope and the robot's own acceleration,
+2. `acceleration` of an IMU: an accelerometer measures the slope plus the robot's own acceleration,
    `sin(grade) = (a_x - dv/dt) / g`, averaged over `_ACCELERATION_S`, with the speed from the odometry.
 3. Orientation of the odometry, where it is not planar.
 
@@ -25,7 +25,7 @@ _UNIT = 0.05
 
 
 def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
-    """Grade from quaternions x, y, z, w, shape (4, n), rad, or None where there are none or they stay in the plane."""
+    """Grade from quaternions x, y, z, w, shape (4, n), rad, or None where they are missing or planar."""
     sine = uphill(quaternion)
     if np.isfinite(sine).mean() < 0.5 or np.nanmax(np.abs(sine)) < PLANAR:
         return None

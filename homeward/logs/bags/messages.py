@@ -16,15 +16,15 @@ _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\w+)\]")
 
 
 class UnknownType(ValueError):
-    """A message type without a definition; the message says which."""
+    """A message type without a definition; the message names it."""
 
 
 class WrongField(ValueError):
-    """A field that the message does not have; the message says what it has."""
+    """A field that the message does not have; the error lists those that it has."""
 
 
 def decoder(connection: Connection, ros1: bool) -> Callable[[bytes], Any]:
-    """What turns the content of a topic's messages into objects.
+    """Decoder of the content of a topic's messages into objects.
 
     The bag's own definition comes first. Bags of ROS 2 before Iron in sqlite3 have none: then those of the standard
     packages, and the ones that ship here (folder definitions), newest first where a package changed its layout.
@@ -96,7 +96,7 @@ def shipped_definitions() -> list[dict[str, str]]:
 
 
 def getter(path: str) -> Callable[[Any], float]:
-    """What reads a number by its path, such as `twist.twist.linear.x`, `measured_currents[0]` or, in a message with
+    """Reader of a number by its path, such as `twist.twist.linear.x`, `measured_currents[0]` or, in a message with
     names as `sensor_msgs/JointState` has them, `velocity[front_left_wheel]`; NaN where an element is missing.
 
     Raises:

@@ -1,4 +1,4 @@
-"""From a bag or flight log to a table of channels: which topic gives what, on one clock, with notes on decisions."""
+"""From a bag or flight log to a table of channels: the topic of each channel, on one clock, with notes on decisions."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -59,14 +59,14 @@ class _Reading:
     def __init__(self, bag: Bag | FlightLog, topics: Topics) -> None:
         self.bag, self.topics = bag, topics
         self.notes: list[str] = []
-        self.void: dict[str, list[str]] = {}  # channels that a topic should have, but gives as nothing
+        self.void: dict[str, list[str]] = {}  # channels of a topic that are zero or missing throughout
         offered = {name: topics.candidates(name, bag.connections) for name in (*CHANNELS, ORIENTATION, ACCELERATION)}
         pairs = [pair for options in offered.values() for pair in options]
         wanted: dict[str, dict[str, None]] = {}
         for topic, connection in pairs:
             wanted.setdefault(connection.topic, {}).update(dict.fromkeys(topic.paths()))
         read = bag.samples(wanted) if isinstance(bag, FlightLog) else read_samples(bag, wanted)
-        self.samples, self.unread = read  # unread: topics that give nothing, and why
+        self.samples, self.unread = read  # unread: why topics could not be read
         if not self.samples:
             raise self._missing("motion and no power")
         self.candidates = {
@@ -108,7 +108,7 @@ class _Reading:
         return pd.DataFrame({"time_s": ticks - ticks[0], **columns}), notes, start_s if is_epoch(start_s) else 0.0
 
     def _channel(self, name: str) -> Series | None:
-        """The first topic of the mapping that has something to say on a channel."""
+        """The channel from the first topic of the mapping with values of it."""
         for topic, connection in self.candidates[name]:
             values = topic.sources[name].of(self.samples[connection.topic].values)
             time_s, values = clock.in_order(self.times[connection.topic], values)
@@ -128,15 +128,15 @@ class _Reading:
         )
 
     def _why(self) -> list[str]:
-        """Why topics that the mapping names gave nothing."""
+        """Why topics that the mapping names gave no values."""
         empty = (f"{topic} gives {' and '.join(names)} as 0 or not at all" for topic, names in self.void.items())
         return [*self.unread, *empty]
 
     def _discharge(self, current: Series, speed: Series) -> Series:
-        """Make the battery's current positive when discharging, whatever its driver thinks.
+        """Make the battery's current positive when discharging, whatever the sign convention of its driver.
 
-        `sensor_msgs/BatteryState` says "Negative when discharging", and mappings turn that round; some drivers publish
-        it positive. A robot that drives does not charge, so the median while it drives gives the sign away.
+        `sensor_msgs/BatteryState` says "Negative when discharging", and mappings change the sign; some drivers publish
+        it positive. A robot that drives does not charge, so that the median while it drives determines the sign.
         """
         moves = np.abs(np.interp(current.time_s, speed.time_s, speed.values)) > _MOVES_MPS
         while_driving = current.values[moves] if moves.any() else current.values
@@ -188,7 +188,7 @@ class _Reading:
         return self.times[name][order], np.stack([values[f"{path}.{axis}"][order] for axis in "xyzw"])
 
     def _leave_out_impossible(self, columns: dict[str, Array]) -> None:
-        """A channel that is not needed does not spoil a recording: out of its limits it is left out."""
+        """Leave out channels that are not needed and have values out of their limits."""
         soc = columns.get("soc", np.empty(0))
         if 1.05 < np.max(soc, initial=0.0, where=np.isfinite(soc)) <= 105.0:
             columns["soc"] = soc / 100.0

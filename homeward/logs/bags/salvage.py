@@ -1,7 +1,7 @@
-"""What can still be read of a bag whose end is missing: its records in order, as far as they go.
+"""Recovery of a bag whose end is missing: its readable records in order.
 
 A recorder that is killed, or a file that is cut off in copying, leaves no index, and the last chunk half written. The
-records before are whole; these scanners read them without an index, and unpack the last chunk as far as it came.
+records before are whole; these scanners read them without an index, and unpack the last chunk as far as it was written.
 
 Sources: ROS bag format 2.0 (wiki.ros.org/Bags/Format/2.0), MCAP specification 1 (mcap.dev/spec).
 """
@@ -38,7 +38,7 @@ _UNPACKERS: dict[str, Any] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompr
 class Remains:
     """The readable part of a damaged file; stands in for a reader of rosbags.
 
-    Of a file that was compressed as a whole, or of a database, there is none.
+    A file that was compressed as a whole, or a database, has none.
     """
 
     def __init__(self, path: Path) -> None:

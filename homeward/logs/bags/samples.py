@@ -1,9 +1,9 @@
 """The numbers of topics with their times, on the clock of the message headers.
 
-A header's stamp says when a value was measured, the time of receipt when the recorder got it: later by transport and
-queues, and by different amounts. So stamps of headers are taken. A topic without a header, with empty stamps, or with
-stamps of another clock (more than `_CLOCKS_DIFFER_S` from the rest) is placed by its time of receipt, less what
-receipt is late for the other topics.
+A header's stamp is the time of measurement, the time of receipt that of recording: later by transport and queues, with
+a variable delay. So stamps of headers are used. A topic without a header, with empty stamps, or with
+stamps of another clock (more than `_CLOCKS_DIFFER_S` from the rest) is placed by its time of receipt, less the
+median delay of receipt of the other topics.
 """
 
 from collections.abc import Collection, Mapping
@@ -35,7 +35,7 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
     """Read fields of some topics in one pass, by their paths under the name of the topic.
 
     Returns:
-        The samples by the same names and, for each topic that cannot be read, one line that says why.
+        The samples by the same names and, for each topic that cannot be read, one line with the reason.
 
     Raises:
         RecordingError: A message has no such field.
@@ -81,7 +81,7 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
 
 
 def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tuple[dict[str, Array], int, list[str]]:
-    """Times of the samples of all topics on one clock, s, from 0; what that clock shows there, ns; and notes on topics
+    """Times of the samples of all topics on one clock, s, from 0; the time of that 0, ns; and notes on topics
     without a stamp of their own.
 
     The header of the topics in `on_receipt` is not used.
@@ -91,15 +91,15 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
         for name, one in samples.items()
         if (one.stamp_ns > 0).all() and name not in on_receipt
     }
-    usual_s = float(np.median(list(late_s.values()))) if late_s else 0.0
-    stamped = {name for name, late in late_s.items() if abs(late - usual_s) <= _CLOCKS_DIFFER_S}
+    median_s = float(np.median(list(late_s.values()))) if late_s else 0.0
+    stamped = {name for name, late in late_s.items() if abs(late - median_s) <= _CLOCKS_DIFFER_S}
     times = {
-        name: one.stamp_ns if name in stamped else one.received_ns - int(usual_s * 1e9)
+        name: one.stamp_ns if name in stamped else one.received_ns - int(median_s * 1e9)
         for name, one in samples.items()
     }  # fmt: skip
     start_ns = min(int(one.min()) for one in times.values())
     notes = []
     if others := sorted(set(samples) - stamped):
-        notes.append(f"{', '.join(others)}: placed by the time of receipt, for want of a stamp of the same clock")
+        notes.append(f"{', '.join(others)}: placed by the time of receipt, as they have no stamp of the same clock")
     since = {name: np.asarray((one - start_ns) * 1e-9, dtype=np.float64) for name, one in times.items()}
     return since, start_ns, notes

@@ -41,17 +41,17 @@ Offered = TypeVar("Offered", bound=Offer)
 
 @dataclass(frozen=True)
 class Topic:
-    """What to take from the topics whose name and type fit."""
+    """Fields to read from the topics whose name and type match."""
 
     pattern: str  # of the name as in a shell, such as */odometry/filtered
     kind: str  # of message, such as nav_msgs/msg/Odometry, or "" for any
-    refused: str  # pattern of names that do not fit after all, or ""
+    refused: str  # pattern of names that are excluded, or ""
     on_receipt: bool  # whether to take the time of receipt although there is a header
     sources: dict[str, Source]  # fields of each channel, with factors to SI
     vectors: dict[str, str]  # paths of ORIENTATION and ACCELERATION
 
     def fits(self, connection: Offer) -> bool:
-        """Whether a topic is meant."""
+        """Whether a topic matches."""
         name = connection.topic
         wanted = fnmatchcase(name, self.pattern) and not fnmatchcase(name, self.refused)
         return wanted and self.kind in ("", connection.msgtype)
@@ -74,7 +74,7 @@ class Topics:
     topics: tuple[Topic, ...]
 
     def candidates(self, channel: str, connections: Sequence[Offered]) -> list[tuple[Topic, Offered]]:
-        """Topics that give a channel or vector: the preferred first, of equals the one with most messages."""
+        """Topics that give a channel or vector: the preferred first, then by number of messages."""
         return [
             (topic, connection)
             for topic in self.topics

@@ -168,7 +168,7 @@ def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> N
     unknown = dataclasses.replace(husky, drag_ns2_per_m2=0.0)  # so that drag has no bound within reach
     fit, runs, _, fold = prepared(with_hidden(drive(husky), husky, turning_squared), unknown)
     library = candidates(fit, runs)
-    scores = Search(library, fit, runs, fold, memory=1.0).scores(library.parts, [])
+    scores = Search(library, fit, runs, fold, correlation=1.0).scores(library.parts, [])
 
     def error(columns: np.ndarray) -> float:
         predicted = held_out(lambda chosen: with_columns(fit, chosen, runs.observed, columns), fold)

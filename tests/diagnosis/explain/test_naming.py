@@ -86,7 +86,7 @@ def test_a_load_switched_on_part_way_is_found_with_its_time(short_drive: Drive, 
     runs = with_power(short_drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0))
     analysis = analyse(runs, husky)
     diagnosis = analysis.diagnosis
-    assert diagnosis.file is not None and "may be the robot's or its meter's" in diagnosis.file.why
+    assert diagnosis.file is not None and "is confounded with a fault of the meter" in diagnosis.file.why
     assert not analysis.corrected.effects  # a load that is there half of the time is none of all the time
     first = diagnosis.missing_physics[0]
     assert first.effect == "standby"
@@ -250,7 +250,7 @@ def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(short_
     assert analysis.evidence is not None
     assert analysis.evidence.remains is not None
     assert "m/s" in analysis.evidence.remains.location.condition
-    assert "Something is left" in analysis.diagnosis.summary
+    assert "A residual is left" in analysis.diagnosis.summary
 
 
 def test_a_load_that_comes_on_in_the_same_places_every_day_is_not_said_to_come_by_the_clock(

@@ -15,7 +15,7 @@ from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.tell.corrected import can_be_said, replayed, said, written
+from homeward.diagnosis.tell.corrected import file_content, is_expressible, replayed, written
 from homeward.physics.effects import EFFECTS
 from homeward.physics.model import headwind
 
@@ -88,7 +88,7 @@ def joint_fit(
     left = runs.observed - fit.predicted
     setting = Setting.of(fit, runs, left)
     forms = [
-        one for one in CATALOGUE[effect].forms(setting, True) if can_be_said(one) and like(one) and one.columns.any()
+        one for one in CATALOGUE[effect].forms(setting, True) if is_expressible(one) and like(one) and one.columns.any()
     ]
 
     def unexplained(term: Term) -> float:
@@ -104,7 +104,7 @@ def test_the_file_replayed_predicts_what_the_joint_fit_predicts(effect: str, rob
     runs = recorded(robot, effect, runs)
     model = joint_fit(robot, effect, runs)
     assert model is not None
-    told = said(model, runs)
+    told = file_content(model, runs)
     file = written(robot, told, runs.unit)
     assert effect in file.active_effects
     rms = float(np.sqrt(np.mean(model.predicted**2)))
@@ -116,7 +116,7 @@ def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robo
     runs = recorded(robot, "surface", runs)
     model = joint_fit(robot, "surface", runs)
     assert model is not None
-    told = said(model, runs)
+    told = file_content(model, runs)
     unknown = dataclasses.replace(told, met=dataclasses.replace(told.met, roughness=None))
     drawn_w = replayed(written(robot, told, runs.unit), unknown, runs)
     smooth_w = replayed(written(robot, dataclasses.replace(told, effects={}), runs.unit), unknown, runs)
@@ -127,7 +127,7 @@ def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robo
 def test_a_radio_is_written_as_far_from_base_as_was_recorded(robot: Robot, runs: Runs) -> None:
     model = joint_fit(robot, "radio", recorded(robot, "radio", runs))
     assert model is not None
-    effect = written(robot, said(model, runs), runs.unit).effects["radio"]
+    effect = written(robot, file_content(model, runs), runs.unit).effects["radio"]
     assert effect["reach_m"] == pytest.approx(float(runs.context["base_distance_m"].max()), rel=1e-5)
 
 

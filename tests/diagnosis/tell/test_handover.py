@@ -12,8 +12,8 @@ from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.fit.refit import Refit
-from homeward.diagnosis.tell.corrected import replayed, said
-from homeward.diagnosis.tell.handover import sayable, worse_than
+from homeward.diagnosis.tell.corrected import file_content, replayed
+from homeward.diagnosis.tell.handover import expressible, worse_than
 from homeward.physics import ancillary_power
 
 Drive = Callable[..., list[Recording]]
@@ -25,9 +25,9 @@ def replay_equals_fit(analysis: Analysis) -> bool:
     assert evidence is not None and handed is not None and handed.holds != "nominal"
     model: Refit | Corrected | None = evidence.plain
     if handed.holds == "corrected":
-        model = sayable(evidence.plain, evidence.corrected, evidence.naming.named, evidence.runs, evidence.block)
+        model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, evidence.runs, evidence.block)
     assert model is not None
-    by_file = replayed(analysis.corrected, said(model, evidence.runs), evidence.runs)
+    by_file = replayed(analysis.corrected, file_content(model, evidence.runs), evidence.runs)
     return float(np.abs(by_file - model.predicted).max()) < 1e-5 * float(np.abs(evidence.runs.observed).max())
 
 
@@ -66,7 +66,7 @@ def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(short_drive: Drive, 
     (found,) = analysis.diagnosis.missing_physics
     assert {"standby", "sensor_offset"} <= {found.effect, *found.confused_with}
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
-    assert "may be the robot's or its meter's" in analysis.diagnosis.file.why
+    assert "is confounded with a fault of the meter" in analysis.diagnosis.file.why
     assert not analysis.corrected.active_effects
 
 

@@ -123,7 +123,7 @@ def test_an_instrument_that_no_drive_shows_is_checked_with_a_meter(known: tuple[
     ]
     observed = dataclasses.replace(runs, observed=runs.observed + 0.2 * column)
     told = to_tell_apart(fit, observed, left, both[0], both[1:])
-    assert told.startswith("To tell ageing from sensor gain, ") and "clamp meter" in told
+    assert told.startswith("To distinguish ageing from sensor gain, ") and "clamp meter" in told
 
 
 def test_advice_without_rivals_is_the_drive_that_measures_best(known: tuple[Refit, Runs, np.ndarray]) -> None:

@@ -97,7 +97,7 @@ def test_changed_lines_say_what_they_were(short_drive: Drive, husky: Robot) -> N
 def test_page_opens_on_the_verdict_and_needs_no_network(turning: Analysis) -> None:
     page = report_html(turning)
     body = page[page.index("<body>") :]
-    order = ["Missing physics", "turning faster than", "plotly.js v", "Recorded against simulated", "What is left"]
+    order = ["Missing physics", "turning faster than", "plotly.js v", "Recorded against simulated", "Residuals and when"]
     assert sorted(order, key=body.index) == order
     assert not re.search(r"<(script|link|img|iframe)[^>]*(src|href)=(?!\"data:)", page)
     assert page.count("plotly.js v") == 1
@@ -133,7 +133,7 @@ def test_ranking_marks_what_is_named_and_its_rivals(standby: Analysis) -> None:
     assert rows[0].kind == "named" and (rows[0].effect, rows[0].form) == ("standby", "in time")
     assert kinds["sensor_offset", "in time"] == "rival" and kinds["turning", "steady"] == ""
     assert len(kinds) == len(rows), "a hypothesis is listed twice"
-    assert "Could as well be: intermittent load, sensor offset" in text_of(report_html(standby))
+    assert "Confounded with: intermittent load, sensor offset" in text_of(report_html(standby))
 
 
 def test_a_located_mismatch_without_a_name_is_shaded_where_it_was(turning: Analysis) -> None:
@@ -154,7 +154,7 @@ def test_a_formula_is_shown_as_a_description(turning: Analysis) -> None:
     formula = Empirical("P", (term,), {"m": "m = 50 kg"}, none, none, 111.0, 0.58, (0.5, 0.64), 0.05)
     text = text_of(report_html(replace(analysis, evidence=replace(analysis.evidence, empirical=formula))))
     told = text[text.index("A formula for it") :]
-    for words in ("names no cause", "P = 0.31 m g v (|w| B / v_max)²", "0.280 to 0.340", "m = 50 kg", "50 % to 64 %"):
+    for words in ("without naming a cause", "P = 0.31 m g v (|w| B / v_max)²", "0.280 to 0.340", "m = 50 kg", "50 % to 64 %"):
         assert words in told
 
 
@@ -167,9 +167,9 @@ def test_a_missing_channel_is_said_in_words(standby: Analysis) -> None:
 def test_current_without_voltage_promises_no_energy(current: Analysis) -> None:
     assert current.diagnosis.fit is not None and current.diagnosis.fit.unit == "A"
     text = text_of(report_html(current))
-    assert "energy and range are not known" in text
+    assert "energy and range are unknown" in text
     assert "range accuracy" not in text and "66 to 91" not in text
-    assert re.search(r"Not in motor current, which follows torque:[^.]*standby", text)
+    assert re.search(r"Not visible in motor current, which is proportional to torque:[^.]*standby", text)
 
 
 def test_runs_of_the_same_name_are_told_apart_without_local_paths(short_drive: Drive, husky: Robot) -> None:

@@ -1,7 +1,7 @@
 """Everything that can be named: each effect of the physics and each fault of an instrument, as a hypothesis.
 
-The files beside this one, one for each place where effects enter, say what is particular to an effect; one that they do
-not list is tried by the defaults.
+The modules beside this one, one for each place where effects enter, hold what is specific to an effect; one that they
+do not list has the defaults.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ CATALOGUE: Mapping[str, Hypothesis] = {
 def terms(setting: Setting, leave_out: tuple[str, ...] = (), varying: bool = True) -> list[Term]:
     """Every form of every hypothesis that the channels of these runs allow, without effects that are in the model.
 
-    Those whose size changes for no recorded reason are among them only if `varying` ones are asked for.
+    Those whose size changes for no recorded reason are included only if `varying`.
     """
     found: list[Term] = []
     for effect, one in CATALOGUE.items():

@@ -1,4 +1,4 @@
-"""Loads beside the drive: standby, computing, radio, heater, and devices that come and go."""
+"""Loads beside the drive: standby, computing, radio, heater, and intermittent devices."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ _OFF_ABOVE_C = 15.0  # thermostats of outdoor enclosures switch on at 5 and off 
 
 
 def _while_cold(one: Hypothesis, setting: Setting) -> Array | None:
-    """Full power while it may be on, of the same mean power as a proportional one."""
+    """Full power while cold enough for a thermostat, with the mean of a proportional heater."""
     temperature_c = setting.runs.context.get("temperature_c")
     if temperature_c is None or not (temperature_c < _OFF_ABOVE_C).any():
         return None
@@ -24,7 +24,7 @@ def _while_cold(one: Hypothesis, setting: Setting) -> Array | None:
 
 
 def _rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
-    """Mean period and share of time of what switches on and off, and their intervals over the cycles."""
+    """Mean period and duty cycle of an intermittent load, and their intervals over the cycles."""
     on = schedule.level > 0
     periods, duties = [], []
     for run in np.unique(runs.run):
@@ -35,7 +35,7 @@ def _rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
     if not periods:
         periods, duties = [2.0 * float(runs.duration_s.sum()) / max(schedule.changes, 1)], [float(on.mean())]
     found, spread = {}, {}
-    window_s = float(np.median(runs.duration_s))  # a moment is known within
+    window_s = float(np.median(runs.duration_s))  # resolution of a moment
     for name, values, sure, low, high in (
         ("period_s", periods, window_s, 1.0, 1e5),
         ("duty", duties, window_s / float(np.mean(periods)), 0.01, 0.99),
@@ -47,7 +47,7 @@ def _rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
 
 
 HYPOTHESES = (
-    # There from some moment on: what always is belongs to the idle power.
+    # On from some moment on: a constant load is confounded with the idle power.
     Hypothesis(
         standby.EFFECT,
         steady=None,
@@ -55,20 +55,20 @@ HYPOTHESES = (
         load=everywhere,
         check="unplug one device after the other with a clamp meter on the battery lead",
     ),
-    # The same at any sensing rate, with the rate, or rising with it in any way.
+    # Constant at any sensing rate above zero, proportional to the rate, or any rising function of it.
     Hypothesis(
         compute.EFFECT,
         shapes=lambda setting: iter([{"base_share": 1.0}]),
         rises_with="sensing_hz",
         check="put a clamp meter on the lead of the computer",
     ),
-    # With the distance the rate falls in steps, and the airtime rises; beyond what was recorded, it is taken to stay.
+    # The data rate falls in steps with distance, and the airtime rises; constant beyond the recorded distance.
     Hypothesis(
         radio.EFFECT,
         rises_with="base_distance_m",
         reach=lambda runs: {radio.EFFECT.parameters[1].name: float(np.nanmax(runs.context["base_distance_m"]))},
     ),
-    # Proportional to the cold, with it in any way, or switched by a thermostat while it is cold.
+    # Proportional to the cold, any rising function of it, or switched by a thermostat while it is cold.
     Hypothesis(
         heater.EFFECT,
         shapes=temperatures(_ON_BELOW_C),

@@ -1,4 +1,4 @@
-"""Effects on what the battery gives: resistance, capacity lost at high power, by age and in the cold, and starts."""
+"""Effects on battery energy: resistance, capacity lost at high power, by age and in the cold, and starts."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -10,8 +10,8 @@ from homeward.diagnosis.explain.menu import Drive
 from homeward.logs.channels import Array
 from homeward.physics.effects import ageing, breakaway, cold_battery, internal_resistance, rate_capacity
 
-IN_STEP_WITH_LOAD, IN_STEP_WITH_COLD = rate_capacity.EFFECT.id, cold_battery.EFFECT.id
-"""What else makes a gauge fall faster, where the load rises or the air gets colder from run to run."""
+CONFOUNDED_WITH_LOAD, CONFOUNDED_WITH_COLD = rate_capacity.EFFECT.id, cold_battery.EFFECT.id
+"""Effects confounded with ageing where the load rises or the air gets colder from run to run."""
 
 _WARM_C = cold_battery.EFFECT.parameters[1]
 _START_J = breakaway.EFFECT.switch
@@ -25,7 +25,7 @@ def _references(setting: Setting) -> Iterator[Numbers]:
 
 
 def _starts(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """The energy of each start, drawn at once or in any way over the first moments of the way."""
+    """The energy of each start, drawn at once or with any time course over the first four seconds."""
     at_once = setting.response(one, TINY * _START_J.high, {})
     yield Term(one, at_once[:, None], *one.limits(1), fixed=True)
     run = setting.runs.run
@@ -39,11 +39,11 @@ def _starts(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def share_of_the_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
-    """What a share of all that is drawn adds to a test drive, shape (samples,)."""
+    """Contribution to a test drive of an effect that is a share of the power drawn, shape (samples,)."""
     return size * np.maximum(drive.plain, 0.0)
 
 
-INTERNAL_RESISTANCE = Hypothesis(  # seldom changes, but for a connector that works loose
+INTERNAL_RESISTANCE = Hypothesis(  # rarely changes, except when a connector works loose
     internal_resistance.EFFECT,
     changes="once",
     seldom=True,
@@ -52,15 +52,15 @@ INTERNAL_RESISTANCE = Hypothesis(  # seldom changes, but for a connector that wo
     check="read the battery voltage at rest and under a known load",
 )
 
-AGEING = Hypothesis(  # between runs: in power, and in a recorded state of charge, which alone can prove it
+AGEING = Hypothesis(  # between runs: in power, and in a recorded state of charge, which alone identifies it
     ageing.EFFECT,
     needs=(),
     steady=None,
     changes="between runs",
     load=lambda one, setting: np.maximum(setting.predicted, 0.0),
     shown_by=(),
-    check="discharge the battery from full to empty at its usual load and at room temperature, and count the energy: "
-    "what is gone then is gone by age",
+    check="discharge the battery from full to empty at its typical load and at room temperature, and measure "
+    "the energy: the loss is then due to age",
     on_drive=share_of_the_drive,
 )
 

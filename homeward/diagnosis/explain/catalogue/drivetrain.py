@@ -1,4 +1,4 @@
-"""Effects on what the drive takes: turning, regeneration, losses of the windings, and motors that warm up."""
+"""Effects on the power of the drive: turning, regeneration, losses of the windings, and motors that warm up."""
 
 from collections.abc import Iterator
 
@@ -9,12 +9,12 @@ from homeward.physics.effects import Parameter, copper_loss, inertia, motor_heat
 
 _TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)
 _CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)
-_USUAL_RISE_K = 40.0  # of a winding at mean load
+_TYPICAL_RISE_K = 40.0  # of a winding at mean load
 _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
 
 
 def _tracks(setting: Setting) -> Iterator[Numbers]:
-    """Several, where a robot's file has none."""
+    """Track widths that are tried: several, where a robot's file has none."""
     if setting.parameters.nominal.track_m > 0.0:
         yield {}
     else:
@@ -34,13 +34,13 @@ def _also_at_a_slip_angle(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 def _time_constants(setting: Setting) -> Iterator[Numbers]:
     work_w = float(np.mean(np.maximum(setting.runs.observed, 0.0)))
-    if work_w <= _USUAL_RISE_K / _HEATING["rise_k_per_w"].high:
-        return  # hardly any power: wrong signs, or nothing at work
+    if work_w <= _TYPICAL_RISE_K / _HEATING["rise_k_per_w"].high:
+        return  # hardly any power: wrong signs, or a robot at rest
     longest_s = max(float(np.ptp(run.time_s)) for run in setting.runs.signals)
     for constant_s in _CONSTANTS_S:
         if constant_s <= 2.0 * longest_s:
-            # Rise and change per kelvin enter as a product, so that one of them can be as usual.
-            yield {"time_constant_s": constant_s, "rise_k_per_w": _USUAL_RISE_K / work_w}
+            # Rise and change per kelvin enter as a product, so that one of them can be fixed.
+            yield {"time_constant_s": constant_s, "rise_k_per_w": _TYPICAL_RISE_K / work_w}
 
 
 HYPOTHESES = (
@@ -55,7 +55,7 @@ HYPOTHESES = (
         check="tow the robot sideways with a spring balance",
         at_wheels=True,
     ),
-    # What brakes a robot on the level is its inertia: without it there is nothing to regenerate.
+    # On the level only inertia gives braking energy: without it nothing is regenerated.
     Hypothesis(
         regeneration.EFFECT,
         beside={inertia.EFFECT.id: {inertia.EFFECT.switch.name: 1.0}},

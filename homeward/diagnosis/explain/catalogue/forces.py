@@ -53,9 +53,9 @@ def _headings(runs: Runs) -> list[Array]:
 
 
 def _blowing(setting: Setting, along: Sequence[Array]) -> Array:
-    """What a wind of 1 m/s against the way adds, where `along` is its component, an array per run."""
+    """Contribution of a headwind of 1 m/s times its component `along` the way, an array per run."""
     theta, present, predict = setting.theta.copy(), setting.present, setting.parameters.predict
-    theta[DRAG] = max(theta[DRAG], setting.parameters.start[DRAG])  # what a refit without wind took away from it
+    theta[DRAG] = max(theta[DRAG], setting.parameters.start[DRAG])  # a refit without wind may underestimate it
     speed_mps = 1e-3
     windy = _blown(present, [speed_mps * one for one in along])
     change = predict(setting.runs, theta, windy) - predict(setting.runs, theta, present)
@@ -103,12 +103,12 @@ HYPOTHESES = (
         bounds=(-_STORM_MPS, _STORM_MPS),
         size_names=_wind_names,
         within=_in_the_wind,
-        of_the_day=True,
+        is_weather=True,
         shown_by=("heading_rad",),
         check="measure the wind with an anemometer, or repeat the drive on a calm day",
         on_drive=_windy_drive,
     ),
-    # Ground that rolls harder or easier from some place or moment on: of the rolling resistance a share.
+    # Ground with a higher or lower rolling resistance from some place or moment on: a share of it.
     Hypothesis(
         surface.EFFECT,
         steady=None,
@@ -122,7 +122,7 @@ HYPOTHESES = (
         lies_in="ground",
         on_drive=_rougher_drive,
     ),
-    # A load is put on where the robot stands: mostly, so that this is a preference between equals.
+    # A load is typically added at standstill.
     Hypothesis(
         payload.EFFECT,
         steady=None,
@@ -131,13 +131,13 @@ HYPOTHESES = (
         check="weigh the robot as it drove",
         lies_in="load",
     ),
-    # A slope that the map lacks: on the route where it was met, and not on level ground that one chooses.
+    # A slope that the map lacks: on the route where it was found, and not on chosen level ground.
     Hypothesis(
         hidden_grade.EFFECT,
         changes="moving",
         signed=True,
         by_place=True,
-        weather=0,
+        most_changes=0,
         map_channel="grade_rad",
         shown_by=("base_distance_m",),
         check="survey the slope of the route with a level",

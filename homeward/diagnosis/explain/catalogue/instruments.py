@@ -9,7 +9,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue.battery import share_of_the_drive
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.logs.times import usual_step_s
+from homeward.logs.times import median_step_s
 from homeward.physics.effects import Parameter
 
 _LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
@@ -17,7 +17,7 @@ _FIX_S = 5.0
 
 
 def _also_creeping(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Through all runs, taken in their order: per unit of what it comes to in the end."""
+    """Also a linear drift through all runs in their order, per unit of its final value."""
     yield from levels(one, setting)
     passed = np.cumsum(setting.runs.duration_s)
     yield Term(one, (passed / passed[-1])[:, None], *one.limits(1), axis="time")
@@ -33,30 +33,30 @@ def _lags(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """A speed reading that a position fix contradicts: its scale follows from the fix, not the power."""
+    """A speed reading that a position fix contradicts: its scale is estimated from the fix, not from power."""
     ratios = _ratios(setting.runs)
     if min(ratios) <= 0.0:
-        return  # it moves without driving
+        return  # the fix moves while the odometer does not
     scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
     scale[np.abs(scale) < rules.SAME_ODOMETER] = 0.0
     if not scale.any() or (scale <= -1.0).any():
         return
     off = replace(setting.present, speed_factors=(1.0 / (1.0 + scale)).tolist())
     change = setting.parameters.predict(setting.runs, setting.theta, off) - setting.predicted
-    usual = float(np.mean(scale[scale != 0.0]))
-    low, high = sorted((0.7 * usual, 1.3 * usual))
-    yield Term(one, change[:, None] / usual, np.array([low]), np.array([high]), fixed=True)
+    typical = float(np.mean(scale[scale != 0.0]))
+    low, high = sorted((0.7 * typical, 1.3 * typical))
+    yield Term(one, change[:, None] / typical, np.array([low]), np.array([high]), fixed=True)
 
 
 def _ratios(runs: Runs) -> list[float]:
     """Path by the odometer over path by the fix, a number per run."""
     ratios = []
     for run in runs.signals:
-        # Over some seconds: the noise of a position would add up to a way of its own.
-        every = max(1, round(_FIX_S / usual_step_s(run.time_s)))
+        # Over some seconds: the noise of a position would add to the path.
+        every = max(1, round(_FIX_S / median_step_s(run.time_s)))
         path_m = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * np.diff(run.time_s))))[::every]
         straight = np.abs(np.diff(run.base_distance_m[::every]))
-        away = straight > 0.5 * np.diff(path_m)  # not round a bend, where the distance from base says little
+        away = straight > 0.5 * np.diff(path_m)  # not in a turn, where the path is longer than the change of distance
         covered_m = float(straight[away].sum())
         ratios.append(float(np.diff(path_m)[away].sum()) / covered_m if covered_m > 0.0 else 1.0)
     return ratios
@@ -66,7 +66,7 @@ ODOMETRY_SCALE = Hypothesis(
     Instrument(
         "odometry_scale",
         (Parameter("scale", "1", -0.5, 1.0, "relative error of the speed reading"),),
-        "The odometer reads too much or too little: an instrument, not physics.",
+        "The odometer reads too much or too little: a fault of an instrument, not physics.",
         "speed reading = (1 + scale) speed",
         "worn or swapped wheels",
         ("speed_mps", "base_distance_m"),
@@ -85,7 +85,7 @@ HYPOTHESES = (
         Instrument(
             "sensor_offset",
             (Parameter("offset", "W", -10000.0, 10000.0, "added to every reading"),),
-            "The power reading is shifted by a constant from some moment on: an instrument, not physics.",
+            "The power reading is shifted by a constant from some moment on: a fault of an instrument, not physics.",
             "reading = power + offset",
             "zero drift of a current sensor",
             ("power_w",),
@@ -103,7 +103,7 @@ HYPOTHESES = (
         Instrument(
             "sensor_gain",
             (Parameter("gain", "1", -0.9, 10.0, "relative error of every reading"),),
-            "The power reading is scaled by a constant factor from some moment on: an instrument, not physics.",
+            "The power reading is scaled by a factor from some moment on: a fault of an instrument, not physics.",
             "reading = (1 + gain) power",
             "scale error of a current or voltage sensor",
             ("power_w",),
@@ -120,7 +120,7 @@ HYPOTHESES = (
         Instrument(
             "clock_lag",
             (Parameter("lag_s", "s", -5.0, 5.0, "time by which the power reading is late"),),
-            "The clocks of power and motion disagree: an instrument, not physics.",
+            "The clocks of power and motion disagree: a fault of an instrument, not physics.",
             "reading(t) = power(t - lag)",
             "unsynchronised loggers",
             ("time_s",),

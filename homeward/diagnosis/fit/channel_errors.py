@@ -1,0 +1,108 @@
+"""Prediction error expected from errors of the channels, and whether a residual beyond it has an unrecorded cause."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from homeward.diagnosis import rules
+from homeward.diagnosis.fit.fitted import Fitted
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.noise import white_noise
+from homeward.logs.channels import Array
+from homeward.logs.times import median_step_s
+
+SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
+"""Channels whose error is known."""
+
+_OWN = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "heading_rad": SMOOTHED, "time_s": SMOOTHED}
+
+
+def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
+    """Expected squared prediction error from channel errors that may pass for an effect of `channel`, summed over
+    windows.
+
+    The error of a smoothed channel is correlated with its value, over the length of smoothing, and repeats where the
+    same ground is driven again. Where place predicts a slope better than its own noisy channel does, a hidden grade
+    would be confounded with that slope.
+    """
+    total = 0.0
+    for name in _OWN.get(channel, (channel,)):
+        if name in SMOOTHED and any(name in run.error for run in runs.signals):
+            sides = [fit.parameters.predict(_moved(runs, name, sign), fit.theta) for sign in (1.0, -1.0)]
+            total += float(np.sum((sides[0] - sides[1]) ** 2)) / 4.0
+    return total
+
+
+def _moved(runs: Runs, name: str, sign: float) -> Runs:
+    """The runs with a channel shifted by its error; at rest the speed is exact."""
+    moved = []
+    for run in runs.signals:
+        values: Array = getattr(run, name)
+        size = sign * rules.SMOOTHING_ERROR * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
+        moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
+    return dataclasses.replace(runs, signals=moved)
+
+
+def meter_error(runs: Runs) -> float:
+    """Squared scale error of a power meter, summed over windows."""
+    return rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+
+
+def reliability(name: str, runs: Runs) -> float:
+    """Share of the variance of a channel over windows that is signal, 1 where it was not smoothed."""
+    if name not in runs.context:
+        return 1.0
+    values = runs.context[name]
+    signal = float(np.nanvar(values))
+    wrong = float(np.mean([run.error.get(name, 0.0) ** 2 for run in runs.signals]))
+    return signal / (signal + wrong) if wrong > 0.0 else 1.0
+
+
+class Influence(NamedTuple):
+    """What power depends on beside speed, the channels that measure it, and what to record."""
+
+    what: str
+    channels: tuple[str, ...]
+    record: str
+
+
+_INFLUENCES = (
+    Influence("slopes", ("grade_rad",), "grade_rad or elevation_m"),
+    Influence("turns", ("yaw_rate_radps", "wheel_difference_mps"), "yaw_rate_radps"),
+    Influence("the sensing rate", ("sensing_hz",), "sensing_hz"),
+)
+
+
+def unrecorded(runs: Runs) -> list[Influence]:
+    """Dependencies of power that no channel measures; motor current does not depend on the sensing rate."""
+    missing = [one for one in _INFLUENCES if not any(name in runs.context for name in one.channels)]
+    return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
+
+
+def is_autocorrelated(left: Array, runs: Runs) -> bool:
+    """Whether a residual, shape (windows,), is autocorrelated from window to window, unlike noise of power."""
+    together = runs.run[1:] == runs.run[:-1]
+    return float((left[1:] * left[:-1])[together].sum()) >= rules.SAME * float(left @ left)
+
+
+def unexplained(fit: Fitted, runs: Runs) -> bool:
+    """Whether a fit has a material, autocorrelated residual above the noise though all dependencies were recorded."""
+    persistent = is_material(fit, runs) and is_autocorrelated(runs.observed - fit.predicted, runs)
+    return persistent and not unrecorded(runs) and times_noise(fit, runs) > rules.BEYOND_NOISE
+
+
+def is_material(fit: Fitted, runs: Runs) -> bool:
+    """Whether the residual of a fit exceeds `MATERIAL_SHARE` of what was recorded."""
+    left = runs.observed - fit.predicted
+    return float(left @ left) >= rules.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
+
+
+def times_noise(fit: Fitted, runs: Runs) -> float:
+    """Squared error of a fit over that expected from the noise of power and of the other channels."""
+    noise = channel_error(fit, runs)
+    for number, run in enumerate(runs.signals):
+        here = runs.duration_s[runs.run == number]
+        noise += float((white_noise(run.observed) ** 2 * median_step_s(run.time_s) / here).sum())
+    left = runs.observed - fit.predicted
+    return float(left @ left) / max(noise, 1e-300)
