@@ -247,6 +247,7 @@ def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]
             before, after = level[part[change - 1]], level[part[change]]
             error = [(residual[here] - size[one] * shape[here]) ** 2 for one in (before, after)]
             missed = np.concatenate(([0.0], np.cumsum(error[0] - error[1])))
-            at = int(np.median(np.flatnonzero(missed == missed.min())))  # amid windows that tell nothing
+            least = np.flatnonzero(missed == missed.min())
+            at = int(least[(len(least) - 1) // 2] + least[len(least) // 2]) // 2  # amid windows that tell nothing
             exact[here[:at]], exact[here[at:]] = before, after
     return exact
