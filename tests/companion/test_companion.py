@@ -42,7 +42,7 @@ def test_it_learns_what_home_takes_and_what_is_left(rolling: float, health: floa
 
 
 def test_who_turns_when_it_says_so_comes_home_with_little_left() -> None:
-    one, robot = companion(), Driven(rolling=1.2, health=0.85)
+    one, robot = companion(), Driven(rolling=1.2, health=0.85, every_s=5.0)
     advice = robot.drive(one, 0.0, 60.0)
     before_m = math.inf
     while not advice.turn_now:
@@ -66,8 +66,9 @@ def turned(one: Companion, robot: Driven, **other: Any) -> Advice:
 
 
 def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
-    rng, one, robot = np.random.default_rng(0), companion(), Driven(rolling=1.2, health=0.85)
+    rng, one, robot = np.random.default_rng(0), companion(), Driven(rolling=1.2, health=0.85, every_s=5.0)
     turned(one, robot)
+    robot.every_s = 1.0
     while robot.xy[0] > 0.5:
         here = robot.xy - (1.0, 0.0) + rng.normal(scale=1.5, size=2)
         back = robot.drive(one, HOME, 1.0, position=tuple(here))
@@ -102,14 +103,14 @@ def test_the_way_home_follows_the_trail_and_short_cuts_of_it() -> None:
 
 def test_it_takes_an_update_of_any_rate_alike() -> None:
     slow, fast = companion(), companion()
-    by_minute = Driven(every_s=30.0, rolling=1.1).drive(slow, 0.0, 1500.0)
-    by_tenth = Driven(every_s=0.1, rolling=1.1).drive(fast, 0.0, 1500.0)
+    by_minute = Driven(every_s=30.0, rolling=1.1).drive(slow, 0.0, 600.0)
+    by_tenth = Driven(every_s=0.1, rolling=1.1).drive(fast, 0.0, 600.0)
     assert by_tenth.energy_home_j.mean == pytest.approx(by_minute.energy_home_j.mean, rel=0.01)
     assert by_tenth.energy_home_j.sd == pytest.approx(by_minute.energy_home_j.sd, rel=0.1)
 
 
 def test_memory_is_bounded() -> None:
-    one, robot = companion(), Driven(every_s=0.05)
+    one, robot = companion(), Driven(every_s=0.1)
     sizes = []
     for _ in range(3):
         robot.drive(one, 0.3, 100.0)
@@ -268,7 +269,7 @@ def test_a_cut_off_voltage_keeps_energy_in_the_battery() -> None:
     free, bound = companion(), companion(cutoff_v=21.0)
     answers = []
     for one in (free, bound):
-        robot = Driven()
+        robot = Driven(every_s=5.0)
         for _ in range(50):
             used = robot.used_j / robot.full_j
             volts = 25.0 - 6.0 * used - 0.05 * 6.0  # 21 V where 0.62 of the battery is used

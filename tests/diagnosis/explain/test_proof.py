@@ -24,7 +24,7 @@ FALSE_ALARMS = 0.1
 
 @pytest.fixture(scope="module")
 def fit(drive: Drive, husky: Robot) -> tuple[Refit, Runs]:
-    runs = average(usable_runs(drive(husky), husky)[0])
+    runs = average(usable_runs(drive(husky, minutes=4.0), husky)[0])
     return refit(runs, husky), runs
 
 
@@ -81,7 +81,7 @@ def test_spikes_are_levels_of_nothing(fit: tuple[Refit, Runs]) -> None:
 def test_a_step_and_a_load_that_comes_and_goes_are_beyond_chance(fit: tuple[Refit, Runs]) -> None:
     runs = fit[1]
     noise = slow_noise(fit, 0)
-    step = bench_of(fit, noise + 4.0 * (runs.time_s > 250.0), "time")
+    step = bench_of(fit, noise + 4.0 * (runs.time_s > 125.0), "time")
     telegraph = bench_of(fit, noise + 6.0 * (np.floor(runs.time_s / 37.0) % 2), "time")
     for bench, effect in ((step, "standby"), (telegraph, "intermittent_load")):
         _, independent = best(bench)

@@ -90,7 +90,7 @@ def test_a_battery_that_fades_from_run_to_run_is_named_and_handed_back(
     drive: Drive, small: Robot, tmp_path: Path
 ) -> None:
     lost = (0.0, 0.08, 0.16, 0.24)
-    analysis = analyse(with_charge(drive(small, runs=4), small, lost), small)
+    analysis = analyse(with_charge(drive(small, runs=4, minutes=4.0), small, lost), small)
     diagnosis = analysis.diagnosis
     assert diagnosis.verdict == "missing_physics"
     (found,) = diagnosis.missing_physics
@@ -119,12 +119,12 @@ def test_a_battery_that_holds_less_in_all_runs_is_a_parameter_that_is_off(short_
 
 @pytest.mark.parametrize("step", [0.0005, 0.01])
 def test_a_gauge_that_agrees_is_no_mismatch(drive: Drive, small: Robot, step: float) -> None:
-    diagnosis = diagnose(with_charge(drive(small, runs=4), small, (0.0, 0.0, 0.0, 0.0), step), small)
+    diagnosis = diagnose(with_charge(drive(small, runs=4, minutes=4.0), small, (0.0, 0.0, 0.0, 0.0), step), small)
     assert diagnosis.verdict == "no_mismatch"
 
 
 def test_a_gauge_that_goes_up_and_down_between_runs_is_not_called_ageing(drive: Drive, small: Robot) -> None:
-    diagnosis = diagnose(with_charge(drive(small, runs=4), small, (0.0, 0.2, 0.0, 0.2)), small)
+    diagnosis = diagnose(with_charge(drive(small, runs=4, minutes=4.0), small, (0.0, 0.2, 0.0, 0.2)), small)
     assert not diagnosis.missing_physics
 
 
@@ -140,7 +140,7 @@ def test_fading_that_goes_with_the_cold_may_be_the_cold(drive: Drive, small: Rob
         dataclasses.replace(
             run, channels={**run.channels, "temperature_c": np.full(len(run.channels["time_s"]), 20.0 - 8.0 * index)}
         )
-        for index, run in enumerate(drive(small, runs=4))
+        for index, run in enumerate(drive(small, runs=4, minutes=4.0))
     ]
     diagnosis = diagnose(with_charge(runs, small, (0.0, 0.08, 0.16, 0.24)), small)
     (found,) = diagnosis.missing_physics
