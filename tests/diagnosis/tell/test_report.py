@@ -102,7 +102,13 @@ def test_changed_lines_say_what_they_were(off: Analysis) -> None:
 def test_page_opens_on_the_verdict_and_needs_no_network(turning: Analysis) -> None:
     page = report_html(turning)
     body = page[page.index("<body>") :]
-    order = ["Missing physics", "turning faster than", "plotly.js v", "Recorded against simulated", "Residuals and when"]
+    order = [
+        "Missing physics",
+        "turning faster than",
+        "plotly.js v",
+        "Recorded against simulated",
+        "Residuals and when",
+    ]
     assert sorted(order, key=body.index) == order
     assert not re.search(r"<(script|link|img|iframe)[^>]*(src|href)=(?!\"data:)", page)
     assert page.count("plotly.js v") == 1
@@ -159,7 +165,13 @@ def test_a_formula_is_shown_as_a_description(turning: Analysis) -> None:
     formula = Empirical("P", (term,), {"m": "m = 50 kg"}, none, none, 111.0, 0.58, (0.5, 0.64), 0.05)
     text = text_of(report_html(replace(analysis, evidence=replace(analysis.evidence, empirical=formula))))
     told = text[text.index("A formula for it") :]
-    for words in ("without naming a cause", "P = 0.31 m g v (|w| B / v_max)²", "0.280 to 0.340", "m = 50 kg", "50 % to 64 %"):
+    for words in (
+        "without naming a cause",
+        "P = 0.31 m g v (|w| B / v_max)²",
+        "0.280 to 0.340",
+        "m = 50 kg",
+        "50 % to 64 %",
+    ):
         assert words in told
 
 
