@@ -174,7 +174,7 @@ def _print(analysis: Analysis, recordings: list[Recording], written: list[Path])
     how_read = {(one.name, note) for one in recordings for note in one.notes}
     for one in analysis.findings:
         if not one.refused and (is_bag(Path(one.recording)) or (one.recording, one.text) in how_read):
-            print(cli.printable(f"{Path(one.recording).name}: {one.text}"), file=sys.stderr)
+            cli.remark(Path(one.recording).name, one.text)
     console = cli.Terminal()
     terminal.show(analysis, console)
     if analysis.evidence is not None and not any(path.name == MCAP for path in written):

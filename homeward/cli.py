@@ -75,6 +75,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
+def remark(source: str, text: str) -> None:
+    """Say on stderr, in one line, what is to be said of a file."""
+    print(printable(f"{source}: {text}"), file=sys.stderr)
+
+
 def run(
     main: Callable[[Args], Any],
     args: Callable[..., Args],

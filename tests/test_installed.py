@@ -33,6 +33,13 @@ def test_every_extra_that_the_code_names_is_one() -> None:
     assert {one for group in named for one in group.split(",")} <= set(extras)
 
 
+def test_the_page_of_help_lists_every_extra_that_users_want() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    listed = (ROOT / "docs" / "help.md").read_text("utf-8").partition("extras are ")[2].partition("|")[0]
+    own = {"concealed", "dev", "release"}  # of those who work on the project
+    assert set(listed.split("`")[1::2]) == set(extras) - own
+
+
 @pytest.mark.parametrize("script", ["train.py", "evaluate.py", "diagnose.py", "-m homeward", "-m homeward range husky"])
 def test_a_python_without_the_packages_gets_one_line(script: str) -> None:
     found = subprocess.run(

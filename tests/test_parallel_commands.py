@@ -235,6 +235,15 @@ def test_what_was_done_before_a_failure_is_kept(
     assert not (tmp_path / "out" / "loaded").exists()
 
 
+def test_how_recordings_of_a_fleet_were_read_is_said(
+    garage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:  # fmt: skip
+    file = garage / "loaded" / "run.csv"
+    file.write_text(file.read_text().replace(",", ";"))
+    fleet.cases_of(fleet.Args(garage, robot="rusti", out=tmp_path / "out"))
+    assert capsys.readouterr().err == "loaded/run.csv: read with cells separated by semicolons\n"
+
+
 def test_a_fleet_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"cannot read .*give a folder of folders"):
         fleet.main(fleet.Args(tmp_path / "nowhere", out=tmp_path / "out"))

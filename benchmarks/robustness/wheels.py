@@ -1,9 +1,9 @@
 """Build a wheel and an sdist from a clean checkout, install each into empty environments, and run the README there.
 
 `python benchmarks/robustness/wheels.py` clones the checkout's last commit, builds both, and for every Python from 3.11
-to 3.13 that is to be had (`--pythons` names others) makes a virtual environment, installs the wheel with the extra
-`train` and the versions of constraints.txt, and there, outside the checkout, runs the README's `>>>` examples and
-commands of every kind. The sdist is installed with the first of them. It needs a package index.
+to 3.13 that is to be had (`--pythons` names others) makes a virtual environment, installs each of the two with the
+extra `train` and the versions of constraints.txt, and there, outside the checkout, runs the README's `>>>` examples and
+commands of every kind. It needs a package index.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,6 +76,11 @@ def build(folder: Path) -> tuple[Path, Path]:
     return next(made.glob("*.whl")), next(made.glob("*.tar.gz"))
 
 
+def cases(pythons: Sequence[Path], wheel: Path, sdist: Path) -> list[tuple[Path, str, Path]]:
+    """What is installed: a wheel and an sdist with each Python."""
+    return [(python, kind, package) for kind, package in (("wheel", wheel), ("sdist", sdist)) for python in pythons]
+
+
 def install(python: Path, package: Path, folder: Path) -> dict[str, str]:
     """Install a package into an empty environment and use it outside the checkout.
 
@@ -118,9 +124,7 @@ def main(args: Args) -> bool:
     pythons, all_well = list(args.pythons) or find_pythons(), True
     print("| Python | package | README and commands |\n|---|---|---|", flush=True)
     with tempfile.TemporaryDirectory() as name:
-        wheel, sdist = build(Path(name))
-        packages = [*((python, "wheel", wheel) for python in pythons), (pythons[0], "sdist", sdist)]
-        for number, (python, kind, package) in enumerate(packages):
+        for number, (python, kind, package) in enumerate(cases(pythons, *build(Path(name)))):
             steps = install(python, package, Path(name) / f"environment_{number}")
             wrong = "; ".join(f"{step}: {said}" for step, said in steps.items() if said)
             well = f"all well: {', '.join(steps)}"

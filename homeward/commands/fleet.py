@@ -118,7 +118,11 @@ def cases_of(args: Args) -> dict[str, Case]:
         if not files:
             raise RecordingError(f"{folder} holds no recording: remove it, or put the robot's recordings there")
         robot = load_robot(folder / ROBOT) if (folder / ROBOT).is_file() else nominal
-        cases[folder.name] = Case(tuple(read_recording(file, args.columns) for file in files), robot, args.seed)
+        recordings = tuple(read_recording(file, args.columns) for file in files)
+        for file, one in zip(files, recordings, strict=True):
+            for note in one.notes:
+                cli.remark(f"{folder.name}/{file.name}", note)
+        cases[folder.name] = Case(recordings, robot, args.seed)
     return cases
 
 

@@ -89,6 +89,9 @@ def main(args: Args) -> list[Watched]:
     robot = load_robot(args.robot)
     recordings = [read_recording(path, args.columns) for path in args.runs]
     check_writable(args.out)
+    notes = [(Path(one.name).name, note) for one in recordings for note in one.notes]
+    for said in notes:
+        cli.remark(*said)
     console = cli.Terminal()
     keywords = {"soc": args.soc, "risk": args.risk, "cutoff_v": args.cutoff_v}
     with contextlib.ExitStack() as stack:
@@ -101,7 +104,7 @@ def main(args: Args) -> list[Watched]:
     console.print(verdict(rows[-1]))
     for text in runs[0].rests_on:
         console.print(Padding(text, (0, 0, 0, 2)), style="dim")
-    texts = {"watch.html": watch_html(runs, robot), "watch.csv": moments_of(runs).to_csv(index=False)}
+    texts = {"watch.html": watch_html(runs, robot, notes=notes), "watch.csv": moments_of(runs).to_csv(index=False)}
     page = write_files(args.out, texts)[0]
     console.print(f"Page: {page}", soft_wrap=True)
     return runs

@@ -19,7 +19,7 @@ from homeward.logs.columns import RecordingError, known_columns, numeric
 from homeward.logs.times import from_iso, from_time_of_day
 
 SURE = ("certain", "likely", "a guess")
-"""Confidence of a proposal: by name and unit; by the name, with fitting values; by a weak name, or by values alone."""
+"""Confidence of a proposal: by name and unit; by the name, with fitting values; by a weak name, values or unit alone."""
 
 _ROWS = 5000  # that are read
 _DEGREE = np.pi / 180.0
@@ -52,6 +52,15 @@ _NAMES: dict[str, tuple[str, str]] = {
     "temperature_c": ("temperature temp ambient", "motor cpu battery cell gpu"),
     "payload_kg": ("payload load cargo", "cpu power"),
 }
+
+_LETTERS = {"i": "current_a", "u": "voltage_v", "p": "power_w"}
+"""Letters of formulas that name a channel where a unit of it follows: I mA."""
+_BY_UNIT = {"voltage_v": ("V", "mV"), "current_a": ("A", "mA"), "power_w": ("W", "kW", "mW")}
+"""Channels that a unit in brackets or in a line of units indicates, if nothing else does and only one column has it."""
+_OF_OTHERS = {
+    "motor", "left", "right", "cell", "cpu", "charger", "charging", "solar", "set", "cmd", "min", "max", "limit",
+}  # fmt: skip
+"""Words of columns that are not of the whole battery, or not measured."""
 
 _COMPOUND = ("spannung", "geschwindigkeit", "leistung", "strom")
 """German words that also name a channel as the end of a longer word: Akkuspannung."""
@@ -138,9 +147,9 @@ def propose(path: str | Path) -> Proposal:
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     try:
-        offered = _by_program(header, table) or [
-            guess for name in header for guess in _guesses(name, table[name], units.get(name, ""))
-        ]
+        if not (offered := _by_program(header, table)):
+            offered = [guess for name in header for guess in _guesses(name, table[name], units.get(name, ""))]
+            offered += _by_unit(header, table, units, offered)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     chosen: dict[str, Guess] = {}
@@ -198,6 +207,8 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
     values = (numeric(column) if dated is None else dated).to_numpy(np.float64, na_value=np.nan)
     if not np.isfinite(values).any():
         return []
+    if dated is None and (guess := _by_letter(name, values, unit)) is not None:
+        return [guess]
     found = []
     for channel, (groups, against) in _NAMES.items():
         if name == channel:
@@ -208,6 +219,39 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
             elif dated is None and (guess := _in_unit(name, channel, values, unit_words)) is not None:
                 found.append(guess)
     return found
+
+
+def _by_letter(name: str, values: Array, unit: str) -> Guess | None:
+    """The guess for a name that is a letter of formulas and a unit, such as "I mA" or "U [V]"."""
+    parts = re.fullmatch(r"\s*([a-z])[\s_.\[(<]+([a-z]+)\s*[\])>]?\s*", f"{name} [{unit}]" if unit else name, re.I)
+    channel = _LETTERS.get(parts[1].lower()) if parts else None
+    if parts is None or channel is None:
+        return None
+    factor = _UNITS[CHANNELS[channel].unit].get(parts[2].lower())
+    if factor is None or not _possible(channel, values * factor):
+        return None
+    return _signed(Guess(name, channel, factor, 0.0, 2, f"a letter and {parts[2]}"), values)
+
+
+def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offered: list[Guess]) -> list[Guess]:
+    """Guesses by the unit alone, for channels and columns of which nothing else says anything."""
+    known = {one.channel for one in offered} | {one.column for one in offered}
+    found = []
+    for channel, told in _BY_UNIT.items():
+        columns = {name: units.get(name) or _bracket(name) for name in header if name not in known}
+        having = [name for name, unit in columns.items() if unit in told and not _words(name)[0] & _OF_OTHERS]
+        if channel in known or len(having) != 1:
+            continue
+        (name,) = having
+        unit = columns[name]
+        values, factor = numeric(table[name]).to_numpy(np.float64, na_value=np.nan), _UNITS[told[0]][unit.lower()]
+        if np.isfinite(values).any() and _possible(channel, values * factor):
+            found.append(_signed(Guess(name, channel, factor, 0.0, 2, f"only its unit, {unit}, says so"), values))
+    return found
+
+
+def _bracket(name: str) -> str:
+    return next(iter(re.findall(r"[\[(<]\s*([^\])>]*?)\s*[\])>]", name)), "")
 
 
 def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> Guess | None:

@@ -21,13 +21,16 @@ _RESTS = {"J": "energy of the rest, kJ", "A s": "charge of the rest, kA s"}
 _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 
 
-def watch_html(runs: Sequence[Watched], robot: Robot, dropped: Sequence[str] = ()) -> str:
+def watch_html(
+    runs: Sequence[Watched], robot: Robot, dropped: Sequence[str] = (), notes: Sequence[tuple[str, str]] = ()
+) -> str:
     """The page, which needs no network; what was named by others is escaped.
 
     Args:
         runs: What was watched, at least one.
         robot: The robot.
         dropped: What was said of recordings that were set aside.
+        notes: How recordings were read: names of files, and what is to be said of them.
     """
     environment = templates(package="homeward.watch")
     environment.filters |= {
@@ -39,7 +42,7 @@ def watch_html(runs: Sequence[Watched], robot: Robot, dropped: Sequence[str] = (
     rows = rows_of(runs)
     return page(
         environment, "watch.html", runs=runs, names=names, rows=rows, robot=robot.name, dropped=list(dropped),
-        verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), _MOST_RUNS),
+        notes=list(notes), verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), _MOST_RUNS),
         plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs),
     )  # fmt: skip
 

@@ -42,6 +42,14 @@ TABLES = {
         "Zeit [s]": ("time_s", 1.0, 0.0), "Geschwindigkeit [km/h]": ("speed_mps", 3.6, 0.0),
         "Spannung [V]": ("voltage_v", 1.0, 0.0), "Strom [A]": ("current_a", 1.0, 0.0),
     },
+    "letters of formulas": {
+        "time_s": ("time_s", 1.0, 0.0), "speed [km/h]": ("speed_mps", 3.6, 0.0), "I mA": ("current_a", 1e3, 0.0),
+        "U V": ("voltage_v", 1.0, 0.0),
+    },
+    "units alone": {
+        "t": ("time_s", 1.0, 0.0), "v": ("speed_mps", 1.0, 0.0), "Pack [A]": ("current_a", 1.0, 0.0),
+        "Pack [mV]": ("voltage_v", 1e3, 0.0),
+    },
     "a battery's": {
         "stamp": ("time_s", 1.0, 0.0), "speed_kmh": ("speed_mps", 3.6, 0.0), "batt_mV": ("voltage_v", 1e3, 0.0),
         "batt_mA": ("current_a", -1e3, 0.0),
@@ -146,3 +154,18 @@ def test_what_a_program_wrote_goes_by_its_mapping(tmp_path: Path) -> None:
     }
     table.assign(speed_meters_per_sec=0.0).to_csv(tmp_path / "run.csv", sep=";", index=False)
     assert "speed_meters_per_sec" in propose(tmp_path / "run.csv").left_over
+
+
+@pytest.mark.parametrize("other", [["a [A]", "b [A]"], ["Motor [A]"], ["leg (a)"], ["i_x"], ["Irradiance [W/m2]"]])
+def test_a_unit_that_may_be_of_anything_proposes_nothing(tmp_path: Path, other: list[str]) -> None:
+    table = TRUTH[["time_s", "speed_mps"]].assign(**dict.fromkeys(other, TRUTH.current_a))
+    table.to_csv(tmp_path / "run.csv", index=False)
+    proposal = propose(tmp_path / "run.csv")
+    assert list(proposal.left_over) == other
+
+
+def test_a_letter_or_a_unit_is_only_a_guess(tmp_path: Path) -> None:
+    rows = TRUTH[["time_s", "speed_mps", "current_a", "voltage_v"]].to_csv(index=False, header=False)
+    (tmp_path / "run.csv").write_text("time,speed,i,pack\ns,m/s,A,V\n" + rows)
+    sure = {one.channel: one.sure for one in propose(tmp_path / "run.csv").guesses}
+    assert (sure["current_a"], sure["voltage_v"]) == (2, 2)

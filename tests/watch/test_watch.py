@@ -154,18 +154,23 @@ def test_nothing_of_the_future_is_told(tmp_path: Path) -> None:
 
 def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = tuple(drive(tmp_path, seed, rolling=1.2) for seed in range(2))
-    main(Args(paths, "husky", out=tmp_path / "out"))
-    printed = capsys.readouterr().out
+    paths[1].write_text(paths[1].read_text().replace(",", ";"))
+    main(Args(paths, "husky", quiet=True, out=tmp_path / "out"))
+    printed, said = capsys.readouterr()
+    assert said == "run1.csv: read with cells separated by semicolons\n"
     assert "in the 90 %" in printed and "way left" in printed and "watch.html" in printed
     page = (tmp_path / "out" / "watch.html").read_text("utf-8")
     assert "run0.csv" in page and "run1.csv" in page and "plotly" in page and "http-equiv" not in page
+    assert "<li>run1.csv: read with cells separated by semicolons</li>" in page
     moments = pd.read_csv(tmp_path / "out" / "watch.csv")
     assert set(moments["run"]) == set(map(str, paths)) and (moments["low_j"] < moments["high_j"]).all()
 
 
 def test_names_on_the_page_are_escaped(runs: list[Watched]) -> None:
-    page = watch_html([replace(runs[0], name="<i>sneaky.csv")], load_robot("husky"), ["<i>sneaky too"])
-    assert "<i>sneaky" not in page and page.count("&lt;i&gt;sneaky") == 2
+    robot = replace(load_robot("husky"), name="x\x1b[31m")
+    page = watch_html([replace(runs[0], name="<i>sneaky.csv")], robot, ["<i>sneaky too"], [("a.csv", "<i>sneaky note")])
+    assert "<i>sneaky" not in page and page.count("&lt;i&gt;sneaky") == 3
+    assert "<title>x?[31m: watched</title>" in page and "\x1b" not in page
 
 
 def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: list[Watched]) -> None:

@@ -5,7 +5,9 @@ from pathlib import PurePath
 
 import numpy as np
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
+from homeward import cli
 from homeward.diagnosis import rules
 
 PAPER_ACCURACY = "66 to 91 %"
@@ -43,8 +45,16 @@ def templates(autoescape: bool = True, package: str = "homeward.diagnosis.tell")
 
 
 def page(environment: Environment, template: str, **values: object) -> str:
-    """A page as text that can be encoded: file names may contain bytes that are not text."""
-    return environment.get_template(template).render(**values).encode("utf-8", "replace").decode("utf-8")
+    """A page as text that can be written: names may hold control characters, and bytes that are no text."""
+    shown = environment.overlay(finalize=_printable).get_template(template).render(**values)
+    return shown.encode("utf-8", "replace").decode("utf-8")
+
+
+def _printable(value: object) -> object:
+    """What is filled in, with a question mark for each control character but ends of lines; markup as it is."""
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return "\n".join(map(cli.printable, value.split("\n")))
 
 
 def number(value: float | None, digits: int = 3) -> str:
