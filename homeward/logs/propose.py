@@ -56,7 +56,7 @@ _NAMES: dict[str, tuple[str, str]] = {
 _LETTERS = {"i": "current_a", "u": "voltage_v", "p": "power_w"}
 """Letters of formulas that name a channel where a unit of it follows: I mA."""
 _BY_UNIT = {"voltage_v": ("V", "mV"), "current_a": ("A", "mA"), "power_w": ("W", "kW", "mW")}
-"""Channels that a unit in brackets or in a line of units indicates, if nothing else does and only one column has it."""
+"""Channels that a unit in brackets or in a line of units indicates if nothing else does and only one column has it."""
 _OF_OTHERS = {
     "motor", "left", "right", "cell", "cpu", "charger", "charging", "solar", "set", "cmd", "min", "max", "limit",
 }  # fmt: skip
