@@ -19,7 +19,7 @@ from homeward.logs.columns import RecordingError, known_columns, numeric
 from homeward.logs.times import from_iso, from_time_of_day
 
 SURE = ("certain", "likely", "a guess")
-"""Confidence of a proposal: by name and unit; by the name, with fitting values; by a weak name, values or unit alone."""
+"""Confidence of a proposal: by name and unit; by name, with fitting values; by a weak name, values or unit alone."""
 
 _ROWS = 5000  # that are read
 _DEGREE = np.pi / 180.0
