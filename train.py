@@ -50,8 +50,9 @@ class Args:
     replace: bool = False
     """Where the folder holds a run with other settings or made with other code, remove it and train anew, unless it is
     longer and finished."""
-    checkpoint_s: float = 15.0
-    """Least time between checkpoints, s: what a kill may cost."""
+    checkpoints: int = 4
+    """Equal parts of the run, after each of which a checkpoint is written: a kill costs one at most. Missions begin
+    anew there, so that a run that goes on ends as one that was not stopped."""
     curve: int = 10
     """Points of the learning curve, curve.csv: the same 500 missions each, driven by the policy as it stands."""
     wandb: str | None = None
@@ -94,6 +95,7 @@ def main(args: Args) -> Path:
         **{name: value for name, value in vars(options).items() if name != "mission"},
         "steps": args.steps,
         "seed": args.seed,
+        "checkpoints": args.checkpoints,
         **dataclasses.asdict(args.ppo),
         **args.ppo.by_start,
     }
@@ -136,7 +138,7 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
             "made_with": code,
             "command": shlex.join(sys.argv),
         },
-        checkpoint_s=args.checkpoint_s,
+        checkpoints=args.checkpoints,
         curve=args.curve,
         restore=state is RunState.CONTINUED,
         console=console,
@@ -160,7 +162,7 @@ def _options(args: Args) -> Options:
     check_seed(args.seed)
     for name, value, least in (
         ("steps", args.steps, 1),
-        ("checkpoint_s", args.checkpoint_s, 0),
+        ("checkpoints", args.checkpoints, 1),
         ("curve", args.curve, 1),
     ):
         if not value >= least:

@@ -54,7 +54,7 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> No
 
 def searched(out: Path, **changes: Any) -> sweep.Args:
     """A search of four trials of one seed."""
-    base = train.Args(steps=STEPS // 2, out=out, ppo=SETTINGS, curve=1, decision_s=120.0, checkpoint_s=0.0)
+    base = train.Args(steps=STEPS // 2, out=out, ppo=SETTINGS, curve=1, decision_s=120.0)
     space = ("learning_rate=1e-4..1e-2", "epochs=1..2", "start=scratch")
     return dataclasses.replace(sweep.Args((0,), space, optuna=4, train=base), **changes)
 

@@ -54,12 +54,14 @@ STEPS = 8 * TINY.rollout
 
 
 def tiny(out: Path, **changes: Any) -> Args:
-    return dataclasses.replace(Args(out=out, steps=STEPS, ppo=TINY, decision_s=120.0, curve=2), **changes)
+    return dataclasses.replace(
+        Args(out=out, steps=STEPS, ppo=TINY, decision_s=120.0, curve=2, checkpoints=8), **changes
+    )
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory, short_curves: None) -> Path:
-    return main(tiny(tmp_path_factory.mktemp("finished") / "run", checkpoint_s=0.0))
+    return main(tiny(tmp_path_factory.mktemp("finished") / "run"))
 
 
 def test_a_run_leaves_a_policy_checkpoints_and_logs(finished: Path) -> None:
@@ -105,11 +107,11 @@ def test_the_seed_decides_everything(finished: Path, tmp_path: Path) -> None:
 
 def command(out: Path) -> list[str]:
     options = "--start scratch --n-envs 32 --n-steps 16 --batch-size 128 --epochs 2 --hidden 16 --curve 2"
-    more = ("--steps", str(STEPS), "--decision-s", "120", "--checkpoint-s", "0")
+    more = ("--steps", str(STEPS), "--decision-s", "120", "--checkpoints", "8")
     return [sys.executable, "train.py", "--out", str(out), *options.split(), *more]
 
 
-def test_a_killed_run_goes_on(tmp_path: Path, root: Path) -> None:
+def test_a_killed_run_goes_on_and_ends_as_one_that_was_not(finished: Path, tmp_path: Path, root: Path) -> None:
     out = tmp_path / "run"
     script = (
         f"from homeward.agents.evaluation import learning_curve; learning_curve.EPISODES = {learning_curve.EPISODES}; "
@@ -130,6 +132,8 @@ def test_a_killed_run_goes_on(tmp_path: Path, root: Path) -> None:
     assert load_policy(out / LAST).description["after_steps"] == STEPS
     assert logged_steps(out) == [TINY.rollout * update for update in range(1, 9)]  # none twice, none left out
     assert [point.steps for point in read_curve(out)] == [0, STEPS // 2, STEPS]
+    for weights in (Path(WEIGHTS), Path(LAST, WEIGHTS)):
+        assert (out / weights).read_bytes() == (finished / weights).read_bytes()
     assert not [entry.name for entry in out.iterdir() if entry.name.startswith(".")]
 
 
@@ -215,6 +219,10 @@ Spoiled = Callable[[dict[str, Any], dict[str, Any]], object]
         lambda tensors, header: tensors.update({"policy.action_net.bias": np.full(13, 1e300)}),
         lambda tensors, header: tensors["policy.value_net.weight"].fill(1e20),
         lambda tensors, header: tensors.pop("policy.action_net.bias"),
+        lambda tensors, header: tensors["optimizer.0.exp_avg_sq"].fill(-1.0),
+        lambda tensors, header: tensors["optimizer.0.exp_avg"].fill(np.nan),
+        lambda tensors, header: tensors.pop("optimizer.0.exp_avg"),
+        lambda tensors, header: tensors.update({"optimizer.99.step": np.zeros((), np.float32)}),
         lambda tensors, header: header.update(schema=99),
         lambda tensors, header: header.update(steps=-TINY.rollout),
         lambda tensors, header: header.update(steps=STEPS + TINY.rollout),
@@ -491,7 +499,7 @@ def test_a_foreign_folder_is_left_alone(tmp_path: Path, name: str, content: str,
         ("--seed -1", "seed = -1 is not allowed; give a whole number from 0 to 4294967295"),
         ("--seed 4294967296", "seed = 4294967296 is not allowed"),
         ("--n-envs 1099511627776", "n_envs * n_steps = 70368744177664 is not allowed; give at most 16,777,216"),
-        ("--checkpoint-s nan", "checkpoint_s = nan is not allowed"),
+        ("--checkpoints 0", "checkpoints = 0 is not allowed"),
         ("--batch-size 1000", "batch_size = 1000 does not divide"),
         ("--n-envs 0", "n_envs = 0 is not allowed"),
         ("--learning-rate nan", "learning_rate = nan is not allowed"),

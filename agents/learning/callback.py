@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +26,13 @@ class TrainingCallback(BaseCallback):
 
     Args:
         folder, steps: Of the whole run.
-        checkpoint_s: Least time between checkpoints, s.
+        checkpoints: Decisions after which a checkpoint is written, and `begin_anew` called.
         console: Where the bar goes; without a terminal, a line for each tenth of the run.
         every: Least decisions between points of the learning curve.
         measure: What the policy is worth, a point of the curve, after some decisions and seconds of training.
         layers: The layers of the policy as it stands.
         best: The best policy so far, of a run that is continued.
+        begin_anew: Begins missions and draws anew.
 
     Attributes:
         best: What did best on the missions of the curve since training began, the latest of equals.
@@ -41,17 +42,19 @@ class TrainingCallback(BaseCallback):
         self,
         folder: Path,
         steps: int,
-        checkpoint_s: float,
+        checkpoints: Collection[int],
         console: Console,
         every: int,
         measure: Callable[[int, float], Point],
         layers: Callable[[], list[Layer]],
         best: Best | None,
+        begin_anew: Callable[[], None],
     ) -> None:
         super().__init__()
         self._every, self._measure, self._layers, self.best = every, measure, layers, best
         self.home_rate = self.score = float("nan")
-        self._folder, self._steps, self._checkpoint_s, self._console = folder, steps, checkpoint_s, console
+        self._folder, self._steps, self._checkpoints, self._console = folder, steps, checkpoints, console
+        self._begin_anew = begin_anew
         columns = (
             TextColumn("training"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn(),
             TextColumn("{task.fields[figures]}"),
@@ -61,7 +64,7 @@ class TrainingCallback(BaseCallback):
 
     def _on_training_start(self) -> None:
         self._entropy: float = self.model.ent_coef  # type: ignore[attr-defined]
-        self._start_s = self._saved_s = self._resumed_s = time.monotonic()
+        self._start_s = self._resumed_s = time.monotonic()
         self._start_step = self.num_timesteps
         self._curve = [point for point in read_curve(self._folder) if point.steps <= self.num_timesteps]
         self._trained_s = self._curve[-1].trained_s if self._curve else 0.0
@@ -77,9 +80,9 @@ class TrainingCallback(BaseCallback):
         rollout = self.model.n_steps * self.model.n_envs  # type: ignore[attr-defined]
         self.model.policy.learn_actions(self.num_timesteps >= VALUE_FIRST * rollout)
         # The update before is done: nothing of it would be lost.
-        if self.num_timesteps > self._start_step and time.monotonic() - self._saved_s >= self._checkpoint_s:
+        if self.num_timesteps > self._start_step and self.num_timesteps in self._checkpoints:
             save_checkpoint(self.model, self.best, self._folder)  # type: ignore[arg-type]
-            self._saved_s = time.monotonic()
+            self._begin_anew()
 
     def add_to_curve(self) -> None:
         """Measure the policy as it stands, unless that was just done."""

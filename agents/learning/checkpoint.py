@@ -1,7 +1,8 @@
 """Checkpoints of a training run: numbers alone, in one safetensors file with JSON in its header; nothing is unpickled.
 
-A run that goes on does so with the parameters, on new missions and with a new optimiser. All numbers are checked before
-any is used, as a file may come from anywhere.
+Parameters and the averages of the optimiser are kept. Missions and draws begin anew at every checkpoint, in a run that
+nobody stops too, so that one that goes on ends alike. All numbers are checked before any is used, as a file may come
+from anywhere.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from homeward.agents.learning.settings import TrainingError
 from homeward.agents.trained.policy_file import Layer
 from homeward.agents.trained.run_folder import CHECKPOINT, PREVIOUS, write_checkpoint
 
-SCHEMA = 2
+SCHEMA = 3
 _HEADER = "homeward"
 _MOST_HEADER_BYTES = 1_000_000
 _LARGEST = 1e6
@@ -50,6 +51,8 @@ def save_checkpoint(model: PPO, best: Best | None, folder: Path) -> None:
     for index, layer in enumerate(best.layers if best else ()):
         for name, value in zip(("weight", "bias"), layer, strict=True):
             tensors[f"best.{index}.{name}"] = torch.from_numpy(value)
+    for index, state in model.policy.optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{index}.{name}": value for name, value in state.items()}
     kept = best and {"steps": best.steps, "score": best.score}
     header = {"schema": SCHEMA, "steps": model.num_timesteps, "best": kept}
     content = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
@@ -88,7 +91,9 @@ def _restore(model: PPO, path: Path, most_steps: int) -> Best | None:
     weights = _part(tensors, "policy")
     _expect_like(weights, model.policy.state_dict())
     best = _best(header["best"], _part(tensors, "best"), model, steps)
+    averages = _averages(_part(tensors, "optimizer"), model)
     model.policy.load_state_dict(weights)
+    model.policy.optimizer.load_state_dict({**model.policy.optimizer.state_dict(), "state": averages})
     model.num_timesteps, model._n_updates = steps, steps // (model.n_steps * model.n_envs) * model.n_epochs
     return best
 
@@ -104,6 +109,20 @@ def _expect_like(given: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.T
     for name, tensor in given.items():
         _expect(tensor.shape == wanted[name].shape and tensor.dtype == wanted[name].dtype, name)
         _expect(bool((tensor.abs() <= _LARGEST).all()), name)  # which nan is not
+
+
+def _averages(tensors: Mapping[str, torch.Tensor], model: PPO) -> dict[int, dict[str, torch.Tensor]]:
+    """What Adam keeps of each parameter that it has changed."""
+    like, one = {}, torch.tensor(0.0)
+    for index, parameter in enumerate(model.policy.parameters()):
+        if f"{index}.step" in tensors:
+            like |= {f"{index}.step": one, f"{index}.exp_avg": parameter, f"{index}.exp_avg_sq": parameter}
+    _expect_like(tensors, like)
+    _expect(
+        all(bool((value >= 0.0).all()) for name, value in tensors.items() if not name.endswith("exp_avg")), "averages"
+    )
+    numbers = sorted({int(name.split(".")[0]) for name in tensors})
+    return {number: _part(tensors, str(number)) for number in numbers}
 
 
 def _best(header: Any, tensors: Mapping[str, torch.Tensor], model: PPO, steps: int) -> Best | None:

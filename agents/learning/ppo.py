@@ -57,7 +57,7 @@ def train(
     folder: Path,
     *,
     details: Mapping[str, Any],
-    checkpoint_s: float,
+    checkpoints: int,
     curve: int,
     restore: bool,
     console: Console,
@@ -74,7 +74,7 @@ def train(
         seed: Of all that is drawn: with the same seed, on the same machine, runs that are not stopped end alike.
         folder: Of the run: checkpoints, TensorBoard files and the policy.
         details: More for the policy's description.
-        checkpoint_s: Least time between checkpoints, s.
+        checkpoints: Equal parts of the run, after each of which a checkpoint is written and missions begin anew.
         curve: Points of the learning curve, 1 or more, beside the first.
         restore: Whether to continue from the folder's checkpoint.
         console: Where the progress goes.
@@ -90,7 +90,6 @@ def train(
         model = make_model(options, settings, seed)
         model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
         best = restore_checkpoint(model, folder, total) if restore else None
-        draw_anew(model, seed)
         known = known_of(options)
         versions = {"homeward": homeward.__version__, "python": platform.python_version()}
         versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
@@ -106,9 +105,23 @@ def train(
         def measured(steps: int, trained_s: float) -> Point:
             return measure(deployed(model, inputs_of(settings, known)), options, steps, trained_s)
 
-        stagger(model)
+        def begin_anew() -> None:
+            draw_anew(model, seed)
+            stagger(model)
+
+        updates = total // settings.rollout
+        written_after = {settings.rollout * (updates * part // checkpoints) for part in range(1, checkpoints)}
+        begin_anew()
         callback = TrainingCallback(
-            folder, total, checkpoint_s, console, math.ceil(total / curve), measured, lambda: layers_of(model), best
+            folder,
+            total,
+            written_after,
+            console,
+            math.ceil(total / curve),
+            measured,
+            lambda: layers_of(model),
+            best,
+            begin_anew,
         )
         if wandb is not None:
             model.logger.output_formats.append(WandbOutput(wandb, folder, details["training"]))

@@ -45,7 +45,6 @@ RULES = ("dmax", "dmax_mapped", "dmax_adaptive")
 OTHERS = ("dmax_belief", "planner")
 STEPS = {"OutAndBack": 2_000_000, "Survey": 3_000_000, "Patrol": 1_000_000}
 """Decisions to train on, where no other number is given."""
-_CHECKPOINT_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -165,7 +164,7 @@ def trained(args: Args, mission: str, start: str, seed: int) -> Path:
     return train.main(
         train.Args(
             env=IDS[mission], out=args.out / name, difficulty=args.difficulty, seed=seed, steps=steps, resume=True,
-            checkpoint_s=_CHECKPOINT_S, ppo=PPOSettings(start=start),
+            ppo=PPOSettings(start=start),
         )
     )  # fmt: skip
 

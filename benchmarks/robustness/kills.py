@@ -7,8 +7,7 @@ command goes on, may be killed again, and ends with the results of a run that no
 where no file may grow beyond some kilobytes, and, without the rights of root where this user is root, in a folder that
 is read-only: one line, exit code 2, and what was there before is still there. Sweep and fleet also run on a Ray cluster
 of this machine whose workers are killed (`--ray-kills`), one after the other: the results are those of this machine.
-OUT/kills.md is the table of the documentation. A training that goes on takes new missions with a new optimiser, so of
-it the steps and the points of its curve are compared.
+OUT/kills.md is the table of the documentation.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ _AGAIN = 0.3
 """Probability that a run that goes on is killed once more."""
 _TINY = [
     "--start", "scratch", "--n-envs", "32", "--n-steps", "16", "--batch-size", "128", "--epochs", "2", "--hidden", "16",
-    "--curve", "2", "--steps", "2048", "--decision-s", "120", "--checkpoint-s", "0", "--env", "homeward/OutAndBack-v0",
+    "--curve", "2", "--steps", "2048", "--decision-s", "120", "--checkpoints", "4", "--env", "homeward/OutAndBack-v0",
 ]  # fmt: skip
 _LONGEST_S = 600.0
 _ON_CLUSTERS = ("sweep", "fleet")
@@ -110,10 +109,11 @@ def _of_files(*patterns: str) -> Callable[[Path], object]:
 
 
 def _of_training(folder: Path) -> object:
-    """The steps of a training and the points of its curve: one that goes on takes new missions, so weights differ."""
+    """The policies that a training came to, its best and its last, and the points of its curve."""
     with (folder / "curve.csv").open(newline="") as file:
         points = [row["steps"] for row in csv.DictReader(file)]
-    return json.loads((folder / "policy.json").read_text())["steps"], points
+    weights = [(folder / one / "policy.safetensors").read_bytes() for one in (".", "last")]
+    return weights, points
 
 
 def _of_table(folder: Path) -> object:

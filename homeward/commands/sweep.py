@@ -155,7 +155,7 @@ def _choices(given: str) -> tuple[str, Range | tuple[Any, ...]]:
 
 def _search(args: Args, trials: int) -> dict[str, Path]:
     """Train what a search tries, and say what was best."""
-    base = dataclasses.replace(_base(args), checkpoint_s=math.inf)
+    base = dataclasses.replace(_base(args), checkpoints=1)
     space = _space(args, base, trials)
     check_workers(args.jobs, args.cluster)
     import_optuna()
