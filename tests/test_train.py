@@ -447,8 +447,8 @@ def heed_ctrl_c() -> None:
 
 def test_ctrl_c_takes_one_line_and_the_run_goes_on(tmp_path: Path, root: Path) -> None:
     process = subprocess.Popen(
-        [*command(tmp_path / "run"), "--steps", "10_000_000", "--checkpoints", "5000"], cwd=root, stderr=subprocess.PIPE, text=True,
-        preexec_fn=heed_ctrl_c,
+        [*command(tmp_path / "run"), "--steps", "10_000_000", "--checkpoints", "5000"], cwd=root,
+        stderr=subprocess.PIPE, text=True, preexec_fn=heed_ctrl_c,
     )  # fmt: skip
     deadline = time.monotonic() + 120.0
     while not (tmp_path / "run" / CHECKPOINT).is_file() and time.monotonic() < deadline and process.poll() is None:

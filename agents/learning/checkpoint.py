@@ -113,7 +113,8 @@ def _expect_like(given: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.T
 
 def _averages(tensors: Mapping[str, torch.Tensor], model: PPO) -> dict[int, dict[str, torch.Tensor]]:
     """What Adam keeps of each parameter that it has changed."""
-    like, one = {}, torch.tensor(0.0)
+    like: dict[str, torch.Tensor] = {}
+    one = torch.tensor(0.0)
     for index, parameter in enumerate(model.policy.parameters()):
         if f"{index}.step" in tensors:
             like |= {f"{index}.step": one, f"{index}.exp_avg": parameter, f"{index}.exp_avg_sq": parameter}
