@@ -440,16 +440,19 @@ def test_a_run_killed_before_its_policy_was_written_writes_it(
     assert "nan" not in capsys.readouterr().err
 
 
-def heed_ctrl_c() -> None:
-    """A shell lets what it starts in the background ignore Ctrl-C, and children inherit that."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def test_ctrl_c_takes_one_line_and_the_run_goes_on(tmp_path: Path, root: Path) -> None:
-    process = subprocess.Popen(
-        [*command(tmp_path / "run"), "--steps", "10_000_000", "--checkpoints", "5000"], cwd=root,
-        stderr=subprocess.PIPE, text=True, preexec_fn=heed_ctrl_c,
-    )  # fmt: skip
+def test_ctrl_c_takes_one_line_and_the_run_goes_on(
+    tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    # A shell lets what it starts in the background ignore Ctrl-C, and children inherit that; a handler they do not.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setenv("PYTHONFAULTHANDLER", "1")  # a crash says where
+    try:
+        process = subprocess.Popen(
+            [*command(tmp_path / "run"), "--steps", "10_000_000", "--checkpoints", "5000"], cwd=root,
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+    finally:
+        signal.signal(signal.SIGINT, before)
     deadline = time.monotonic() + 120.0
     while not (tmp_path / "run" / CHECKPOINT).is_file() and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.01)

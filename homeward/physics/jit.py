@@ -6,6 +6,7 @@ import contextlib
 import functools
 import hashlib
 import os
+import pickle
 import re
 import stat
 import sys
@@ -18,6 +19,7 @@ import numba
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.core import event
+from numba.core.caching import IndexDataCacheFile
 from numba.extending import intrinsic, register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -70,8 +72,26 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
         kernel: Any = jit(cache=True)(function)
     finally:
         config.CACHE_DIR = before
+    cache = kernel._cache
+    cache._cache_file = CacheFiles(cache.cache_path, cache._impl.filename_base, cache._impl.locator.get_source_stamp())
     # Where numba cannot write, it goes on to folders that nobody has checked, and that know nothing of formulas.
     return kernel if Path(kernel._cache.cache_path).is_relative_to(folder) else jit()(function)
+
+
+_NumberedFiles: Any = IndexDataCacheFile
+
+
+class CacheFiles(_NumberedFiles):  # type: ignore[misc]
+    """Cached kernels of one function, an index and a file for each signature, which is named after that signature.
+
+    numba numbers these files: of two processes that compile two signatures at once, each takes the next number, and
+    one of them is later given the code of the other.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        name = self._data_name(int(hashlib.sha256(pickle.dumps(key)).hexdigest()[:15], 16))
+        self._save_data(name, data)
+        self._save_index(self._load_index() | {key: name})
 
 
 @functools.cache

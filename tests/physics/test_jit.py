@@ -311,3 +311,23 @@ def test_a_record_asked_for_ahead_stays_as_it_is() -> None:
 
     assert ask(records) == 4.0
     np.testing.assert_array_equal(records, before)
+
+
+@pytest.mark.parametrize("step", ["_save_index", "_save_data"])
+def test_two_processes_that_compile_at_once_never_run_the_code_of_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:  # fmt: skip
+    files: Any = jit.CacheFiles
+    first, second, later = (files(str(tmp_path), "kernel", "stamp") for _ in range(3))
+    monkeypatch.setattr(second, "_load_index", dict)  # read before the first one wrote
+    write = getattr(first, step)
+
+    def overtaken(*arguments: Any) -> None:
+        second.save("float64", "code for float64")
+        write(*arguments)
+
+    monkeypatch.setattr(first, step, overtaken)
+    first.save("float32", "code for float32")
+    for signature in ("float32", "float64"):
+        assert later.load(signature) in {f"code for {signature}", None}  # None: compiled once more
+    assert {later.load("float32"), later.load("float64")} != {None}
