@@ -1,7 +1,8 @@
 """Does it learn? Train over missions, starts and seeds, and compare: the tables of docs/learning.md.
 
 `python benchmarks/agents/learn.py` trains as train.py does, for as long as each mission needs, and prints how the first
-policy and the best one of the learning curve, greedy and sampled, do on unseen episodes, beside rules and the planner.
+policy, the last one and the best one of the learning curve, greedy and sampled, do on unseen episodes, beside rules and
+the planner.
 Finished runs and driven episodes are kept, and a killed run goes on from its last checkpoint. OUT/learn.json holds the
 figures; `evaluate.py --agents ppo=OUT/RUN` draws a run's learning curve.
 """
@@ -36,7 +37,7 @@ from homeward.agents.learning.settings import STARTS, PPOSettings, TrainingError
 from homeward.agents.registry import AGENTS, Request
 from homeward.agents.trained.policy_file import NetworkPolicy, load_policy
 from homeward.agents.trained.provenance import made_with
-from homeward.agents.trained.run_folder import FIRST
+from homeward.agents.trained.run_folder import FIRST, LAST
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.files import write_whole
@@ -77,13 +78,14 @@ class Driven:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of one mission and start: the first policy, the best of each seed, and others on the same episodes."""
+    """What came of one mission and start: the first policy, best and last of each seed, others on the same episodes."""
 
     mission: str
     difficulty: str
     start: str
     first: dict[str, Driven]  # greedy and sampled; of seed 0
     best: dict[str, Driven]  # greedy and sampled; rows of seeds
+    last: dict[str, Driven]  # greedy and sampled; rows of seeds
     others: dict[str, Driven]  # rules, dmax_belief and the planner
     trained_s: list[float]  # of each seed
 
@@ -126,7 +128,7 @@ def main(args: Args) -> list[Result]:
     results = [compare(args, mission, start) for mission in args.missions for start in args.starts]
     rows = [summary(result) for result in results]
     write_whole(args.out / "learn.json", json.dumps(rows, indent=2) + "\n")
-    console = Console(width=170)
+    console = Console(width=210)
     console.print(table_of(rows, args))
     console.print(others_table(results))
     return results
@@ -144,16 +146,21 @@ def compare(args: Args, mission: str, start: str) -> Result:
         sampled = driven(args, options, Sampled(load_policy(folder, known), seed), key + b"sampled", seeds)
         return {"greedy": greedy, "sampled": sampled}
 
-    of_seeds = [both(folder, seed) for seed, folder in enumerate(folders)]
-    best = {
-        how: Driven(np.stack([one[how].score for one in of_seeds]), np.stack([one[how].stranded for one in of_seeds]))
-        for how in ("greedy", "sampled")
-    }
+    best = stacked([both(folder, seed) for seed, folder in enumerate(folders)])
+    last = stacked([both(folder / LAST, seed) for seed, folder in enumerate(folders)])
     others = {
         name: driven(args, options, AGENTS[name](Request(known)), name.encode(), seeds) for name in (*RULES, *OTHERS)
     }
     trained_s = [read_curve(folder)[-1].trained_s for folder in folders]
-    return Result(mission, args.difficulty, start, both(folders[0] / FIRST, 0), best, others, trained_s)
+    return Result(mission, args.difficulty, start, both(folders[0] / FIRST, 0), best, last, others, trained_s)
+
+
+def stacked(of_seeds: list[dict[str, Driven]]) -> dict[str, Driven]:
+    """The same episodes of several seeds as rows of one."""
+    return {
+        how: Driven(np.stack([one[how].score for one in of_seeds]), np.stack([one[how].stranded for one in of_seeds]))
+        for how in of_seeds[0]
+    }
 
 
 def trained(args: Args, mission: str, start: str, seed: int) -> Path:
@@ -203,15 +210,18 @@ def summary(result: Result) -> dict[str, Any]:
         "sampled": float(sampled.score.mean()), "sampled_stranded_rate": float(sampled.stranded.mean()),
         "trained_s": result.trained_s,
     }  # fmt: skip
-    for how, one in result.first.items():
-        row[f"first_{how}"], row[f"first_{how}_stranded_rate"] = float(one.score.mean()), float(one.stranded.mean())
-    for name, one in result.others.items():
+    first = {f"first_{how}": one for how, one in result.first.items()}
+    last = {f"last_{how}": one for how, one in result.last.items()}
+    for name, one in (first | last | result.others).items():
         row[name], row[f"{name}_stranded_rate"] = float(one.score.mean()), float(one.stranded.mean())
     against = {"first": result.first["greedy"], "rule": result.others[result.rule], "planner": result.others["planner"]}
-    means = Bootstrap({"": greedy.score} | {name: one.score[None] for name, one in against.items()}, 0).means()
+    ends, fixed = result.last["greedy"].score, {name: one.score[None] for name, one in against.items()}
+    means = Bootstrap({"": greedy.score, "last": ends} | fixed, 0).means()
     for name, one in against.items():
         row[f"minus_{name}"] = float((greedy.score - one.score).mean())
         row[f"minus_{name}_ci95"] = interval(means[""] - means[name])
+    row["last_minus_first"] = float((ends - result.first["greedy"].score).mean())
+    row["last_minus_first_ci95"] = interval(means["last"] - means["first"])
     return row
 
 
@@ -221,17 +231,19 @@ def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
         f"PPO on {args.episodes} unseen episodes, {args.seeds} training seeds; differences of the greedy policy, paired"
     )
     right = (
-        "first, greedy", "first, sampled", "best, greedy", "best, sampled", "minus first (95 %)",
-        "minus best rule (95 %)", "minus planner (95 %)", "stranded (95 %)", "trained, s",
+        "first, greedy", "first, sampled", "last, greedy", "last, sampled", "best, greedy", "best, sampled",
+        "last minus first (95 %)", "minus first (95 %)", "minus best rule (95 %)", "minus planner (95 %)",
+        "stranded (95 %)", "trained, s",
     )  # fmt: skip
     shown = table(title, ("mission", "start"), right)
     for row in rows:
         row["score_stranded_rate"] = row["stranded_rate"]
         scores = (
             f"{row[name]:.4g}\n{row[f'{name}_stranded_rate']:.1%}"
-            for name in ("first_greedy", "first_sampled", "score", "sampled")
+            for name in ("first_greedy", "first_sampled", "last_greedy", "last_sampled", "score", "sampled")
         )
-        gains = (span(row[f"minus_{name}"], row[f"minus_{name}_ci95"], "+.3g") for name in ("first", "rule", "planner"))
+        compared = ("last_minus_first", "minus_first", "minus_rule", "minus_planner")
+        gains = (span(row[name], row[f"{name}_ci95"], "+.3g") for name in compared)
         stranded = span(row["stranded_rate"], row["stranded_ci95"], ".2%")
         setting, trained_s = f"{row['mission']}\n{row['difficulty']}", f"{np.median(row['trained_s']):.0f}"
         shown.add_row(setting, row["start"], *scores, *gains, stranded, trained_s)

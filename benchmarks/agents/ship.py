@@ -77,6 +77,7 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
     points = "\n".join(f"| {p.steps:,} | {p.trained_s:.0f} | {p.score:.4g} | {p.stranded_rate:.1%} |" for p in curve)
     names = {
         "first_greedy": "first policy, greedy", "first_sampled": "first policy, sampled",
+        "last_greedy": "last policy, greedy, all seeds", "last_sampled": "last policy, sampled, all seeds",
         "score": f"`{agent}`, greedy, all seeds", "sampled": f"`{agent}`, sampled, all seeds",
         "dmax": "`dmax`", "dmax_mapped": "`dmax_mapped`", "dmax_adaptive": "`dmax_adaptive`",
         "dmax_belief": "`dmax_belief`", "planner": "`planner`",

@@ -48,11 +48,14 @@ def test_figures_of_a_result() -> None:
     others = {name: driven(rule - 5.0, never) for name in ("dmax", "dmax_mapped", "dmax_belief")}
     others |= {"dmax_adaptive": driven(rule, [False, True, False, True]), "planner": driven(rule + 30.0, never)}
     first = {"greedy": driven(rule + 1.0, never), "sampled": driven(rule, never)}
-    result = Result("Survey", "uncertain", "dmax", first, {"greedy": best, "sampled": best}, others, [2.0, 2.0])
-    row = summary(result)
+    ends = driven(np.stack([rule - 9.0, rule - 19.0]), [[True, *never[1:]]] * 2)
+    both, last = {"greedy": best, "sampled": best}, {"greedy": ends, "sampled": ends}
+    row = summary(Result("Survey", "uncertain", "dmax", first, both, last, others, [2.0, 2.0]))
     assert (row["rule"], row["score"], row["dmax_adaptive"]) == ("dmax_adaptive", 65.0, 50.0)
     assert (row["minus_rule"], row["minus_first"], row["minus_planner"]) == (15.0, 14.0, -15.0)
     assert row["minus_rule_ci95"] == [10.0, 20.0]
+    assert (row["last_greedy"], row["last_minus_first"], row["last_greedy_stranded_rate"]) == (36.0, -15.0, 0.25)
+    assert row["last_minus_first_ci95"] == [-20.0, -10.0]
     assert (row["stranded_rate"], row["dmax_adaptive_stranded_rate"]) == (0.125, 0.5)
 
 

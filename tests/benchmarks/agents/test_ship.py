@@ -15,7 +15,10 @@ from homeward.envs.actions import action_space
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, known_of
 
-NAMED = ("first_greedy", "first_sampled", "dmax", "dmax_mapped", "dmax_adaptive", "dmax_belief", "planner")
+NAMED = (
+    "first_greedy", "first_sampled", "last_greedy", "last_sampled",
+    "dmax", "dmax_mapped", "dmax_adaptive", "dmax_belief", "planner",
+)  # fmt: skip
 ROW: dict[str, Any] = {
     "mission": "Survey", "difficulty": "uncertain", "start": "dmax", "seeds": 2, "episodes": 2000, "score": 1250.0,
     "score_by_seed": [1240.0, 1260.0], "stranded_by_seed": [0.005, 0.015], "sampled": 1230.0,
@@ -61,6 +64,7 @@ def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
         "this policy scores 1240 and strands in 0.50%",
         "minus the first policy +50 (+40 to +60)",
         "| first policy, sampled | 1000 | 3.00% |",
+        "| last policy, greedy, all seeds | 1000 | 3.00% |",
         "| `ppo`, sampled, all seeds | 1230 | 2.00% |",
         "| 3,000 |",
     ):
