@@ -32,7 +32,7 @@ from benchmarks.tables import rate, span, table
 from homeward import cli
 from homeward.agents.evaluation.statistics import Bootstrap, interval
 from homeward.agents.learning import ppo
-from homeward.agents.learning.network import ResidualPolicy, Layers
+from homeward.agents.learning.network import Layers, ResidualPolicy
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import DMAX, TrainingError
 from homeward.envs.batch import Batch
