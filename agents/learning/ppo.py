@@ -161,7 +161,7 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
         batch_size=settings.batch_size,
         n_epochs=settings.epochs,
         gamma=settings.discount,
-        gae_lambda=by_start["gae_lambda"],
+        gae_lambda=settings.gae_lambda,
         clip_range=settings.clip,
         ent_coef=by_start["entropy"],
         policy_kwargs=network,

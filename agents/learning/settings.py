@@ -12,10 +12,9 @@ _MOST_HIDDEN = 4096  # 17 million weights in the second layer
 _MOST_ROLLOUT = 2**24  # decisions between updates: some 4 GB of inputs
 
 _BY_START = {
-    SCRATCH: {"learning_rate": 3e-3, "gae_lambda": 0.98, "entropy": 0.0},
-    DMAX: {"learning_rate": 2e-3, "gae_lambda": 0.9, "entropy": 0.003},
+    SCRATCH: {"learning_rate": 3e-3, "entropy": 0.0},
+    DMAX: {"learning_rate": 2e-3, "entropy": 0.003},
 }
-"""Who has to find the return first must look far ahead; who begins with it learns more from what is near."""
 
 
 class DivergedError(TrainingError):
@@ -50,8 +49,8 @@ class PPOSettings:
     """Step size of Adam at the start; it falls linearly to a hundredth. By default 2e-3 from dmax, else 3e-3."""
     discount: float = 0.9997
     """Discount factor, also of the shaping; the way home is about a hundred decisions long and must still count."""
-    gae_lambda: float | None = None
-    """How far advantages look ahead (generalised advantage estimation). By default 0.9 from dmax, 0.98 from scratch."""
+    gae_lambda: float = 0.98
+    """How far advantages look ahead (generalised advantage estimation): with 0.9 patrols are unlearned from dmax."""
     clip: float = 0.2
     """How far an update may move the probability of an action."""
     entropy: float | None = None
@@ -69,7 +68,8 @@ class PPOSettings:
                 raise TrainingError(f"{name} = {getattr(self, name)} is not allowed; give a whole number of at least 1")
         if self.hidden > _MOST_HIDDEN:
             raise TrainingError(f"hidden = {self.hidden} is not allowed; give at most {_MOST_HIDDEN}")
-        for name, value in {"discount": self.discount, "clip": self.clip, **self.by_start}.items():
+        shares = {"discount": self.discount, "gae_lambda": self.gae_lambda, "clip": self.clip}
+        for name, value in (shares | self.by_start).items():
             if not (0.0 < value <= 1.0 or (name == "entropy" and value == 0.0)):
                 allowed = "[0, 1]" if name == "entropy" else "(0, 1]"
                 raise TrainingError(f"{name} = {value} is not allowed; give a number in {allowed}")
