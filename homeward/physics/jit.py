@@ -11,6 +11,7 @@ import re
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, overload
@@ -19,10 +20,18 @@ import numba
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.core import event
-from numba.core.caching import IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.extending import intrinsic, register_jitable
 
+try:
+    import fcntl
+except ModuleNotFoundError:  # on Windows
+    fcntl = None  # type: ignore[assignment]
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+_LONGEST_WAIT_S = 60.0
+"""For another process that compiles: the largest kernel takes a third of that on a busy machine."""
 
 
 def inline(function: Function) -> Function:
@@ -69,15 +78,16 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
     # numba's cache knows a function by its name alone: the parallel form of one needs a folder of its own.
     config.CACHE_DIR = str(folder / ("parallel" if parallel else "serial"))
     try:
-        kernel: Any = jit(cache=True)(function)
+        cache = KernelCache(function)
     finally:
         config.CACHE_DIR = before
-    cache = kernel._cache
-    cache._cache_file = CacheFiles(cache.cache_path, cache._impl.filename_base, cache._impl.locator.get_source_stamp())
+    kernel: Any = jit()(function)
+    kernel._cache = cache
     # Where numba cannot write, it goes on to folders that nobody has checked, and that know nothing of formulas.
-    return kernel if Path(kernel._cache.cache_path).is_relative_to(folder) else jit()(function)
+    return kernel if Path(cache.cache_path).is_relative_to(folder) else jit()(function)
 
 
+_FunctionCache: Any = FunctionCache
 _NumberedFiles: Any = IndexDataCacheFile
 
 
@@ -92,6 +102,61 @@ class CacheFiles(_NumberedFiles):  # type: ignore[misc]
         name = self._data_name(int(hashlib.sha256(pickle.dumps(key)).hexdigest()[:15], 16))
         self._save_data(name, data)
         self._save_index(self._load_index() | {key: name})
+
+
+class KernelCache(_FunctionCache):  # type: ignore[misc]
+    """Cached kernels of one function; of processes that need one at once, one compiles and the others wait for it."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        base = self._impl.filename_base
+        self._cache_file = CacheFiles(self.cache_path, base, self._impl.locator.get_source_stamp())
+        self._lock = Lock(Path(self.cache_path) / f"{base}.lock")
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        found = super().load_overload(signature, target)
+        if found is None:
+            self._lock.acquire()  # until it is saved
+            found = super().load_overload(signature, target)  # another process may have compiled it meanwhile
+            if found is not None:
+                self._lock.release()
+        return found
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        try:
+            super().save_overload(signature, data)
+        finally:
+            self._lock.release()
+
+
+class Lock:
+    """A file that one process holds at a time; it is free when that process ends, however it ends.
+
+    It only saves work: where the file cannot be locked, or is held for too long, one goes on without.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file, self._held = file, -1
+
+    def acquire(self) -> None:
+        if fcntl is None or self._held >= 0:
+            return
+        with contextlib.suppress(OSError):
+            self._held = os.open(self._file, os.O_RDWR | os.O_CREAT, 0o600)
+            end_s = time.monotonic() + _LONGEST_WAIT_S
+            while time.monotonic() < end_s:
+                try:
+                    return fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    time.sleep(0.05)
+        self.release()
+
+    def release(self) -> None:
+        if fcntl is not None and self._held >= 0:
+            with contextlib.suppress(OSError):
+                fcntl.flock(self._held, fcntl.LOCK_UN)  # forked children may have the file open, too
+            os.close(self._held)
+            self._held = -1
 
 
 @functools.cache

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -331,3 +332,44 @@ def test_two_processes_that_compile_at_once_never_run_the_code_of_the_other(
     for signature in ("float32", "float64"):
         assert later.load(signature) in {f"code for {signature}", None}  # None: compiled once more
     assert {later.load("float32"), later.load("float64")} != {None}
+
+
+TOGETHER = """
+import sys, time
+from pathlib import Path
+from numba.core import event
+import doubling
+compiled, here = [], Path(sys.argv[1])
+class Slow(event.Listener):
+    def on_start(self, event): compiled.append(1); time.sleep(2.0)
+    def on_end(self, event): pass
+event.register("numba:compile", Slow())
+(here / sys.argv[2]).touch()
+while len(list(here.iterdir())) < 2: time.sleep(0.01)
+print(doubling.double(21.0), len(compiled))
+"""
+
+
+def test_of_two_processes_that_need_a_kernel_at_once_one_compiles(root: Path, tmp_path: Path) -> None:
+    (tmp_path / "doubling.py").write_text(DOUBLE)
+    (tmp_path / "here").mkdir()
+    places = f"{root}{os.pathsep}{tmp_path}"
+    with ThreadPoolExecutor(2) as pool:
+        ask = [pool.submit(run, TOGETHER, places, tmp_path / "cache", str(tmp_path / "here"), name) for name in "ab"]
+    assert sorted(asked.result()[0] for asked in ask) == ["42.0 0", "42.0 1"]
+
+
+def test_a_lock_is_free_once_it_is_given_back_and_keeps_nobody_for_ever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jit, "_LONGEST_WAIT_S", 0.2)
+    first, second = (jit.Lock(tmp_path / "kernel.lock") for _ in range(2))
+    first.acquire()
+    second.acquire()  # comes back without it
+    assert second._held == -1
+    first.release()
+    monkeypatch.setattr(jit, "_LONGEST_WAIT_S", 60.0)
+    second.acquire()
+    assert second._held >= 0
+    second.release()
+    jit.Lock(tmp_path / "nowhere" / "kernel.lock").acquire()  # a folder that cannot be written
