@@ -18,7 +18,7 @@ import yaml  # type: ignore[import-untyped]
 from homeward.agents import Policy, make_policy
 from homeward.envs import IDS
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def run_example(name: str, *arguments: str, folder: Path, **environment: str) -> list[str]:

@@ -16,7 +16,7 @@ from gymnasium.envs import registration
 
 import homeward
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SOURCES = {"homeward": ROOT / "homeward", "homeward.envs": ROOT / "envs", "homeward.agents": ROOT / "agents"}
 SCRIPTS = ("train.py", "evaluate.py", "diagnose.py")
 
