@@ -25,16 +25,12 @@ class Outlook(NamedTuple):
         home: Energy of the way home.
         onwards: Energy of going on to the next chance to turn, and back.
         deviation: Standard deviation of what both take.
-        driving: What driving takes over what the robot's model says.
-        sensing: The same of sensing.
     """
 
     left: NDArray[np.float64]
     home: NDArray[np.float64]
     onwards: NDArray[np.float64]
     deviation: NDArray[np.float64]
-    driving: NDArray[np.float64]
-    sensing: NDArray[np.float64]
 
 
 class TurnBackRule(Policy):
@@ -139,9 +135,6 @@ class BelievingRule(TurnBackRule):
     Attributes:
         outlook: What it believed when it last decided.
     """
-
-    sharp = 0.01
-    """Energy to spare, as a share of the usable energy, from which it is sure to go on."""
 
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
         super().__init__(known, pace)
