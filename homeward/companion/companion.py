@@ -23,7 +23,7 @@ from homeward.companion.priors import Known, known_of
 from homeward.companion.readings import POSITION_M, CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.reckoning import Reckoning, WayHome
 from homeward.companion.turning import chance, latest
-from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
+from homeward.companion.way import OFF_ROUTE_M, RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
 from homeward.estimation import Prior, Vehicle
@@ -47,6 +47,8 @@ _MOST_CUTOFF = 1.2
 _UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
 """State of charge by which a gauge must differ from what was drawn, and windows in a row for which, to be another
 battery, or stuck: monitors that go by voltage are off by some per cent."""
+_STANDS_WINDOWS = 3
+"""Windows in a row in which a robot stands by its speed and drives by its power, until that is said."""
 _SCHEMA = 1
 
 
@@ -152,7 +154,7 @@ class Companion:
         self._window = Window()
         self._moved_home: Position | None = None
         self._other_way: tuple[RouteLike, float] | None = None
-        self._turned, self._charged, self._untold = False, False, 0
+        self._turned, self._charged, self._untold, self._stands = False, False, 0, 0
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
         self._advice: Advice | None = None
         self._action: Action | None = None
@@ -301,6 +303,7 @@ class Companion:
             if self._cutoff is not None:
                 self._cutoff.see(*self._window.electric, self._reckoning.used)
             self._check_charge(self._window.soc)
+            self._check_speed(self._window)
             self._window = Window()
 
     def _check_charge(self, soc: float) -> None:
@@ -317,6 +320,17 @@ class Companion:
         self._readings.say(f"{text}: another battery? what was learned of the old one is dropped", kind)
         self._reckoning.recharge(soc)
         self._untold = 0
+
+    def _check_speed(self, window: Window) -> None:
+        """Say where a robot stands by its speed and drives by its power: which of both is wrong cannot be known."""
+        stands = window.stood_s >= window.time_s and window.power_w > self._reckoning.driving_w
+        self._stands = self._stands + 1 if stands else 0
+        if self._stands >= _STANDS_WINDOWS:
+            kind = "the speed reads 0 while"
+            text = (
+                f"{kind} {window.power_w:.3g} W are drawn, as in driving: stuck, or a load that its file does not have?"
+            )
+            self._readings.say(text if self._has["position"] else f"{text} home may be farther than is reckoned", kind)
 
     def _charge_first(self, soc: float) -> None:
         if self._charged:
@@ -398,14 +412,16 @@ class Companion:
 
     def _off_route(self) -> tuple[str, ...]:
         off_m = self._way.off_route_m
-        return (f"{off_m:.0f} m off the route",) if off_m > 50.0 else ()
+        return (f"{off_m:.0f} m off the route",) if off_m > OFF_ROUTE_M else ()
 
     def _what_home(self) -> str:
         if self._other_way is not None:
             return "other way"
         if self._moved_home is not None:
             return "moved"
-        return "route" if self._route is not None else "trail"
+        if self._route is None:
+            return "trail"
+        return "loop" if self._way.ends_at_home else "route"
 
     def state(self) -> dict[str, Any]:
         """What a restart needs, for JSON; some tens of kilobytes."""
@@ -431,6 +447,9 @@ class Companion:
         try:
             if state["schema"] != _SCHEMA or state["robot"] != self.robot.name:
                 raise CompanionError(f"the state is of robot {state['robot']!r}, not of {self.robot.name!r}")
+            if other_way is None and state["other_way_m"] is not None:
+                raise CompanionError("the state is of a robot that takes another way home; give it as other_way=")
+            check_route(other_way)
             self._reckoning.restore(state)
             self._begin()
             self._way.restore(state["way"])

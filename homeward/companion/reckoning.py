@@ -169,6 +169,13 @@ class Reckoning:
         """Energy drawn, a share of a full battery by the robot's file."""
         return float(self._estimator.mean()[0, USED])
 
+    @property
+    def driving_w(self) -> float:
+        """Power half way between standing and driving at cruise on the flat, by the robot's own model."""
+        return self.vehicle.idle_w + 0.5 * modelled_driving(self.vehicle, 0.0, self.vehicle.cruise_mps) * (
+            self.vehicle.cruise_mps
+        )
+
     def recharge(self, soc: float) -> None:
         """Another battery, of which nothing was learned: its state of charge, a share."""
         self._estimator.recharge(soc, self.known.prior.soc_sd)
