@@ -277,7 +277,7 @@ def test_a_route_is_known_ahead() -> None:
 
 
 def test_a_route_that_ends_where_it_begins_is_said() -> None:
-    heading = math.tau * np.arange(40) / 40.0
+    heading = np.linspace(0.0, math.tau, 40, endpoint=False)
     nothing = np.zeros(40)
     loop = Companion("husky", route=Route(50.0, nothing, nothing, nothing, heading))
     straight = Companion("husky", route=route([0.0] * 40))
