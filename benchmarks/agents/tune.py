@@ -22,19 +22,19 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numba
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.kept import Kept
+from benchmarks.tables import rate, table
 from homeward import cli
 from homeward.agents.base import Policy
 from homeward.agents.evaluation import run_episodes
-from homeward.agents.evaluation.statistics import wilson
 from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax import DmaxRule
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
@@ -47,8 +47,7 @@ from homeward.agents.shield import shield as guard
 from homeward.agents.shield.reckless import Onward
 from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
 from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
-from homeward.files import write_whole
-from homeward.parallel import ClusterError, code_hash, run_tasks
+from homeward.parallel import ClusterError, run_tasks
 
 ROUNDS = 3
 CANDIDATES = [
@@ -150,24 +149,13 @@ class Trials:
     def __init__(self, args: Args) -> None:
         first = _FIRST_SEED + args.seed * _SEEDS_APART
         self.episodes, self._seeds, self._jobs = args.episodes, range(first, first + args.episodes), args.jobs
-        self._file, self._common = args.out / "tune.json", {"seeds": [first, args.episodes], "code": code_hash()}
-        self._kept: dict[str, Outcome] = {}
-        if self._file.is_file():
-            content: dict[str, Any] = json.loads(self._file.read_text())
-            if {name: content.get(name) for name in self._common} == self._common:
-                self._kept = {name: Outcome(*one) for name, one in content["trials"].items()}
+        self._kept = Kept(args.out / "tune.json", seeds=[first, args.episodes])
 
     def run(self, trials: Iterable[Trial], title: str) -> list[Outcome]:
         """Outcomes of trials, in their order."""
-        named = {repr(trial): trial for trial in trials}
-
-        def keep(name: str, outcome: Outcome) -> None:
-            self._kept[name] = outcome
-            write_whole(self._file, json.dumps({**self._common, "trials": self._kept}) + "\n")
-
-        missing = {name: (trial, self._seeds) for name, trial in named.items() if name not in self._kept}
-        run_tasks(run_trial, missing, jobs=self._jobs, keep=keep, title=title)
-        return [self._kept[name] for name in named]
+        named = {repr(trial): (trial, self._seeds) for trial in trials}
+        run_tasks(run_trial, self._kept.missing(named), jobs=self._jobs, keep=self._kept.keep, title=title)
+        return [Outcome(*self._kept.results[name]) for name in named]
 
 
 Grid = Mapping[float, Outcome]
@@ -274,32 +262,24 @@ def _choose(grids: Mapping[str, Grid], stranded: Mapping[float, float], most: fl
 
 def pace_table(mission: str, totals: Mapping[Pace, float]) -> Table:
     """The ten best paces."""
-    table = Table(title=f"{mission}: mean score over all rules, relative to the pace in use", box=box.SIMPLE_HEAD)
-    for heading in ("rate", "interest", "full", "score"):
-        table.add_column(heading, justify="right")
+    title = f"{mission}: mean score over all rules, relative to the pace in use"
+    shown = table(title, (), ("rate", "interest", "full", "score"))
     for pace in sorted(totals, key=lambda one: -totals[one])[:10]:
-        table.add_row(f"{pace.rate:g}", f"{pace.interest:g}", f"{pace.full:g}", f"{totals[pace]:.4f}")
-    return table
+        shown.add_row(f"{pace.rate:g}", f"{pace.interest:g}", f"{pace.full:g}", f"{totals[pace]:.4f}")
+    return shown
 
 
 def outcome_table(
     title: str, heading: str, grids: Mapping[str, Grid], chosen: Mapping[str, float], episodes: int
 ) -> Table:
     """Score and stranding rate of each agent or setting by the number that is chosen."""
-    table = Table(title=title, box=box.SIMPLE_HEAD)
-    for one in ("", heading, "score", "stranded (95 %)"):
-        table.add_column(one, justify="right" if one else "left")
+    shown = table(title, ("",), (heading, "score", "stranded (95 %)"))
     for name, grid in grids.items():
         for number, outcome in grid.items():
-            low, high = wilson(outcome.stranded, episodes)
-            table.add_row(
-                name,
-                f"{number:g}",
-                f"{outcome.score:.4g}",
-                f"{outcome.stranded / episodes:.2%} ({low:.2%} to {high:.2%})",
-                style="bold" if number == chosen[name] else "",
-            )
-    return table
+            style = "bold" if number == chosen[name] else ""
+            stranded = rate(outcome.stranded, episodes)
+            shown.add_row(name, f"{number:g}", f"{outcome.score:.4g}", stranded, style=style)
+    return shown
 
 
 def main(args: Args) -> None:
