@@ -16,7 +16,7 @@ from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_lap import LapRule
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.rule import BelievingRule, sees_posts
+from homeward.agents.rules.turn_back import BelievingRule, sees_posts
 from homeward.envs.actions import LEVELS, encode_actions
 from homeward.envs.options import Known
 from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH

@@ -1,4 +1,4 @@
-"""Tune rules, planner and shield, each with as many trials: the numbers of `agents/rules/tuned.py` and of the shield.
+"""Tune rules, planner and shield, each with as many trials: the numbers of `reserves.py` and of the shield.
 
 `python benchmarks/agents/tune.py` prints the tables and the numbers. Missions have seeds of their own, which neither
 training nor evaluation meets; the robot is the default one, and who strands scores 0.
@@ -41,8 +41,8 @@ from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.pace import NO_SENSING, Pace
+from homeward.agents.rules.reserves import PACES
 from homeward.agents.rules.soc50 import StateOfChargeRule
-from homeward.agents.rules.tuned import PACES
 from homeward.agents.shield import shield as guard
 from homeward.agents.shield.reckless import Onward
 from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
@@ -91,7 +91,7 @@ class Args:
     """Folder of the trials that are finished."""
 
 
-class Outcome(NamedTuple):
+class Scored(NamedTuple):
     """Mean score and number of stranded missions."""
 
     score: float
@@ -99,7 +99,7 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Trial:
+class Attempt:
     """An agent with its numbers in an environment.
 
     Attributes:
@@ -125,7 +125,7 @@ class Trial:
         return RULES[self.name][0](known, self.pace, *self.numbers)
 
 
-def run_trial(task: tuple[Trial, range]) -> Outcome:
+def run_trial(task: tuple[Attempt, range]) -> Scored:
     """Mean score and strandings of a trial."""
     trial, seeds = task
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
@@ -136,7 +136,7 @@ def run_trial(task: tuple[Trial, range]) -> Outcome:
         episodes = run_episodes(trial.policy(known_of(trial.options)), trial.options, seeds).episodes
     finally:
         guard.RISKS.update(kept)
-    return Outcome(float(episodes.score.mean()), int(episodes.stranded.sum()))
+    return Scored(float(episodes.score.mean()), int(episodes.stranded.sum()))
 
 
 class Trials:
@@ -151,14 +151,14 @@ class Trials:
         self.episodes, self._seeds, self._jobs = args.episodes, range(first, first + args.episodes), args.jobs
         self._kept = Kept(args.out / "tune.json", seeds=[first, args.episodes])
 
-    def run(self, trials: Iterable[Trial], title: str) -> list[Outcome]:
+    def run(self, trials: Iterable[Attempt], title: str) -> list[Scored]:
         """Outcomes of trials, in their order."""
         named = {repr(trial): (trial, self._seeds) for trial in trials}
         run_tasks(run_trial, self._kept.missing(named), jobs=self._jobs, keep=self._kept.keep, title=title)
-        return [Outcome(*self._kept.results[name]) for name in named]
+        return [Scored(*self._kept.results[name]) for name in named]
 
 
-Grid = Mapping[float, Outcome]
+Grid = Mapping[float, Scored]
 """What came of each reserve."""
 
 
@@ -168,13 +168,13 @@ def try_reserves(trials: Trials, mission: str, names: Sequence[str], pace: Pace)
     return {
         name: _grid(
             RULES[name][1],
-            trials.run((Trial(name, options, (one,), pace) for one in RULES[name][1]), f"{mission}: {name}"),
+            trials.run((Attempt(name, options, (one,), pace) for one in RULES[name][1]), f"{mission}: {name}"),
         )
         for name in names
     }
 
 
-def _grid(reserves: Sequence[float], outcomes: Sequence[Outcome]) -> Grid:
+def _grid(reserves: Sequence[float], outcomes: Sequence[Scored]) -> Grid:
     return dict(zip(reserves, outcomes, strict=True))
 
 
@@ -194,12 +194,12 @@ def tune_pace(trials: Trials, mission: str, console: Console) -> Pace:
     for _ in range(0 if pace == NO_SENSING else ROUNDS):
         rules = [name for name in PACED_BY if name in RULES]
         grids = try_reserves(trials, mission, rules, pace)
-        (half,) = trials.run([Trial("soc50", options, (0.5,), pace)], f"{mission}: soc50")
+        (half,) = trials.run([Attempt("soc50", options, (0.5,), pace)], f"{mission}: soc50")
         numbers = {"soc50": (0.5, half.score)}
         numbers |= {name: (best_reserve(grid), grid[best_reserve(grid)].score) for name, grid in grids.items()}
         totals = dict.fromkeys(CANDIDATES, 0.0)
         for name, (reserve, scale) in numbers.items():
-            tried = (Trial(name, options, (reserve,), one) for one in CANDIDATES)
+            tried = (Attempt(name, options, (reserve,), one) for one in CANDIDATES)
             for one, outcome in zip(CANDIDATES, trials.run(tried, f"{mission}: pace, {name}"), strict=True):
                 totals[one] += outcome.score / scale / len(numbers)
         console.print(pace_table(mission, totals))
@@ -214,7 +214,7 @@ def tune_planner(trials: Trials, missions: Sequence[str]) -> tuple[dict[str, Gri
     grids = {}
     for mission, difficulty in itertools.product(missions, ("uncertain", "harsh")):
         options = Options(mission, difficulty=difficulty)
-        tried = (Trial("planner", options, (one,)) for one in DEVIATIONS)
+        tried = (Attempt("planner", options, (one,)) for one in DEVIATIONS)
         name = f"planner, {mission}, {difficulty}"
         grids[name] = _grid(DEVIATIONS, trials.run(tried, name))
     return grids, choose_for_planner(grids, trials.episodes)
@@ -236,7 +236,7 @@ def tune_shield(trials: Trials) -> tuple[dict[str, Grid], float]:
     for difficulty, route in itertools.product(("uncertain", "harsh"), (GENERATED, HIDDEN_WIND)):
         options = Options("OutAndBack", difficulty=difficulty, route=route)
         name = f"{difficulty}, {route}"
-        tried = (Trial("shield", options, (one,)) for one in DECISION_RISKS)
+        tried = (Attempt("shield", options, (one,)) for one in DECISION_RISKS)
         grids[name] = _grid(DECISION_RISKS, trials.run(tried, f"shield, {name}"))
     return grids, choose_for_shield(grids, trials.episodes)
 
@@ -283,7 +283,7 @@ def outcome_table(
 
 
 def main(args: Args) -> None:
-    """Tune, and print what belongs into `agents/rules/tuned.py` and `agents/shield/shield.py`.
+    """Tune, and print what belongs into `agents/rules/reserves.py` and `agents/shield/shield.py`.
 
     Raises:
         OptionError, ClusterError: An argument cannot be used.

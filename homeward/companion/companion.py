@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion.advice import Action, Advice, Spread
+from homeward.companion.beforehand import Beforehand, known_of
 from homeward.companion.checks import check_home, check_number, check_route, check_wind
 from homeward.companion.cutoff import Cutoff
 from homeward.companion.policy import OnboardPolicy
-from homeward.companion.priors import Known, known_of
 from homeward.companion.readings import POSITION_M, CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.turning import chance, latest
 from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
@@ -45,7 +45,7 @@ from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
 from homeward.physics.jit import announce_first_compilation
 from homeward.physics.kernel import full_charge
-from homeward.physics.terminals import at_terminals
+from homeward.physics.metered import at_terminals
 
 _WINDOWS = 200.0
 """Readings that the estimator takes in while the battery lasts at cruise, as decisions of the environments."""
@@ -162,7 +162,9 @@ class Companion:
         announce_first_compilation()
         self._vehicle, self._at_terminals = vehicle_of(self.robot, place_m, cruise), False
         self._meter(self.robot)
-        self._known: Known = known_of(self.robot, forecast_mps is not None) if prior is None else Known(prior, ())
+        self._known: Beforehand = (
+            known_of(self.robot, forecast_mps is not None) if prior is None else Beforehand(prior, ())
+        )
         self._start_soc, self._forecast_mps = soc, forecast_mps
         self._route, self._places, self._crumb_m = route, places, max(place_m / _CRUMBS, 1.0)
         self._home, self._cutoff_v = home, cutoff_v

@@ -24,8 +24,8 @@ class Outlook(NamedTuple):
         left: Energy left.
         home: Energy of the way home.
         onwards: Energy of going on to the next chance to turn, and back.
-        deviation: Standard deviation of what both take.
-        driving: What driving takes over what the robot's model says.
+        deviation: Standard deviation of what both consume.
+        driving: What driving consumes over what the robot's model says.
         sensing: The same of sensing.
     """
 
@@ -57,7 +57,7 @@ class TurnBackRule(Policy):
         s = known.shared[0]
         self._patrol = bool(s["mission"] == PATROL)
         self._sines = np.linspace(-_STEEPEST_SINE, _STEEPEST_SINE, 281)
-        # Eq. 8 with a full battery: what a metre takes of it at each grade.
+        # Eq. 8 with a full battery: what a metre consumes of it at each grade.
         self._shares_per_m = 1.0 / np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
         self._reach_m = float(s["reach_m"])
         self._sees_posts = sees_posts(known)
