@@ -24,7 +24,7 @@ from homeward.envs.vector import HomewardVectorEnv
 from homeward.parallel import run_tasks
 from homeward.physics import load_robot
 
-__all__ = ["Optimum", "OracleError", "score_of", "solve"]
+__all__ = ["Optimum", "OracleError", "check", "score_of", "solve"]
 
 
 class OracleError(ValueError):
