@@ -162,7 +162,7 @@ def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, see
             own = None if one.shielded else reserve
             policies = [make_policy(one.name, env, file, args.seed, own) for file in one.files]
             agents[str(reserve)] = (
-                [Shield(bare, known, risk=reserve) for bare in policies] if one.shielded else policies
+                [Shield(bare, known, reserve) for bare in policies] if one.shielded and reserve else policies
             )
         runs = run_agents(agents, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
         curves[label] = curve_of({reserve: runs[str(reserve)] for reserve in reserves})

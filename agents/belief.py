@@ -10,7 +10,7 @@ from homeward.agents.base import Observations, feature
 from homeward.envs.actions import encode_actions
 from homeward.envs.conditions.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
 from homeward.envs.options import Known
-from homeward.envs.routes.route import KNOTS, NEW_PATCH, WIND_SCALE_MPS
+from homeward.envs.routes.route import HIDDEN_WIND_MPS, KNOTS, NEW_PATCH, WIND_SCALE_MPS
 from homeward.envs.state import RETURN
 from homeward.estimation import READING_DTYPE, Estimator, Margin, Prior, StateEstimate, Vehicle
 from homeward.estimation.excitation import looks_back
@@ -51,7 +51,10 @@ def prior_of(known: Known, missed: float) -> Prior:
         forecast_sd_mps=FORECAST_ERROR_MPS if hides else 0.0,
         gust_share=GUSTINESS if d.weather_changes else 0.0,
         gust_s=(WANDERS_S[0] * WANDERS_S[1]) ** 0.5,
+        shortest_gust_s=WANDERS_S[0],
+        longest_gust_s=WANDERS_S[1],
         missed=missed if hides else 0.0,
+        missed_mps=sum(HIDDEN_WIND_MPS) / 2.0,
         patch_m=float(s["length_m"]) / (KNOTS * NEW_PATCH) if patch_sd > 0.0 else np.inf,
         patch_sd=patch_sd,
         gain_sd=i.power_gain / _SQRT_3,

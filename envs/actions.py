@@ -124,6 +124,13 @@ def thirds(actions: NDArray[Any]) -> NDArray[np.float64]:
     return 0.5 * len(MODES) * (actions[:, 2].astype(np.float64) + 1.0)
 
 
+def silenced(actions: NDArray[Any], which: NDArray[np.bool_]) -> NDArray[Any]:
+    """Actions, shape (n, 3) of either space, of which some, shape (n,), sense nothing."""
+    kept: NDArray[Any] = actions.copy()
+    kept[which, 1] = -1 if actions.dtype.kind == "f" else 0
+    return kept
+
+
 def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
     """Where a value lies between two limits, from 0 to 1; 1 where the limits are one."""
     value = np.asarray(value, dtype=np.float64)
@@ -131,8 +138,13 @@ def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
 
 
 @inline
-def _level(action: Any, low: float, high: float) -> Any:
-    return low + (high - low) * action / (LEVELS - 1)
+def at_level(level: Any, low: float, high: float) -> Any:
+    """What a level of the discrete action space commands, between the least and the most; in compiled code too.
+
+    >>> at_level(np.arange(LEVELS), 0.1, 0.9).round(2).tolist()
+    [0.1, 0.3, 0.5, 0.7, 0.9]
+    """
+    return low + (high - low) * level / (LEVELS - 1)
 
 
 @inline
@@ -154,12 +166,12 @@ def command(choices: Any, levels: Any, i: int, shared: Any) -> Any:
     """Speed (m/s), sensing rate (Hz) and mode of an action, in compiled code."""
     if shared.discrete:
         return (
-            _level(choices[i, 0], shared.min_speed_mps, shared.max_speed_mps),
-            _level(choices[i, 1], 0.0, shared.max_sensing_hz),
+            at_level(choices[i, 0], shared.min_speed_mps, shared.max_speed_mps),
+            at_level(choices[i, 1], 0.0, shared.max_sensing_hz),
             choices[i, 2],
         )
     return (
-        _level(2.0 * (levels[i, 0] + 1.0), shared.min_speed_mps, shared.max_speed_mps),
-        _level(2.0 * (levels[i, 1] + 1.0), 0.0, shared.max_sensing_hz),
+        at_level(2.0 * (levels[i, 0] + 1.0), shared.min_speed_mps, shared.max_speed_mps),
+        at_level(2.0 * (levels[i, 1] + 1.0), 0.0, shared.max_sensing_hz),
         min(int(1.5 * (levels[i, 2] + 1.0)), 2),
     )

@@ -148,19 +148,3 @@ def interval(samples: Scores) -> list[float]:
     """95 % percentile interval of bootstrap samples of shape (resamples,)."""
     low, high = np.percentile(samples, [2.5, 97.5])
     return [float(low), float(high)]
-
-
-def stratified_means(scores: Mapping[str, Scores], seed: int, resamples: int = RESAMPLES) -> Scores:
-    """Mean over strata of mean scores, in bootstrap resamples within each stratum, shape (resamples,).
-
-    Args:
-        scores: Of each stratum, such as a mission, in one unit: shape (training seeds, episodes); strata are drawn from
-            apart, as no seed or episode of one is one of another.
-        seed: Of the draws.
-        resamples: How many.
-    """
-    drawn = [
-        Bootstrap({name: values}, seed + index, resamples).means()[name]
-        for index, (name, values) in enumerate(scores.items())
-    ]
-    return np.asarray(np.mean(drawn, axis=0))

@@ -53,7 +53,7 @@ class ResidualPolicy(ActorCriticPolicy):
                 self.log_std[:] = torch.tensor(_LOG_DEVIATIONS)
 
     def _build_mlp_extractor(self) -> None:
-        self.mlp_extractor = Layers(self.features_dim, self._hidden, self._valued)  # type: ignore[assignment]
+        self.mlp_extractor = _Layers(self.features_dim, self._hidden, self._valued)  # type: ignore[assignment]
 
     def learn_actions(self, learns: bool) -> None:
         """Whether updates change what is chosen, or the value alone: that of the first policy is to be known first."""
@@ -61,7 +61,7 @@ class ResidualPolicy(ActorCriticPolicy):
             part.requires_grad_(learns)
 
 
-class Layers(nn.Module):
+class _Layers(nn.Module):
     """Hidden layers of policy and value; behind those of the policy stand the inputs."""
 
     def __init__(self, inputs: int, hidden: int, valued: torch.Tensor | None) -> None:

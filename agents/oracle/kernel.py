@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs.actions import LEVELS
+from homeward.envs.actions import LEVELS, at_level
 from homeward.envs.conditions import weather
 from homeward.envs.driving import decide, map_place
 from homeward.envs.reward import score
@@ -25,8 +25,8 @@ CELLS = 16
 def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: int, mode: int) -> None:
     """One decision of the environment, from the action grid."""
     s = c.shared
-    speed_mps = s.min_speed_mps + (s.max_speed_mps - s.min_speed_mps) * speed_level / (LEVELS - 1)
-    sensing_hz = s.max_sensing_hz * sensing_level / (LEVELS - 1)
+    speed_mps = at_level(speed_level, s.min_speed_mps, s.max_speed_mps)
+    sensing_hz = at_level(sensing_level, 0.0, s.max_sensing_hz)
     decide(m, p if c.hidden.own_robots else c.nominal, route, c.nominal, s, speed_mps, sensing_hz, mode)
     weather.change(m)
 
@@ -77,7 +77,7 @@ def measure(
         near_m = k * s.place_m
         least, most = _headwinds(winds, route.places[k])
         for i in range(LEVELS):
-            speed_mps = s.min_speed_mps + (s.max_speed_mps - s.min_speed_mps) * i / (LEVELS - 1)
+            speed_mps = at_level(i, s.min_speed_mps, s.max_speed_mps)
             for j in range(LEVELS):
                 _set_out(works, starts, route, k, near_m, speed_mps)
                 _blow(m, least, warmest_c)

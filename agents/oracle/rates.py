@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.oracle import kernel
 from homeward.agents.oracle.problem import Problem
-from homeward.envs.actions import LEVELS
+from homeward.envs.actions import LEVELS, at_level
 from homeward.physics.effects import EFFECTS
 
 PIECES = 2
@@ -78,7 +78,7 @@ def measure_rates(case: Problem) -> Rates:
     s = case.shared
     places, by_action = int(s["places"]), (int(s["places"]), LEVELS, LEVELS)
     rates = Rates(
-        speeds_mps=np.linspace(s["min_speed_mps"], s["max_speed_mps"], LEVELS),
+        speeds_mps=at_level(np.arange(LEVELS), s["min_speed_mps"], s["max_speed_mps"]),
         place_m=float(s["place_m"]),
         out_w=np.zeros(by_action),
         home_w=np.zeros(by_action),

@@ -17,7 +17,7 @@ from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_lap import LapRule
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.turn_back import STEEPEST_SINE, BelievingRule, sees_posts
-from homeward.envs.actions import LEVELS, encode_actions
+from homeward.envs.actions import LEVELS, at_level, encode_actions, limits
 from homeward.envs.options import Known
 from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
 from homeward.envs.sensing import information
@@ -75,8 +75,7 @@ class Planner(Policy):
             self._belief = rule.belief
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
-        model["speeds_mps"] = np.linspace(s["min_speed_mps"], s["max_speed_mps"], LEVELS)
-        model["rates_hz"] = np.linspace(0.0, s["max_sensing_hz"], LEVELS)
+        model["speeds_mps"], model["rates_hz"] = (at_level(np.arange(LEVELS), *ends) for ends in limits(known))
         idle_w = ancillary_power(robot, 0.0)
         model["sensing"] = (ancillary_power(robot, model["rates_hz"]) - idle_w) / s["usable_j"]
         model["standing"], model["steepest"] = idle_w / s["usable_j"], STEEPEST_SINE

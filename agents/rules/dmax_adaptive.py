@@ -52,8 +52,6 @@ class AdaptiveDmaxRule(BelievingRule):
             home=ratios[:, 0] * home,
             onwards=ratios[:, 0] * onwards,
             deviation=np.sqrt(spread + _UNSEEN**2) * (home + onwards),
-            driving=ratios[:, 0],
-            sensing=ratios[:, 1],
         )
 
     def _forget(self, count: int) -> None:

@@ -12,7 +12,7 @@ from homeward.agents.belief import Belief
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.turn_back import BelievingRule, Outlook
 from homeward.envs.options import Known
-from homeward.estimation.prior import GAIN, PER_CAPACITY
+from homeward.estimation.prior import PER_CAPACITY
 
 MISSED = 0.02
 """Probability that a forecast of the wind is taken to say nothing: chosen so that one reading that no forecast explains
@@ -54,14 +54,10 @@ class BeliefDmaxRule(BelievingRule):
         onwards["onwards_j"] = self._extra_share * s["usable_j"]
         onwards["onwards_j"] += self.belief.estimator.vehicle.idle_w * onwards["onwards_s"]
         now, then = (self.belief.margin(plan, 0.0).total for plan in (home, onwards))
-        believed = self.belief.estimator.mean()
-        full_j = s["usable_j"] / believed[:, PER_CAPACITY]
-        more_j = then["cost_j"] - now["cost_j"]
+        full_j = s["usable_j"] / self.belief.estimator.mean()[:, PER_CAPACITY]
         return Outlook(
             left=now["left_j"] / full_j,
             home=now["cost_j"] / full_j,
-            onwards=more_j / full_j,
+            onwards=(then["cost_j"] - now["cost_j"]) / full_j,
             deviation=then["margin_sd_j"] / full_j,
-            driving=more_j / s["usable_j"] / np.maximum(self.cost_of_going_on(observations), 1e-9),
-            sensing=believed[:, GAIN] * believed[:, PER_CAPACITY],
         )

@@ -32,8 +32,6 @@ class LapRule(BelievingRule):
         deviations: Standard deviations k kept back, 0 or above.
     """
 
-    sharp = 0.0001  # it has measured what the next lap takes
-
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
         super().__init__(known, pace, deviations)
         s = known.shared[0]
@@ -51,14 +49,11 @@ class LapRule(BelievingRule):
         lap = np.where(count > 0.0, total / np.maximum(count, 1.0), self._first)
         variance = np.maximum(squares - count * lap * lap, 0.0) / np.maximum(count - 1.0, 1.0)
         deviation = np.where(count > 1.0, np.sqrt(variance), _UNSEEN * lap)
-        as_by_file = np.ones(len(energy))
         return Outlook(
             left=energy,
             home=np.where(self._away, self._back, 0.0) - (self._arrival - energy),
             onwards=lap - self._stop_share,
             deviation=np.hypot(deviation, self._gauge_error * (1.0 - energy + lap)),
-            driving=as_by_file,
-            sensing=as_by_file,
         )
 
     def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:

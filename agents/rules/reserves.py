@@ -1,6 +1,6 @@
 """Numbers of the baselines for each mission, as `python benchmarks/agents/tune.py` finds them.
 
-With 2,048 missions a trial, and 4,096 where the planner's strandings decide. Each has eight trials a mission, on
+With 2,048 missions a trial, and 4,096 for the planner, whose strandings decide. Each has eight trials a mission, on
 missions with seeds of their own, `uncertain`, with the default robot. A rule has the reserve with the highest mean
 score; the planner, one for OutAndBack and Survey, the highest sum over both at `uncertain` and `harsh`, relative to the
 best of each, with no more than 0.3 % stranded at `uncertain`; on Patrol, where it goes by another rule, its own is

@@ -25,17 +25,13 @@ class Outlook(NamedTuple):
         left: Energy left.
         home: Energy of the way home.
         onwards: Energy of going on to the next chance to turn, and back.
-        deviation: Standard deviation of what both consume.
-        driving: What driving consumes over what the robot's model says.
-        sensing: The same of sensing.
+        deviation: Standard deviation of what both take.
     """
 
     left: NDArray[np.float64]
     home: NDArray[np.float64]
     onwards: NDArray[np.float64]
     deviation: NDArray[np.float64]
-    driving: NDArray[np.float64]
-    sensing: NDArray[np.float64]
 
 
 class TurnBackRule(Policy):
@@ -140,9 +136,6 @@ class BelievingRule(TurnBackRule):
     Attributes:
         outlook: What it believed when it last decided.
     """
-
-    sharp = 0.01
-    """Energy to spare, as a share of the usable energy, from which it is sure to go on."""
 
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
         super().__init__(known, pace)

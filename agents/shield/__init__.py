@@ -1,5 +1,5 @@
 """The shield: around any agent, it brings home what would strand."""
 
-from homeward.agents.shield.shield import RISKS, Shield
+from homeward.agents.shield.shield import RISK, Shield
 
-__all__ = ["RISKS", "Shield"]
+__all__ = ["RISK", "Shield"]

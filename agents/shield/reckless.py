@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, Policy
-from homeward.envs.actions import LEVELS, encode_actions
+from homeward.envs.actions import LEVELS, at_level, encode_actions, limits
 from homeward.envs.options import Known
 from homeward.envs.state import GO, STOP
 
@@ -34,8 +34,10 @@ class Wanderer(Policy):
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
-        s, count = self._known.shared[0], len(observations)
-        speed, sensing = self._rng.integers(0, LEVELS, (2, count)) / (LEVELS - 1)
-        speed_mps = s["min_speed_mps"] + speed * (s["max_speed_mps"] - s["min_speed_mps"])
+        count = len(observations)
+        levels = self._rng.integers(0, LEVELS, (2, count))
+        speed_mps, sensing_hz = (
+            at_level(level, *ends) for level, ends in zip(levels, limits(self._known), strict=True)
+        )
         mode = np.where(self._rng.random(count) < 0.1, STOP, GO)
-        return encode_actions(self._known, speed_mps, sensing * s["max_sensing_hz"], mode)
+        return encode_actions(self._known, speed_mps, sensing_hz, mode)

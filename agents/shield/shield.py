@@ -14,8 +14,8 @@ from homeward.envs.options import Known
 from homeward.envs.state import RETURN
 from homeward.physics import ancillary_power
 
-RISKS = {0.999: 1e-6}
-"""Risk of each decision that is taken, for each confidence that can be asked for: see docs/evaluation.md."""
+RISK = 1e-6
+"""Risk of each decision with which at least 99.9 % get home: see docs/evaluation.md."""
 _MISSED = 0.2
 """Probability that a forecast of the wind says nothing, as on the routes `hidden_wind`: a shield reckons with them."""
 _SPARE_DECISIONS = 3.0
@@ -35,18 +35,11 @@ class Shield(Policy):
     Args:
         policy: The policy to be shielded.
         known: Constants of the environment.
-        confidence: That the robot gets home, one of `RISKS`.
-        risk: Of each decision, within (0, 0.5], instead of what suits a confidence.
-
-    Raises:
-        ValueError: There is no risk for that confidence.
+        risk: Of each decision, within (0, 0.5].
     """
 
-    def __init__(self, policy: Policy, known: Known, confidence: float = 0.999, *, risk: float | None = None) -> None:
-        if confidence not in RISKS:
-            raise ValueError(f"confidence = {confidence} is not allowed; choose from {', '.join(map(str, RISKS))}")
-        self._policy, self._known = policy, known
-        self._risk = RISKS[confidence] if risk is None else risk
+    def __init__(self, policy: Policy, known: Known, risk: float = RISK) -> None:
+        self._policy, self._known, self._risk = policy, known, risk
         self._belief = Belief(known, _MISSED)
         self._safe_action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, RETURN)[0]
         self._home_mps = float(decode_actions(known, self._safe_action[None]).speed_mps[0])

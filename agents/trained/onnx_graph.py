@@ -18,7 +18,7 @@ from homeward.agents.trained.inputs import COLUMNS
 from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
 from homeward.agents.trained.policy_file import NetworkPolicy
 from homeward.envs import IDS
-from homeward.envs.actions import LEVELS, MODES, decode_actions, limits
+from homeward.envs.actions import LEVELS, MODES, at_level, decode_actions, limits
 from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.options import Known, Options
 from homeward.envs.state import GO
@@ -172,7 +172,7 @@ def _decode_levels(graph: _Graph, values: str, known: Known) -> None:
             graph.apply("ArgMax", scores, axis=1, keepdims=0, into=output)
         else:
             level = graph.apply("ArgMax", scores, axis=1, keepdims=0)
-            commands = graph.constant(f"{output}_levels", np.linspace(*_limits(known)[output], LEVELS))
+            commands = graph.constant(f"{output}_levels", at_level(np.arange(LEVELS), *_limits(known)[output]))
             graph.apply("Gather", commands, level, into=_before_mode(output))
 
 

@@ -17,7 +17,7 @@ from safetensors.numpy import load, save
 
 from homeward.agents.base import Observations, Policy
 from homeward.agents.trained.inputs import COLUMNS, BeliefInputs, inputs_from
-from homeward.envs.actions import modes
+from homeward.envs.actions import modes, silenced
 from homeward.envs.features import NAMES
 from homeward.envs.options import Known
 from homeward.envs.state import GO
@@ -44,10 +44,7 @@ def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
     Choices of speed, sensing and mode are drawn each for itself: without this, a stop that is tried costs sensing in
     vain, and learns that stops gain nothing.
     """
-    continuous = actions.dtype.kind == "f"
-    kept: NDArray[Any] = actions.copy()
-    kept[modes(actions) != GO, 1] = -1 if continuous else 0
-    return kept
+    return silenced(actions, modes(actions) != GO)
 
 
 @dataclass(frozen=True)

@@ -220,8 +220,9 @@ def summary(result: Result) -> dict[str, Any]:
     for name, one in against.items():
         row[f"minus_{name}"] = float((greedy.score - one.score).mean())
         row[f"minus_{name}_ci95"] = interval(means[""] - means[name])
-    row["last_minus_first"] = float((ends - result.first["greedy"].score).mean())
-    row["last_minus_first_ci95"] = interval(means["last"] - means["first"])
+    for name in ("first", "rule"):
+        row[f"last_minus_{name}"] = float((ends - against[name].score).mean())
+        row[f"last_minus_{name}_ci95"] = interval(means["last"] - means[name])
     return row
 
 
@@ -232,8 +233,8 @@ def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
     )
     right = (
         "first, greedy", "first, sampled", "last, greedy", "last, sampled", "best, greedy", "best, sampled",
-        "last minus first (95 %)", "minus first (95 %)", "minus best rule (95 %)", "minus planner (95 %)",
-        "stranded (95 %)", "trained, s",
+        "last minus first (95 %)", "last minus best rule (95 %)", "best minus best rule (95 %)",
+        "best minus planner (95 %)", "best, stranded (95 %)", "trained, s",
     )  # fmt: skip
     shown = table(title, ("mission", "start"), right)
     for row in rows:
@@ -242,7 +243,7 @@ def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
             f"{row[name]:.4g}\n{row[f'{name}_stranded_rate']:.1%}"
             for name in ("first_greedy", "first_sampled", "last_greedy", "last_sampled", "score", "sampled")
         )
-        compared = ("last_minus_first", "minus_first", "minus_rule", "minus_planner")
+        compared = ("last_minus_first", "last_minus_rule", "minus_rule", "minus_planner")
         gains = (span(row[name], row[f"{name}_ci95"], "+.3g") for name in compared)
         stranded = span(row["stranded_rate"], row["stranded_ci95"], ".2%")
         setting, trained_s = f"{row['mission']}\n{row['difficulty']}", f"{np.median(row['trained_s']):.0f}"

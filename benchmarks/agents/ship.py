@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+from benchmarks.tables import span
 from homeward import cli
 from homeward.agents.evaluation.learning_curve import EPISODES, Point, read_curve
 from homeward.agents.learning.settings import DMAX
@@ -85,8 +86,9 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
     rates = {name: row[f"{name}_stranded_rate"] for name in names if name != "score"} | {"score": row["stranded_rate"]}
     compared = "\n".join(f"| {told} | {row[name]:.4g} | {rates[name]:.2%} |" for name, told in names.items())
     against = {"first": "first policy", "rule": f"best d_max rule, `{row['rule']}`", "planner": "planner"}
-    gains = {f"minus the {told}": (row[f"minus_{name}"], *row[f"minus_{name}_ci95"]) for name, told in against.items()}
-    gained = "; ".join(f"{told} {mean:+.3g} ({low:+.3g} to {high:+.3g})" for told, (mean, low, high) in gains.items())
+    gains = {f"minus the {words}": f"minus_{name}" for name, words in against.items()}
+    gains |= {f"last minus the {against[name]}": f"last_minus_{name}" for name in ("first", "rule")}
+    gained = "; ".join(f"{words} {span(row[name], row[f'{name}_ci95'], '+.3g')}" for words, name in gains.items())
     seeds = f"the best of {row['seeds']} seeds" if row["seeds"] > 1 else "one seed"
     return f"""# {agent}, {row["mission"]}
 

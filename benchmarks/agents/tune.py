@@ -43,7 +43,7 @@ from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.pace import NO_SENSING, Pace
 from homeward.agents.rules.reserves import PACES
 from homeward.agents.rules.soc50 import StateOfChargeRule
-from homeward.agents.shield import shield as guard
+from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward
 from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
 from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
@@ -115,13 +115,13 @@ class Attempt:
     pace: Pace = NO_SENSING
 
     def policy(self, known: Known) -> Policy:
-        """The agent; the numbers of a shield are those of its module, see `run_trial`."""
+        """The agent."""
         if self.name == "soc50":
             return StateOfChargeRule(known, self.pace, *self.numbers)
         if self.name == "planner":
             return Planner(known, *self.numbers)
         if self.name == "shield":
-            return guard.Shield(Onward(known), known)
+            return Shield(Onward(known), known, *self.numbers)
         return RULES[self.name][0](known, self.pace, *self.numbers)
 
 
@@ -129,13 +129,7 @@ def run_trial(task: tuple[Attempt, range]) -> Scored:
     """Mean score and strandings of a trial."""
     trial, seeds = task
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
-    confidence, kept = max(guard.RISKS), dict(guard.RISKS)
-    try:
-        if trial.name == "shield":
-            (guard.RISKS[confidence],) = trial.numbers
-        episodes = run_episodes(trial.policy(known_of(trial.options)), trial.options, seeds).episodes
-    finally:
-        guard.RISKS.update(kept)
+    episodes = run_episodes(trial.policy(known_of(trial.options)), trial.options, seeds).episodes
     return Scored(float(episodes.score.mean()), int(episodes.stranded.sum()))
 
 
@@ -322,7 +316,7 @@ def main(args: Args) -> None:
         by_setting, risk = tune_shield(trials)
         risks = dict.fromkeys(by_setting, risk)
         console.print(outcome_table("shield around onward", "risk", by_setting, risks, args.episodes))
-        console.print(f"RISKS = {{{max(guard.RISKS)}: {risk:g}}}", highlight=False)
+        console.print(f"RISK = {risk:g}", highlight=False)
 
 
 if __name__ == "__main__":

@@ -97,6 +97,8 @@ NEW_PATCH = 0.5
 """Probability of other ground from one piece to the next."""
 WIND_SCALE_MPS = 1.5
 """Standard deviation of either part of the wind: its speed has a Rayleigh distribution of this scale."""
+HIDDEN_WIND_MPS = (3.0, 6.0)
+"""Range of the wind that no forecast tells of, uniform."""
 GENERATED_PLACES = 32
 """Places of a generated route, but for those of a patrol."""
 INTEREST_LENGTH = 0.1
@@ -166,5 +168,5 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
         for k in range(count):
             east += route.places[k].east
             north += route.places[k].north
-        m.wind_mps = 3.0 + 3.0 * strength
+        m.wind_mps = HIDDEN_WIND_MPS[0] + (HIDDEN_WIND_MPS[1] - HIDDEN_WIND_MPS[0]) * strength
         m.wind_from_rad = np.arctan2(-north, -east)

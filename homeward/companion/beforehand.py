@@ -44,7 +44,7 @@ class Beforehand(NamedTuple):
         """The prior with the error that what nothing explains makes over a way."""
         if self.uncertainty is None:
             return self.prior
-        error = math.hypot(self.prior.model_error, self.uncertainty.unexplained_over(way_m))
+        error = math.hypot(self.prior.model_error, scale_of(self.uncertainty.unexplained_over(way_m)))
         return self.prior._replace(model_error=error)
 
 
@@ -89,13 +89,16 @@ def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, 
     share = _rolling_share(robot)
     variances = {name: given.variance(name) for name in ("rolling", "mass", "idle_power", "capacity")}
     rolling, mass, idle, capacity = variances.values()
+    own = (rolling or 0.0) * share**2, (idle or 0.0) * (1.0 - share) ** 2  # of a share of the power each
+    if given.between_runs is None:
+        own, rest = (prior.rolling_sd**2 * share**2, own[1]), _OF_ONE_RUN**2
+    else:
+        rest = max(scale_of(given.between_runs) ** 2 - sum(own), 0.0)  # which has the file's own error in it
     # What differs from run to run may be the ground or anything else: one half each.
-    between = _OF_ONE_RUN if given.between_runs is None else scale_of(given.between_runs)
-    rolling = prior.rolling_sd**2 if given.between_runs is None else rolling or 0.0
     prior = prior._replace(
-        rolling=1.0, rolling_sd=math.sqrt(rolling + 0.5 * (between / share) ** 2),
+        rolling=1.0, rolling_sd=math.sqrt(own[0] + 0.5 * rest) / share,
         # Of rolling the product with the mass was fitted; the mass for itself counts where it climbs.
-        mass=1.0, mass_sd=0.0, gain_sd=math.sqrt((idle or 0.0) * (1.0 - share) ** 2 + 0.5 * between**2),
+        mass=1.0, mass_sd=0.0, gain_sd=math.sqrt(own[1] + 0.5 * rest),
         model_error=_LEAST_MODEL_ERROR,
     )  # fmt: skip
     if "drag" in given.fitted:

@@ -40,7 +40,8 @@ class Step(NamedTuple):
 
 
 _MOST_CRUMBS = 1024
-_OFF_ROUTE_M = 50.0
+OFF_ROUTE_M = 50.0
+"""Distance from the route from which it is said. Chosen: ten times the error of a position."""
 
 
 class Way:
@@ -63,11 +64,13 @@ class Way:
         self._xy = np.zeros(2) if not isinstance(home, tuple) else np.array(home, dtype=np.float64)
         self._crumbs, self._at_m, self._count = np.zeros((_MOST_CRUMBS, 2)), np.zeros(_MOST_CRUMBS), 0
         self._corners: Array | None = None
+        self.ends_at_home = False
         if route is not None:
             along = route.place_m * np.stack((np.cos(route.heading_rad), np.sin(route.heading_rad)), axis=-1)
             self._corners = np.concatenate((np.zeros((1, 2)), np.cumsum(along, axis=0)))
             self._route_heading = np.asarray(route.heading_rad, dtype=np.float64)
             self._place_m = float(route.place_m)
+            self.ends_at_home = len(along) > 2 and float(np.hypot(*self._corners[-1])) <= self._place_m
         self.off_route_m = 0.0
         self._told_metres = False
 

@@ -26,11 +26,12 @@ class Window:
         extra_j: Of that, of the drive.
         slopes: Readings of a slope in it.
         soc: Last state of charge read in it, NaN if none.
+        stood_s: Time for which the speed read 0.
     """
 
     def __init__(self) -> None:
         self.time_s = self.way_m = self.modelled_j = self.other_j = self.extra_j = 0.0
-        self.soc = math.nan
+        self.soc, self.stood_s = math.nan, 0.0
         self._read = self.slopes = 0
         self._read_j = self._read_s = self._sine_m = self._graded_m = 0.0
         self._east_m = self._north_m = self._headed_m = self._speed_m = self._speedy_m = 0.0
@@ -41,6 +42,7 @@ class Window:
         dt_s, way_m = reading.dt_s, step.way_m
         self.time_s += dt_s
         self.way_m += way_m
+        self.stood_s += dt_s if reading.speed_mps == 0.0 else 0.0
         driving_j = steady_w * (way_m / abs(reading.speed_mps) if reading.speed_mps > 0.0 else dt_s)  # NaN: by the way
         self.modelled_j += (modelled_w - steady_w) * dt_s + driving_j
         self.other_j += (modelled_w - steady_w) * dt_s

@@ -10,6 +10,7 @@ from homeward.companion.beforehand import Beforehand
 _HOME = {
     "trail": "home is back over the way out",
     "route": "home is back along the route, of which slopes and directions ahead are known",
+    "loop": "the route ends where it begins, and home is back along it: of a way out and back, give the way out",
     "moved": "home has moved: back along the way out as far as that helps, then straight on, times 1.3",
     "other way": "home is by the way given, over ground that rolls as here",
 }
@@ -21,7 +22,7 @@ def rests_on(has: Mapping[str, bool], known: Beforehand, home: str, has_cutoff: 
     Args:
         has: Which readings there have been: power, soc, grade, heading, position.
         known: What was known beforehand.
-        home: `trail`, `route`, `moved` or `other way`.
+        home: `trail`, `route`, `loop`, `moved` or `other way`.
         has_cutoff: Whether a cut-off voltage was given.
     """
     return _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, has_cutoff)
@@ -38,7 +39,7 @@ def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, has_cutoff: b
     sentences = [energy, _HOME[home]]
     if "position" not in has:
         sentences.append("no position: home is where it began, and the way is reckoned from speed and heading")
-    if "grade" not in has and home != "route":
+    if "grade" not in has and home not in ("route", "loop"):
         sentences.append("no slopes: the ground is taken to be flat, within 4 %")
     if "heading" not in has:
         sentences.append("no heading: the way is taken to be straight, so that a wind that helped will hurt")

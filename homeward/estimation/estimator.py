@@ -1,10 +1,4 @@
-"""Estimates of robots side by side: readings in, a distribution of the robot, the wind and the way home out.
-
-Excitation helps: at one speed wind and rolling look alike. With every eighth decision out at half speed the CRPS of the
-way home after 45 decisions is 0.0058 of a battery instead of 0.0085, and the 1e-3 quantile of the margin is 0.047
-instead of 0.065 below its mean (`uncertain` with a meter; 0.0080, 0.0098, 0.081 and 0.098 for `harsh` with a gauge;
-1,000 missions each of tests/estimation/world.py).
-"""
+"""Estimates of robots side by side: readings in, a distribution of the robot, the wind and the way home out."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 _EVERY, _AT = (40, 20), 10
 """Decisions of which one is driven towards home, as slowly as it goes, where the weather stays and where it changes,
 and which: of 10 to 50 by trial on OutAndBack. Each costs 0.1 to 0.2 % of the planner's score; without any a quarter of
-its missions strand in winds that were not forecast, with them 2 %."""
+its missions strand in winds that were not forecast, with them 1.4 %."""
 _FAR = 1.5
 """Decisions at cruise from home from which it is worth it."""
 

@@ -108,7 +108,7 @@ def update(
         places: `PLACE_DTYPE`, shape (n, places).
         rollings: Rolling resistance over the file's where it was met, shape (n, hypotheses, places).
     """
-    slope, moved, jump, bend = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(3)
+    slope, shared, jump, bend = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(3)
     for i in range(len(asked)):
         robot, reading = robots[i], readings[i]
         dt_s = reading.time_s - robot.time_s
@@ -117,8 +117,8 @@ def update(
         _see(v, robot, reading, places[i])
         used_before = mean_of(hypotheses[i], USED)
         coasts, first = _UNKNOWN, np.argmax(hypotheses[i]["log_weight"])
-        for place in range(hypotheses.shape[1]):
-            k = (first + place) % hypotheses.shape[1]
+        for after in range(hypotheses.shape[1]):
+            k = (first + after) % hypotheses.shape[1]
             if hypotheses[i, k].log_weight > -np.inf:
                 coasts = _drive(
                     v,
@@ -130,7 +130,7 @@ def update(
                     places[i],
                     rollings[i, k],
                     slope,
-                    moved,
+                    shared,
                     jump,
                     bend,
                     coasts,

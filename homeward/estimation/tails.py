@@ -1,7 +1,7 @@
 """Tails of what is estimated: heavier than those of the normal distributions that a filter reckons with.
 
 A filter of twelve numbers and a wind is surer in the tails than it should be: margins fall below its quantile at one in
-a thousand in up to nine of a thousand missions (docs/estimation.md). So probabilities are those of Student's t with as
+a thousand in up to seven of a thousand missions (docs/estimation.md). So probabilities are those of Student's t with as
 many standard deviations. By it a risk of one in a thousand asks for the normal quantile at one in a million, which is
 what the shield was tuned to.
 """

@@ -60,10 +60,10 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
         seen_as, driven_m = expected_as[0] - expected_as[sample], left_m[0] - left_m[sample]
         factor, unsure = 1.0, variance
         if seen_as > 0.0 and driven_m > 0.0:
-            shown, noise = (took_as[0] - took_as[sample]) / seen_as, sure.unexplained_over(driven_m) ** 2
+            shown, noise = (took_as[0] - took_as[sample]) / seen_as, scale_of(sure.unexplained_over(driven_m)) ** 2
             share = variance / (variance + noise) if variance > 0.0 else 0.0
             factor, unsure = 1.0 + share * (shown - 1.0), (1.0 - share) * variance
-        rest = sure.unexplained_over(max(left_m[sample], _LEAST_WAY_M))
+        rest = scale_of(sure.unexplained_over(max(left_m[sample], _LEAST_WAY_M)))
         rest_as = float(expected_as[sample])
         spreads.append(Spread(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
     mean, low, high = (np.array([getattr(one, name) for one in spreads]) for name in ("mean", "low", "high"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import pickle
 from typing import Any
 
@@ -10,17 +11,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from homeward import load_robot
 from homeward.agents import make_policy
 from homeward.agents.belief import Belief, prior_of
 from homeward.agents.evaluation import run_episodes
 from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward
+from homeward.companion.beforehand import known_of as companion_knows
 from homeward.envs.actions import encode_actions
 from homeward.envs.features import INDEX, NAMES
 from homeward.envs.options import Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
-from homeward.estimation import MARGIN_DTYPE
+from homeward.estimation import MARGIN_DTYPE, Prior
 from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, PER_CAPACITY, ROLLING, WEIGHT
 
 MISSED = 0.02
@@ -219,6 +222,16 @@ def test_what_is_known_beforehand_does_not_tell_what_is_hidden(hidden: dict[str,
     assert there.shared.tobytes() == here.shared.tobytes()
     assert (there.robot, there.difficulty, there.instruments) == (here.robot, here.difficulty, here.instruments)
     assert prior_of(there, MISSED) == prior_of(here, MISSED)
+
+
+def test_generic_priors_are_those_of_uncertain_missions() -> None:
+    """Estimation and companion know no environments, so that they have these numbers of their own."""
+    unsure = dataclasses.replace(load_robot("rusti"), uncertainty=None)
+    own = ("slope_within_place", "model_knows_slopes", "model_error")
+    for generic, instruments in ((Prior(), "exact"), (companion_knows(unsure, True).prior, "meter")):
+        missions = prior_of(known_of(Options("OutAndBack", instruments=instruments)), generic.missed)
+        for name, value in generic._asdict().items():
+            assert name in own or value == pytest.approx(getattr(missions, name), rel=5e-3), name
 
 
 def test_it_follows_from_the_observations_alone() -> None:

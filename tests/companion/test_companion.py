@@ -240,6 +240,17 @@ def route(sines: Any, place_m: float = 50.0) -> Route:
     return Route(place_m, grade, nothing, nothing, nothing)
 
 
+def test_of_a_home_that_moved_near_little_is_unsure_for_want_of_positions() -> None:
+    one, robot = companion(), Driven(every_s=5.0)
+    robot.drive(one, 0.0, 500.0)
+    robot.drive(one, 0.0, 2500.0, position=None)
+    one.move_home((2900.0, 0.0))
+    near = robot.drive(one, 0.0, 5.0, position=None)
+    assert near.way_home_m == pytest.approx(105.0, abs=9.0)
+    # 250 m that it may be off by, of a way of which a metre takes what it takes on the way out
+    assert near.energy_home_j.sd == pytest.approx(250.0 * robot.power_w(), rel=0.2)
+
+
 def test_another_way_home_is_costed_by_its_slopes_and_grows_shorter() -> None:
     one, robot = companion(), Driven()
     flat = robot.drive(one, 0.0, 1000.0)
@@ -263,6 +274,18 @@ def test_a_route_is_known_ahead() -> None:
     robot = Driven()
     robot.time_s = 900.0
     assert robot.drive(flat, HOME, 300.0, position=None).way_home_m == pytest.approx(599.0)
+
+
+def test_a_route_that_ends_where_it_begins_is_said() -> None:
+    heading = np.linspace(0.0, math.tau, 40, endpoint=False)
+    nothing = np.zeros(40)
+    loop = Companion("husky", route=Route(50.0, nothing, nothing, nothing, heading))
+    straight = Companion("husky", route=route([0.0] * 40))
+    assert any("ends where it begins" in text for text in loop.update(0.0, position=0.0).rests_on)
+    assert not any("ends where it begins" in text for text in straight.update(0.0, position=0.0).rests_on)
+    for place in range(40):
+        advice = loop.update(50.0 * (place + 1), speed_mps=1.0, power_w=150.0, heading_rad=float(heading[place]))
+    assert advice.way_home_m == pytest.approx(2000.0)  # back along it
 
 
 def test_a_cut_off_voltage_keeps_energy_in_the_battery() -> None:
@@ -292,6 +315,26 @@ def test_a_restart_goes_on_as_if_nothing_had_been(tmp_path: Path) -> None:
     on = robot.drive(other, 0.0, 300.0)
     assert on.way_home_m == pytest.approx(1534.0, abs=2.0)
     assert on.energy_home_j.low < robot.power_w() * 1534.0 < on.energy_home_j.high
+
+
+def test_a_state_with_another_way_home_asks_for_that() -> None:
+    one, other, by = companion(), companion(), route([0.05] * 30)
+    Driven().drive(one, 0.0, 100.0)
+    one.take_home(by)
+    state = json.loads(json.dumps(one.state()))
+    with pytest.raises(CompanionError, match="takes another way home; give it as other_way="):
+        other.restore(state)
+    with pytest.raises(CompanionError, match="is no route"):
+        other.restore(state, "track.gpx")  # type: ignore[arg-type]
+    other.restore(state, by)
+    assert other._advise() == one._advise()
+
+
+def test_a_state_has_the_fields_that_files_written_before_have() -> None:
+    assert set(companion().state()) == {
+        "schema", "robot", "dtype", "estimator", "way", "cutoff", "windows", "turned", "pace_mps", "pace_w", "has",
+        "moved_home", "other_way_m", "at_terminals", "clock_s", "counts",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("content", ["{}", "[]", "nonsense", '{"schema": 1, "robot": "rusti"}'])
@@ -399,6 +442,21 @@ def test_a_battery_that_is_swapped_untold_for_an_emptier_one_is_believed_and_sai
     assert advised[-1].energy_left_j.low < robot.left_j < advised[-1].energy_left_j.high
     said = [text for advice in advised for text in advice.warnings]
     assert any("less than was drawn from it: another battery?" in text for text in said)
+
+
+@pytest.mark.parametrize("positions", [True, False])
+def test_a_speed_that_sticks_at_nothing_is_said(positions: bool) -> None:
+    one, robot = companion(), Driven(every_s=5.0)
+    other = {} if positions else {"position": None}
+    robot.drive(one, 0.0, 300.0, **other)
+    assert robot.drive(one, 0.0, 100.0, **other).warnings == ()
+    stuck = robot.drive(one, 0.0, 300.0, speed_mps=0.0, **other)
+    said = next(text for text in stuck.warnings if text.startswith("the speed reads 0 while"))
+    assert ("home may be farther" in said) is not positions
+    stands = Driven(every_s=5.0)
+    stands.time_s = robot.time_s
+    idle = stands.drive(companion(), 0.0, 600.0, speed_mps=0.0, power_w=robot.power_w(0.0), position=(0.0, 0.0))
+    assert idle.warnings == ()
 
 
 def test_a_state_of_charge_that_sticks_is_said_and_not_believed() -> None:

@@ -23,7 +23,7 @@ from homeward.envs import IDS
 from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.conditions.instruments import INSTRUMENTS
 from homeward.envs.features import FEATURES
-from homeward.envs.options import ACTION_TYPES, SHAPINGS, OptionError
+from homeward.envs.options import ACTION_TYPES, OptionError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
@@ -49,12 +49,12 @@ def test_stable_baselines3_finds_nothing_to_say(combination: tuple[str, str, str
     checker.check_env(made(*combination).unwrapped)
 
 
-@pytest.mark.parametrize("shaping", SHAPINGS)
+@pytest.mark.parametrize("others", [{"shaping": "none"}, {"weather": "still"}, {"route": "hidden_wind"}], ids=str)
 @pytest.mark.parametrize("mission", MISSIONS)
-def test_neither_has_anything_to_say_of_the_shaping(mission: str, shaping: str) -> None:
+def test_neither_has_anything_to_say_of_other_variants(mission: str, others: dict[str, Any]) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     for check in (check_env, checker.check_env):
-        check(gym.make(IDS[mission], shaping=shaping).unwrapped)
+        check(gym.make(IDS[mission], **others).unwrapped)
 
 
 def test_ids_hold_their_mission() -> None:

@@ -11,7 +11,6 @@ from homeward.agents.evaluation.statistics import (
     iqm,
     performance_profile,
     probability_of_improvement,
-    stratified_means,
     wilson,
 )
 
@@ -117,11 +116,3 @@ def test_parts_do_not_change_the_draws_much(monkeypatch: pytest.MonkeyPatch) -> 
     whole = interval(Bootstrap(scores, 0).means()["a"])
     monkeypatch.setattr("homeward.agents.evaluation.statistics._CHUNK", 1000)
     assert interval(Bootstrap(scores, 0).means()["a"]) == pytest.approx(whole, rel=0.01)
-
-
-def test_strata_are_drawn_from_apart() -> None:
-    rng = np.random.default_rng(6)
-    strata = {name: rng.normal(1.0, 1.0, (1, 400)) for name in ("Survey", "Patrol")}
-    samples = stratified_means(strata, 0)
-    assert samples.mean() == pytest.approx(np.mean([one.mean() for one in strata.values()]), abs=0.01)
-    assert samples.std() == pytest.approx(0.05 / np.sqrt(2.0), rel=0.1)

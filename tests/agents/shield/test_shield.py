@@ -179,12 +179,6 @@ def test_actions_are_decoded_as_the_environment_takes_them(action_type: str) -> 
         assert commands.returns.tolist() == [mode == RETURN] * 3
 
 
-def test_a_confidence_that_nothing_was_tuned_for_is_refused() -> None:
-    options = Options("Survey")
-    with pytest.raises(ValueError, match=r"confidence = 0.5 is not allowed; choose from 0.999"):
-        Shield(Onward(known_of(options)), known_of(options), confidence=0.5)
-
-
 def test_numbers_far_from_the_prior_are_not_believed() -> None:
     """Down a slope with the wind on its back a robot rolls by itself; what it then finds out need not be what it is."""
     options = Options("OutAndBack", route="hidden_wind")

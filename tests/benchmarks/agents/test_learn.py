@@ -56,6 +56,7 @@ def test_figures_of_a_result() -> None:
     assert row["minus_rule_ci95"] == [10.0, 20.0]
     assert (row["last_greedy"], row["last_minus_first"], row["last_greedy_stranded_rate"]) == (36.0, -15.0, 0.25)
     assert row["last_minus_first_ci95"] == [-20.0, -10.0]
+    assert (row["last_minus_rule"], row["last_minus_rule_ci95"]) == (-14.0, [-19.0, -9.0])
     assert (row["stranded_rate"], row["dmax_adaptive_stranded_rate"]) == (0.125, 0.5)
 
 

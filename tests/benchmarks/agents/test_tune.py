@@ -19,7 +19,6 @@ from benchmarks.agents.tune import (
 )
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.reserves import PACES
-from homeward.agents.shield import shield
 from homeward.envs.options import OptionError, Options
 
 
@@ -49,11 +48,10 @@ def test_a_shield_keeps_back_the_least_that_is_safe_everywhere() -> None:
     assert tune.choose_for_shield(grids, 4096) == many
 
 
-def test_what_a_shield_keeps_back_is_tried_and_put_back() -> None:
-    before, seeds, options = dict(shield.RISKS), range(16), Options("OutAndBack")
+def test_what_a_shield_keeps_back_is_tried() -> None:
+    seeds, options = range(16), Options("OutAndBack")
     careful, bold = (run_trial((Attempt("shield", options, (one,)), seeds)) for one in (1e-6, 0.4))
     assert careful.stranded == 0 < bold.stranded
-    assert dict(shield.RISKS) == before
 
 
 def test_tuning_prints_reserves_for_each_mission_and_runs_no_trial_twice(

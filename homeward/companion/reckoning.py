@@ -1,0 +1,369 @@
+"""What a companion asks the estimator: windows of readings in, what the way home takes and leaves out."""
+
+from __future__ import annotations
+
+import base64
+import math
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.companion.advice import Spread
+from homeward.companion.beforehand import Beforehand
+from homeward.companion.readings import CompanionError, Reading
+from homeward.companion.way import RouteLike, Step
+from homeward.companion.window import Window
+from homeward.estimation import PLAN_DTYPE, READING_DTYPE, Estimator, Margin, vehicle_of
+from homeward.estimation.drive import modelled_driving
+from homeward.estimation.estimator import NO_WAYS
+from homeward.estimation.home import home_cost, modelled_power
+from homeward.estimation.prior import PER_CAPACITY, USED, WEIGHT
+from homeward.estimation.tails import normal_risk
+from homeward.physics import Robot
+from homeward.physics.jit import announce_first_compilation
+from homeward.physics.kernel import full_charge
+from homeward.physics.metered import at_terminals
+
+_OFTEN = 0.2
+"""Of a place, for which a slope that is read stands at most, to be taken for that of the way since the reading before.
+One reading a window may be of the other direction of travel, where the robot has just turned: taken for that of the
+way, it turns 60 missions of benchmarks/on_the_robot/companion.py home at 82 % of the shield's distance, not 96 %."""
+_NO_SLOPE_SD = 0.04
+"""Standard deviation of a slope's sine where none is read: that of generated routes."""
+_PACE = 0.2
+"""Weight that the last window has in the present pace."""
+_MOST_STATE = 10_000_000
+"""Bytes of a state that are unpacked at most."""
+_ONE = np.ones(1, np.bool_)
+
+
+class WayHome(NamedTuple):
+    """The way home from here.
+
+    Attributes:
+        way_m: How long it is.
+        cost_j: What it takes by the robot's own model.
+        unsure_j: Standard deviation of that for want of a position.
+        ways: Its stretches where it is not the way out, `WAY_DTYPE`; None where it is.
+    """
+
+    way_m: float
+    cost_j: float
+    unsure_j: float
+    ways: NDArray[np.void] | None
+
+
+class Reckoning:
+    """The robot as it is known now, and what a way takes and leaves by that.
+
+    Args:
+        robot: The robot, as its file says.
+        known: What is known of it beforehand.
+        places: Number of places that are kept.
+        place_m: Length of a place, m.
+        cruise_mps: Speed on the way home, m/s.
+        risk: Of not getting home that is accepted.
+        route: The route, if there is one.
+        forecast_mps: Forecast of the wind, towards where it comes from, east and north, if there is one.
+
+    Attributes:
+        known: What is known beforehand, as its meter has it.
+        vehicle: Numbers of the robot's own model, as the estimator has them.
+        at_terminals: Whether power is voltage times current, so that what is lost inside the battery does not show.
+        windows: How many were taken in.
+        pace_mps: Speed of late, stops included.
+        pace_w: Power of late, by the robot's own model, beyond driving steadily.
+        speed_mps: Last speed that was read.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        known: Beforehand,
+        *,
+        places: int,
+        place_m: float,
+        cruise_mps: float,
+        risk: float,
+        route: RouteLike | None,
+        forecast_mps: tuple[float, float] | None,
+    ) -> None:
+        announce_first_compilation()
+        self._robot, self._route, self._normal_risk = robot, route, normal_risk(risk)
+        self._places, self._forecast_mps = places, forecast_mps or (0.0, 0.0)
+        self.known, self.at_terminals = known, False
+        self.vehicle = vehicle_of(robot, place_m, cruise_mps)
+        self._meter(robot)
+        self.begin()
+        self._compile()
+
+    def _meter(self, robot: Robot) -> float:
+        """Reckon with the robot as the meter sees it; answers its power at cruise, W."""
+        self._record, self._state = robot.record(), full_charge(robot)
+        self._state["step_s"] = 1.0
+        standing_w, cruising_w = (
+            modelled_power(self.vehicle, self._record, self._state, speed, 0.0, 0.0, 0.0, 0.0, 1.0)[0]
+            for speed in (0.0, self.vehicle.cruise_mps)
+        )
+        self.vehicle = self.vehicle._replace(idle_w=float(standing_w))
+        return float(cruising_w)
+
+    def see_terminals(self) -> None:
+        """From now on power is voltage times current: a battery that loses some inside gives less, and draws none."""
+        if self.at_terminals:
+            return
+        inside, self.at_terminals = self._meter(self._robot), True
+        share = self._meter(at_terminals(self._robot)) / inside
+        prior = self.known.prior
+        prior = prior._replace(capacity=share * prior.capacity, capacity_sd=share * prior.capacity_sd)
+        self.known = self.known._replace(prior=prior)
+        self._estimator.vehicle, self._estimator.prior = self.vehicle, prior
+        h = self._estimator.state["hypotheses"]
+        h["mean"][..., PER_CAPACITY] /= share
+        h["covariance"][..., PER_CAPACITY, :] /= share
+        h["covariance"][..., :, PER_CAPACITY] /= share
+
+    def begin(self) -> None:
+        """Begin anew with what was known beforehand."""
+        self._estimator = Estimator(self.vehicle, self.known.prior, self._places, 1)
+        forecast = np.array(self._forecast_mps)
+        self._estimator.begin(_ONE, forecast[:1], forecast[1:])
+        self._estimator.state["hypotheses"]["covariance"][..., WEIGHT, WEIGHT] += self.known.weight_sd**2
+        self._extra, self.windows = np.zeros(self._places), 0
+        self.pace_mps, self.pace_w = self.vehicle.cruise_mps, self.vehicle.idle_w
+        self.speed_mps = self._heading_rad = math.nan
+        if self._route is not None:
+            places = self.places
+            places["sine"] = places["sine_driven"] = np.sin(self._route.grade_rad)
+            places["east"], places["north"] = np.cos(self._route.heading_rad), np.sin(self._route.heading_rad)
+            places["readings"] = 1.0
+
+    def _compile(self) -> None:
+        """Run every kernel once; nothing of it stays."""
+        kept = self._estimator.state.copy()
+        reading = np.zeros(1, READING_DTYPE)
+        reading["time_s"], reading["position_m"], reading["east"] = 1.0, self.vehicle.place_m, 1.0
+        self._estimator.update(reading, _ONE)
+        self._estimator.relocate(0.5 * self.vehicle.place_m)
+        self.leaves(self.way_home(1.0, 0.0))
+        self._estimator.state[:] = kept
+
+    @property
+    def places(self) -> NDArray[np.void]:
+        """What is noted of the places of the way out, shape (places,)."""
+        places: NDArray[np.void] = self._estimator.state["places"][0]
+        return places
+
+    @property
+    def soc(self) -> float:
+        """State of charge by what was drawn, a share."""
+        spent, per_capacity = self._estimator.mean()[0, [USED, PER_CAPACITY]]
+        return float(self._estimator.state["robot"]["soc_start"][0] - spent * per_capacity)
+
+    @property
+    def used(self) -> float:
+        """Energy drawn, a share of a full battery by the robot's file."""
+        return float(self._estimator.mean()[0, USED])
+
+    @property
+    def driving_w(self) -> float:
+        """Power half way between standing and driving at cruise on the flat, by the robot's own model."""
+        return self.vehicle.idle_w + 0.5 * modelled_driving(self.vehicle, 0.0, self.vehicle.cruise_mps) * (
+            self.vehicle.cruise_mps
+        )
+
+    def recharge(self, soc: float) -> None:
+        """Another battery, of which nothing was learned: its state of charge, a share."""
+        self._estimator.recharge(soc, self.known.prior.soc_sd)
+
+    def model(self, reading: Reading, step: Step) -> tuple[float, float, float]:
+        """Power since the reading before by the robot's own model, see `modelled_power`, W."""
+        if reading.dt_s <= 0.0:
+            self.speed_mps, self._heading_rad = reading.speed_mps, step.heading_rad
+            return 0.0, 0.0, 0.0
+        speed = abs(reading.speed_mps) if math.isfinite(reading.speed_mps) else step.way_m / reading.dt_s
+        before = abs(self.speed_mps) if math.isfinite(self.speed_mps) else speed
+        turn = math.remainder(step.heading_rad - self._heading_rad, math.tau)
+        sine = math.sin(reading.grade_rad) if math.isfinite(reading.grade_rad) else 0.0
+        self._state["speed_mps"], self._state["step_s"] = before, reading.dt_s
+        powers: tuple[float, float, float] = modelled_power(
+            self.vehicle, self._record, self._state, speed, reading.sensing_hz, (speed - before) / reading.dt_s, sine,
+            turn / reading.dt_s if math.isfinite(turn) else 0.0, 1.0,
+        )  # fmt: skip
+        if math.isfinite(reading.speed_mps):
+            self.speed_mps = reading.speed_mps
+        if math.isfinite(step.heading_rad):
+            self._heading_rad = step.heading_rad
+        return powers
+
+    @contextmanager
+    def with_open(self, window: Window, position_m: float) -> Iterator[None]:
+        """With a window taken in that is not over yet; nothing of it stays."""
+        kept = self._estimator.state.copy()
+        try:
+            if window.time_s > 0.0:
+                self._take_in(window, position_m)
+            yield
+        finally:
+            self._estimator.state[:] = kept
+
+    def take_in(self, window: Window, position_m: float) -> None:
+        """Take in a window that is over, and note what it says of ground and pace.
+
+        Args:
+            window: Of some length.
+            position_m: Way home at its end, m.
+        """
+        self._take_in(window, position_m)
+        self.windows += 1
+        place_m, here = self.vehicle.place_m, self._place_at(position_m)
+        self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
+        self.pace_w = (1.0 - _PACE) * self.pace_w + _PACE * ((window.other_j - window.extra_j) / window.time_s)
+        if window.way_m > 0.01 * place_m:
+            extra = window.extra_j / window.way_m
+            share = min(window.way_m / place_m, 1.0)
+            self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
+
+    def _take_in(self, window: Window, position_m: float) -> None:
+        """Let the estimator take in a window."""
+        robot = self._estimator.state["robot"][0]
+        change_m = position_m - float(robot["position_m"])
+        straight = window.straight(change_m)
+        outwards = change_m >= 0.0 or not straight
+        sign = 1.0 if outwards else -1.0
+        reading = np.zeros(1, READING_DTYPE)
+        r = reading[0]
+        r["time_s"] = float(robot["time_s"]) + window.time_s
+        r["position_m"] = position_m if straight else float(robot["position_m"]) + window.way_m
+        r["power_w"], r["soc"] = window.power_w, window.soc
+        # Slopes that are read often enough are known as they are within a place, and not only in the mean.
+        often = window.slopes > 1 and window.way_m <= _OFTEN * self.vehicle.place_m * window.slopes
+        r["modelled_j"] = window.modelled_j if often and math.isfinite(window.sine) else np.nan
+        r["other_j"] = window.other_j - self.vehicle.idle_w * window.time_s
+        r["speed_mps"] = window.speed_mps
+        east, north = window.direction
+        # Without a direction: straight out, so that a wind that helped on the way out hurts on the way home.
+        r["east"], r["north"] = (sign * east, sign * north) if math.isfinite(east) else (1.0, 0.0)
+        r["sine"] = sign * window.sine if math.isfinite(window.sine) else self._sine_noted(float(r["position_m"]))
+        prior = self.known.with_unexplained(window.way_m)
+        changes: dict[str, float] = {}
+        if math.isnan(window.sine) and window.way_m > 0.0 and self._route is None:
+            changes["slope_noise"] = _NO_SLOPE_SD
+        changes["power_noise"] = math.hypot(prior.power_noise * window.of_the_mean, window.power_noise)
+        self._estimator.prior = prior._replace(**changes)
+        self._estimator.update(reading, _ONE)
+        self._estimator.prior = self.known.prior
+        if not straight:
+            self._estimator.relocate(position_m)
+
+    def _place_at(self, position_m: float) -> int:
+        return min(int(position_m / self.vehicle.place_m), self._places - 1)
+
+    def _sine_noted(self, position_m: float) -> float:
+        """Slope that the route has, 0 without one."""
+        return 0.0 if self._route is None else float(np.sin(self._route.grade_rad[self._place_at(position_m)]))
+
+    def way_home(self, way_m: float, unsure_m: float, ways: NDArray[np.void] | None = None) -> WayHome:
+        """The way home and what it takes by the robot's own model.
+
+        Args:
+            way_m: How long it is; of `ways`, what they are together.
+            unsure_m: Standard deviation of that for want of a position.
+            ways: Its stretches where it is not the way out, `WAY_DTYPE`.
+        """
+        if ways is None:
+            cost_j = float(home_cost(self.vehicle, self.places, self._extra, way_m))
+        else:
+            cost_j = self._at_cruise_j(ways) + self._standing_j(way_m)
+        return WayHome(way_m, cost_j, unsure_m * (cost_j / max(way_m, self.vehicle.place_m)), ways)
+
+    def leaves(self, home: WayHome, onwards_m: float = 0.0) -> Margin:
+        """What is left at home after driving on at the present pace, and then home."""
+        plan = self._plan(onwards_m, home.cost_j)
+        plan["elsewhere"], plan["unsure_j"] = float(home.ways is not None), home.unsure_j
+        return self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m)
+
+    def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> Spread:
+        """What a way from here takes that was not driven yet, as the robot is known now, metered J.
+
+        Args:
+            ways: Its stretches, `homeward.estimation.WAY_DTYPE`, shape (m,).
+            other_j: What the robot's own model has for all but driving steadily on it, J: standing, turning.
+        """
+        total = self._over(ways, self._at_cruise_j(ways) + other_j)
+        return Spread(float(total["cost_j"]), float(total["cost_sd_j"]))
+
+    def after(self, ways: NDArray[np.void]) -> Spread:
+        """Energy that a way from here leaves, see `ahead`, with nothing taken but standing and driving steadily, J."""
+        total = self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum())))
+        return Spread(float(total["margin_j"]), float(total["margin_sd_j"]))
+
+    def _over(self, ways: NDArray[np.void], cost_j: float) -> np.void:
+        """What a way from here takes and leaves, `MARGIN_DTYPE`, where the robot's own model has its cost."""
+        plan = self._plan(0.0, cost_j)
+        plan["elsewhere"] = 1.0
+        total: np.void = self._margin(plan, ways, float(ways["way_m"].sum())).total[0]
+        return total
+
+    def _plan(self, onwards_m: float, home_cost_j: float) -> NDArray[np.void]:
+        """Plan of driving on at the present pace, and then home."""
+        plans = np.zeros(1, PLAN_DTYPE)
+        plan, v = plans[0], self.vehicle
+        pace_mps = max(self.pace_mps, self._robot.min_speed_mps)
+        plan["onwards_m"], plan["onwards_s"] = onwards_m, onwards_m / pace_mps
+        plan["speed_mps"] = min(max(pace_mps, 1e-3), self._robot.max_speed_mps)
+        plan["onwards_j"] = max(self.pace_w, v.idle_w) * plan["onwards_s"]
+        plan["home_mps"], plan["home_cost_j"], plan["sine"] = v.cruise_mps, home_cost_j, np.nan
+        plan["knows_ahead"] = float(self._route is not None)
+        return plans
+
+    def _margin(self, plan: NDArray[np.void], ways: NDArray[np.void] | None, way_m: float) -> Margin:
+        """What a plan over some way leaves."""
+        self._estimator.prior = self.known.with_unexplained(way_m)
+        margin = self._estimator.margin(plan, self._normal_risk, NO_WAYS if ways is None else ways)
+        self._estimator.prior = self.known.prior
+        return margin
+
+    def _at_cruise_j(self, ways: NDArray[np.void]) -> float:
+        """Energy of driving steadily over a way, by the robot's own model."""
+        v = self.vehicle
+        return sum(modelled_driving(v, float(one["sine"]), v.cruise_mps) * float(one["way_m"]) for one in ways)
+
+    def _standing_j(self, way_m: float) -> float:
+        """Energy of standing for as long as a way takes at cruise."""
+        return self.vehicle.idle_w / self.vehicle.cruise_mps * way_m
+
+    def state(self) -> dict[str, Any]:
+        """For a restart."""
+        content = self._estimator.state.tobytes() + self._extra.tobytes()
+        return {
+            "dtype": self._digest(), "estimator": base64.b85encode(zlib.compress(content, 9)).decode(),
+            "windows": self.windows, "pace_mps": self.pace_mps, "pace_w": self.pace_w,
+            "at_terminals": self.at_terminals,
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from `state`, made alike.
+
+        Raises:
+            CompanionError: It is of another version or of another route.
+            KeyError, TypeError, ValueError, zlib.error: It is none.
+        """
+        if state["dtype"] != self._digest():
+            raise CompanionError("the state is of another version or of another route; begin anew")
+        content = zlib.decompressobj().decompress(base64.b85decode(state["estimator"]), _MOST_STATE)
+        size = self._estimator.state.nbytes
+        self.begin()
+        if state["at_terminals"]:
+            self.see_terminals()
+        self._estimator.state[:] = np.frombuffer(content[:size], self._estimator.state.dtype)
+        self._extra[:] = np.frombuffer(content[size:], np.float64)
+        self.windows, self.pace_mps = int(state["windows"]), float(state["pace_mps"])
+        self.pace_w = float(state["pace_w"])
+
+    def _digest(self) -> str:
+        return f"{zlib.crc32(repr(self._estimator.state.dtype.descr).encode()):08x}"
