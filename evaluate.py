@@ -31,11 +31,11 @@ from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.episode_plots import episode_png, route_png
 from homeward.agents.evaluation.learning_curve import Point, read_curve
 from homeward.agents.evaluation.learning_plot import learning_png
-from homeward.agents.evaluation.margins import LEVELS as EQUAL
-from homeward.agents.evaluation.margins import Curve, curve_of, margins_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
-from homeward.agents.evaluation.summary import Bounds, Evaluation
+from homeward.agents.evaluation.summary import Evaluation, Optima
 from homeward.agents.evaluation.tasks import run_agents
+from homeward.agents.evaluation.tradeoff import LEVELS as EQUAL
+from homeward.agents.evaluation.tradeoff import Curve, curve_of, margins_png
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
@@ -251,11 +251,11 @@ def _check_optimum(options: Options) -> None:
         raise AgentError(f"--optimum: {error}") from None
 
 
-def _optimum(args: Args, options: Options, seeds: Sequence[int]) -> Bounds:
+def _optimum(args: Args, options: Options, seeds: Sequence[int]) -> Optima:
     from homeward.agents.oracle import solve
 
     found = solve(options, seeds, args.jobs, args.cluster)
-    return Bounds(found.lower, found.upper)
+    return Optima(found.lower, found.upper)
 
 
 def _warn_of_transfer(agents: Mapping[str, Sequence[Policy]], env_id: str, env: HomewardVectorEnv) -> None:

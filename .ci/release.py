@@ -81,7 +81,7 @@ def release(root: Path, version: str) -> None:
     set_version(root, version, datetime.date.today())
     try:
         build(root)
-    except ReleaseError:
+    except BaseException:  # Ctrl-C, too
         _run(root, "git", "checkout", "--quiet", "--", *PLACES)
         raise
     print(

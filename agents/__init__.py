@@ -10,4 +10,7 @@ if __name__ == "agents":
 from homeward.agents.base import Policy
 from homeward.agents.registry import AGENTS, AgentError, make_policy
 
-__all__ = ["AGENTS", "AgentError", "Policy", "make_policy"]
+__all__ = [
+    "AGENTS", "AgentError", "Policy", "evaluation", "learning", "make_policy", "onboard", "oracle", "planner", "shield",
+    "trained",
+]  # fmt: skip

@@ -12,7 +12,7 @@ from homeward.envs.conditions.weather import FORECAST_ERROR_MPS, GUSTINESS, WAND
 from homeward.envs.options import Known
 from homeward.envs.routes.route import HIDDEN_WIND_MPS, KNOTS, NEW_PATCH, WIND_SCALE_MPS
 from homeward.envs.state import RETURN
-from homeward.estimation import READING_DTYPE, Estimate, Estimator, Margin, Prior, Vehicle
+from homeward.estimation import READING_DTYPE, Estimator, Margin, Prior, StateEstimate, Vehicle
 from homeward.estimation.excitation import looks_back
 
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
@@ -180,6 +180,6 @@ class Belief:
         """What plans leave, see `homeward.estimation.Estimator.margin`; without the quantile where the risk is 0."""
         return self.estimator.margin(plans, risk)
 
-    def estimate(self) -> Estimate:
+    def estimate(self) -> StateEstimate:
         """Parameters and wind, see `homeward.estimation.Estimator.estimate`."""
         return self.estimator.estimate()

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from homeward.agents.base import Policy
 from homeward.agents.learning.settings import DMAX, SCRATCH
 from homeward.agents.registry import FROM_FILES, AgentError, shipped
+from homeward.agents.trained.environment import options_of
 from homeward.agents.trained.inputs import BeliefInputs
 from homeward.agents.trained.onnx_policy import load_onnx
 from homeward.agents.trained.policy_file import load_policy
-from homeward.agents.trained.setting import options_of
 from homeward.envs import IDS
 from homeward.envs.actions import MODES, decode_actions, encode_actions
 from homeward.envs.features import FEATURES, INDEX

@@ -18,8 +18,8 @@ from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.random_policy import RandomPolicy
+from homeward.agents.rules.reserves import PACES, RESERVES
 from homeward.agents.rules.soc50 import StateOfChargeRule
-from homeward.agents.rules.tuned import PACES, RESERVES
 from homeward.envs.actions import action_space
 from homeward.envs.batch import observation_space
 from homeward.envs.options import Known

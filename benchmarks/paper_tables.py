@@ -29,7 +29,7 @@ COMPUTER_W = (8.0, 15.0)
 """Least and most power of the embedded computer that the paper names as its next step."""
 
 
-class Mission(NamedTuple):
+class FieldTest(NamedTuple):
     """One field test of Table II."""
 
     course: str
@@ -39,12 +39,12 @@ class Mission(NamedTuple):
 
 
 MISSIONS = (
-    Mission("box", 0.997, 1.368, 0.0),
-    Mission("box", 0.367, 2.143, 0.0),
-    Mission("box", 0.286, 2.87, 0.0),
-    Mission("incline", 0.999, 1.768, INCLINE_RAD),
-    Mission("incline", 0.462, 2.296, INCLINE_RAD),
-    Mission("incline", 0.133, 4.70, INCLINE_RAD),
+    FieldTest("box", 0.997, 1.368, 0.0),
+    FieldTest("box", 0.367, 2.143, 0.0),
+    FieldTest("box", 0.286, 2.87, 0.0),
+    FieldTest("incline", 0.999, 1.768, INCLINE_RAD),
+    FieldTest("incline", 0.462, 2.296, INCLINE_RAD),
+    FieldTest("incline", 0.133, 4.70, INCLINE_RAD),
 )
 """Table II."""
 
@@ -68,7 +68,7 @@ PRINTED_SHARES_PCT = {
 """Composition as Table III prints it, %."""
 
 
-def mission_hours(robot: Robot, mission: Mission) -> float:
+def mission_hours(robot: Robot, mission: FieldTest) -> float:
     """Hours that the model gives a mission of Table II at `SPEED_MPS` on a full battery, sensing at rest.
 
     The incline is shuttled, so that its power is the mean of uphill and downhill; a negative force draws nothing.

@@ -59,7 +59,7 @@ class Args:
 
 
 @dataclass(frozen=True)
-class Row:
+class Timing:
     """One line of the table: what was measured, in whose units, and what is asked for."""
 
     measure: str
@@ -71,7 +71,7 @@ class Row:
 
 def main(args: Args) -> None:
     """Measure everything and print the table."""
-    tasks: list[Callable[[], Row]] = [
+    tasks: list[Callable[[], Timing]] = [
         lambda name=name, place=place: vector_step(name, place)  # type: ignore[misc]
         for name in TARGETS
         for place in range(len(SIZES))
@@ -129,7 +129,7 @@ def _seconds(work: Callable[[], Any]) -> float:
     return time.perf_counter() - start
 
 
-def vector_step(effects: str, place: int) -> Row:
+def vector_step(effects: str, place: int) -> Timing:
     """Environment steps per second of the native vector env against CartPole's."""
     count, rounds = SIZES[place], max(100, 100_000 // SIZES[place])
     entry: Any = gym.VectorizeMode.VECTOR_ENTRY_POINT
@@ -151,7 +151,7 @@ def vector_step(effects: str, place: int) -> Row:
 
     peer_s, ours_s, ratio = paired(step_cartpole, step_survey)
     steps = rounds * count / 1e6
-    return Row(
+    return Timing(
         f"vector step, {effects}, {count} envs", f"{steps / ours_s:.1f} M/s", f"CartPole {steps / peer_s:.1f} M/s",
         ratio, f"{TARGETS[effects][place]:g} x",
     )  # fmt: skip
@@ -276,7 +276,7 @@ def free_share() -> float:
     return statistics.fmean(float(process.communicate()[0]) for process in processes)
 
 
-def scalar_step() -> Row:
+def scalar_step() -> Timing:
     """Microseconds of a scalar step against CartPole's, both unwrapped."""
     rounds = 20_000
     cartpole, survey = gym.make("CartPole-v1").unwrapped, gym.make(IDS["Survey"], difficulty="known").unwrapped
@@ -292,10 +292,10 @@ def scalar_step() -> Row:
 
     peer_s, ours_s, ratio = paired(lambda: step(cartpole, [0, 1]), lambda: step(survey, actions))
     per_step = 1e6 / rounds
-    return Row("scalar step", f"{ours_s * per_step:.1f} us", f"CartPole {peer_s * per_step:.1f} us", ratio, "1 x")
+    return Timing("scalar step", f"{ours_s * per_step:.1f} us", f"CartPole {peer_s * per_step:.1f} us", ratio, "1 x")
 
 
-def replay_rate() -> Row:
+def replay_rate() -> Timing:
     """Samples of a recording per second, through the whole public function."""
     samples = 1_000_000
     time_s: NDArray[np.float64] = np.arange(samples, dtype=np.float64) / 10.0
@@ -306,10 +306,10 @@ def replay_rate() -> Row:
     seconds = statistics.median(
         _seconds(lambda: replay(robot, time_s, speed_mps, grade_rad=grade_rad)) for _ in range(PAIRS)
     )
-    return Row("replay of a recording", f"{samples / seconds / 1e6:.1f} M samples/s", "", None, "5 M samples/s")
+    return Timing("replay of a recording", f"{samples / seconds / 1e6:.1f} M samples/s", "", None, "5 M samples/s")
 
 
-def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Row:
+def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Timing:
     """An hour at 10 Hz in five runs, with effects concealed, through the whole diagnosis."""
     robot, runs = load_robot("husky"), []
     for seed in range(5):
@@ -320,10 +320,10 @@ def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Row:
     analyse(runs[:1], robot)  # compiles
     seconds = _seconds(lambda: analyse(runs, robot))
     told = f"{', '.join(hidden) or 'nothing'} concealed"
-    return Row(f"diagnosis, 1 h at 10 Hz, 5 runs, {told}", f"{seconds:.1f} s", "", None, target)
+    return Timing(f"diagnosis, 1 h at 10 Hz, 5 runs, {told}", f"{seconds:.1f} s", "", None, target)
 
 
-def import_time() -> Row:
+def import_time() -> Timing:
     """Seconds of `import homeward` beyond NumPy and Gymnasium, in fresh processes, and whether it compiles."""
     code = (
         "import time, numpy, gymnasium; start = time.perf_counter(); import homeward; "
@@ -332,10 +332,10 @@ def import_time() -> Row:
     with tempfile.TemporaryDirectory() as folder:
         seconds = statistics.median(float(_python(code, folder)) for _ in range(5))
         compiled = sum(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
-    return Row("import homeward", f"{seconds:.2f} s", f"{compiled} kernels compiled", None, "0.5 s, 0 kernels")
+    return Timing("import homeward", f"{seconds:.2f} s", f"{compiled} kernels compiled", None, "0.5 s, 0 kernels")
 
 
-def first_use() -> Row:
+def first_use() -> Timing:
     """Seconds to the first step of a scalar env in a new process: compiling, and from the cache."""
     code = (
         "import time, gymnasium, homeward; start = time.perf_counter(); env = gymnasium.make('homeward/Survey-v0'); "
@@ -343,7 +343,7 @@ def first_use() -> Row:
     )
     with tempfile.TemporaryDirectory() as folder:
         cold_s, warm_s = float(_python(code, folder)), float(_python(code, folder))
-    return Row("first use of an env", f"cold {cold_s:.1f} s", f"from the cache {warm_s:.2f} s", None, "")
+    return Timing("first use of an env", f"cold {cold_s:.1f} s", f"from the cache {warm_s:.2f} s", None, "")
 
 
 def _python(code: str, cache: str) -> str:
@@ -351,7 +351,7 @@ def _python(code: str, cache: str) -> str:
     return subprocess.run([sys.executable, "-c", code], env=env, stdout=subprocess.PIPE, text=True, check=True).stdout
 
 
-def ppo_rate() -> Row:
+def ppo_rate() -> Timing:
     """Environment steps per second of `train.py`'s learner against stable-baselines3's PPO on CartPole with 8 envs."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
@@ -378,7 +378,7 @@ def ppo_rate() -> Row:
         ours_rate.append(PPO_STEPS / _seconds(learn_ours))
         peer_rate.append(PPO_STEPS / 4 / _seconds(learn_peer))
         ratios.append(ours_rate[-1] / peer_rate[-1])
-    return Row(
+    return Timing(
         "PPO", f"{statistics.median(ours_rate):,.0f} steps/s",
         f"SB3 CartPole {statistics.median(peer_rate):,.0f} steps/s", statistics.median(ratios), "3 x",
     )  # fmt: skip

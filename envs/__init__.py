@@ -10,6 +10,11 @@ if __name__ == "envs":
 
 from gymnasium.envs import registration  # not `gymnasium`, of which old versions come here half imported
 
+__all__ = [
+    "IDS", "MULTI_OBJECTIVE_IDS", "actions", "features", "multi_objective", "options", "register", "routes", "scalar",
+    "vector", "viewer",
+]  # fmt: skip
+
 IDS = {mission: f"homeward/{mission}-v0" for mission in ("OutAndBack", "Survey", "Patrol")}
 """Environment id of each mission."""
 MULTI_OBJECTIVE_IDS = {mission: f"homeward/MO{mission}-v0" for mission in IDS}

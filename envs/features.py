@@ -26,7 +26,7 @@ _STRETCHES = tuple(
 )
 
 FEATURES: tuple[tuple[str, str, str], ...] = (
-    ("energy", "usable energy", "state of charge by the gauge"),
+    ("energy", "usable energy", "state of charge according to the gauge"),
     (
         "metered",
         "usable energy",

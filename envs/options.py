@@ -27,7 +27,7 @@ from homeward.envs.state import (
     SURVEY,
 )
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, optimal_speed
-from homeward.physics.bounds import Bounds
+from homeward.physics.allowed import Bounds
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")

@@ -12,9 +12,12 @@ from homeward.physics import Robot, RobotError, load_robot
 
 __version__ = "0.1.0"
 
-__all__ = ["Robot", "RobotError", "__version__", "load_robot", "physics"]
+__all__ = [
+    "Robot", "RobotError", "__version__", "agents", "companion", "datasets", "diagnosis", "envs", "estimation",
+    "load_robot", "logs", "parallel", "physics",
+]  # fmt: skip
 
-_LATER = ("agents", "companion", "datasets", "diagnosis", "estimation")
+_LATER = ("agents", "companion", "datasets", "diagnosis", "estimation", "logs", "parallel")
 """Parts that are imported when they are first asked for, so that `import homeward` stays light."""
 
 _register()

@@ -24,7 +24,7 @@ class SearchError(ValueError):
 
 
 @dataclass(frozen=True)
-class Range:
+class SearchRange:
     """Numbers to search, whole ones between whole ends, else real ones; both ends belong to it.
 
     Raises:
@@ -49,7 +49,7 @@ class Trial:
 
 
 def search(
-    space: Mapping[str, Range | tuple[Any, ...]],
+    space: Mapping[str, SearchRange | tuple[Any, ...]],
     trials: int,
     objective: Callable[[int, dict[str, Any]], float],
     study_file: Path,
@@ -104,10 +104,10 @@ def import_optuna() -> Any:
     return optuna
 
 
-def _distribution(one: Range | tuple[Any, ...]) -> optuna.distributions.BaseDistribution:
+def _distribution(one: SearchRange | tuple[Any, ...]) -> optuna.distributions.BaseDistribution:
     from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
-    if not isinstance(one, Range):
+    if not isinstance(one, SearchRange):
         return CategoricalDistribution(one)
     log = one.low > 0.0 and one.high >= LOG_FROM * one.low
     if isinstance(one.low, int) and isinstance(one.high, int):

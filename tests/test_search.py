@@ -9,9 +9,13 @@ from typing import Any
 
 import pytest
 
-from homeward.search import Range, SearchError, Trial, search
+from homeward.search import SearchError, SearchRange, Trial, search
 
-SPACE: dict[str, Range | tuple[Any, ...]] = {"rate": Range(1e-4, 1e-1), "width": Range(1, 9), "start": ("cold", "warm")}
+SPACE: dict[str, SearchRange | tuple[Any, ...]] = {
+    "rate": SearchRange(1e-4, 1e-1),
+    "width": SearchRange(1, 9),
+    "start": ("cold", "warm"),
+}
 
 
 def bowl(number: int, settings: dict[str, Any]) -> float:
@@ -70,7 +74,7 @@ def test_a_search_that_was_stopped_tries_the_same(tmp_path: Path) -> None:
 @pytest.mark.parametrize("ends", [(2.0, 1.0), (1, 1), (0.0, math.inf), (math.nan, 1.0)])
 def test_ends_that_make_no_range_are_refused(ends: tuple[float, float]) -> None:
     with pytest.raises(SearchError, match=r"is no range; give LOW\.\.HIGH with LOW below HIGH"):
-        Range(*ends)
+        SearchRange(*ends)
 
 
 def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

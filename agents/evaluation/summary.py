@@ -38,7 +38,7 @@ _THRESHOLDS = 101
 
 
 @dataclass(frozen=True)
-class Bounds:
+class Optima:
     """Optimum of each episode with full knowledge, as two bounds, shape (episodes,)."""
 
     lower: NDArray[np.float64]
@@ -63,7 +63,7 @@ class Evaluation:
     seed: int
     seeds: list[int]
     runs: Mapping[str, Sequence[Run]]
-    optimum: Bounds | None = None
+    optimum: Optima | None = None
 
     def scores(self) -> dict[str, Scores]:
         """Scores of each agent, shape (training seeds, episodes)."""
@@ -155,7 +155,7 @@ def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:
     }
 
 
-def _shares(scores: Scores, optimum: Bounds | None) -> dict[str, float | None]:
+def _shares(scores: Scores, optimum: Optima | None) -> dict[str, float | None]:
     """Mean score over that of the oracle's rollout, and over the bound that nothing exceeds: the truth is between."""
     if optimum is None:
         return {"share_of_optimum": None, "share_of_optimum_at_least": None}

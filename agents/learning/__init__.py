@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from homeward.installed import advice
 
+__all__ = ["sb3_vec_env", "settings"]
+
 if TYPE_CHECKING:
     from homeward.agents.learning.sb3_adapter import SB3Adapter
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.evaluation.tasks import self_contained
-from homeward.agents.oracle.case import Case, case_of
-from homeward.agents.oracle.plan import bound_out_and_back, bound_patrol
+from homeward.agents.oracle.linear_programs import bound_out_and_back, bound_patrol
+from homeward.agents.oracle.problem import Problem, problem_of
 from homeward.agents.oracle.rates import REFUSED, measure_rates
 from homeward.agents.oracle.search import best_actions, guide_out_and_back, guide_patrol, points_of
 from homeward.envs.options import Options
@@ -24,7 +24,7 @@ from homeward.envs.vector import HomewardVectorEnv
 from homeward.parallel import run_tasks
 from homeward.physics import load_robot
 
-__all__ = ["Optimum", "OracleError", "score_of", "solve"]
+__all__ = ["Optimum", "OracleError", "check", "score_of", "solve"]
 
 
 class OracleError(ValueError):
@@ -105,12 +105,12 @@ def _solve_some(task: tuple[Options, list[int]]) -> Optimum:
     env.reset(seed=seeds)
     upper, actions = np.empty(len(seeds)), []
     for i in range(len(seeds)):
-        upper[i], found = _solve(case_of(env.batch, i))
+        upper[i], found = _solve(problem_of(env.batch, i))
         actions.append(found)
     return Optimum(score_of(options, seeds, actions), upper, tuple(actions))
 
 
-def _solve(case: Case) -> tuple[float, NDArray[np.int64]]:
+def _solve(case: Problem) -> tuple[float, NDArray[np.int64]]:
     rates = measure_rates(case)
     decision_s, pit_stop_s = float(case.shared["decision_s"]), float(case.shared["pit_stop_s"])
     points_m = points_of(rates, decision_s)

@@ -3,7 +3,7 @@
 A mission spends energy, time and memory. Give each a price: a joule, a second, and a sample on board, whose price is
 linear in position within each piece of the route. On the way out a metre at some speed and sensing rate gives a score,
 takes energy and time, and adds samples, of which the radio sends some; a second at a stand takes energy and time, and
-the radio sends more. The way home takes energy and time. Whatever a policy does, its score is no more than
+the radio sends more. The way home consumes energy and time. Whatever a policy does, its score is no more than
 
     the sum, over the metres that it reaches, of the best (score - price of all that the metre takes out and home)
     + price of a joule * energy of the full battery + price of a second * time limit

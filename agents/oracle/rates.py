@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.oracle import kernel
-from homeward.agents.oracle.case import Case
+from homeward.agents.oracle.problem import Problem
 from homeward.envs.actions import LEVELS, at_level
 from homeward.physics.effects import EFFECTS
 
@@ -69,7 +69,7 @@ class Rates:
         return self.place_m / PIECES
 
 
-def measure_rates(case: Case) -> Rates:
+def measure_rates(case: Problem) -> Rates:
     """Measure what a mission meets; its robot has none of the effects `REFUSED`."""
     energy_j, case = float(case.start["energy_j"][0]), case.copy()
     for record in (case.robot, case.constants["nominal"]):
@@ -90,7 +90,7 @@ def measure_rates(case: Case) -> Rates:
         time_s=float(s["max_decisions"] * s["decision_s"]),
         memory=float(s["backlog_limit"]),
     )
-    case.start["energy_j"] *= 0.5  # so that the battery takes what a descent gives back
+    case.start["energy_j"] *= 0.5  # so that the battery has room for what a descent gives back
     kernel.measure(
         case.constants, case.robot, case.route, case.start, case.start.copy(), PIECES, rates.out_w, rates.home_w,
         rates.standing_w, rates.gain_per_m, rates.samples_per_m, rates.radio_hz,

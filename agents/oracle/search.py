@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from homeward.agents.oracle import kernel
 from homeward.agents.oracle.bound import Prices, leg_w, worth
-from homeward.agents.oracle.case import Case
-from homeward.agents.oracle.plan import Plan
+from homeward.agents.oracle.linear_programs import Plan
+from homeward.agents.oracle.problem import Problem
 from homeward.agents.oracle.rates import PIECES, Array, Rates
 from homeward.envs.actions import LEVELS
 from homeward.envs.state import GO, STOP, SURVEY
@@ -97,7 +97,7 @@ def points_of(rates: Rates, decision_s: float) -> Array:
     return np.asarray(step_m * np.arange(int(rates.places * rates.place_m / step_m) + 2))
 
 
-def best_actions(case: Case, guide: Guide, rates: Rates, points_m: Array) -> NDArray[np.int64]:
+def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> NDArray[np.int64]:
     """Search for the best mission.
 
     Returns:

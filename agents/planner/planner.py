@@ -16,7 +16,7 @@ from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_lap import LapRule
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.rule import BelievingRule, sees_posts
+from homeward.agents.rules.turn_back import STEEPEST_SINE, BelievingRule, sees_posts
 from homeward.envs.actions import LEVELS, at_level, encode_actions, limits
 from homeward.envs.options import Known
 from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
@@ -34,7 +34,6 @@ from homeward.estimation.prior import (
 )
 from homeward.physics import ancillary_power, d_max
 
-_STEEPEST_SINE = 0.7
 _TYPICAL_SHARE = 2.0 / 3.0
 """Share of a metre's information in the setting's expected one: that of half of the fastest rate."""
 
@@ -79,8 +78,8 @@ class Planner(Policy):
         model["speeds_mps"], model["rates_hz"] = (at_level(np.arange(LEVELS), *ends) for ends in limits(known))
         idle_w = ancillary_power(robot, 0.0)
         model["sensing"] = (ancillary_power(robot, model["rates_hz"]) - idle_w) / s["usable_j"]
-        model["standing"], model["steepest"] = idle_w / s["usable_j"], _STEEPEST_SINE
-        sines = np.linspace(-_STEEPEST_SINE, _STEEPEST_SINE, model["per_m"].shape[1])
+        model["standing"], model["steepest"] = idle_w / s["usable_j"], STEEPEST_SINE
+        sines = np.linspace(-STEEPEST_SINE, STEEPEST_SINE, model["per_m"].shape[1])
         for level, speed_mps in enumerate(model["speeds_mps"]):
             model["per_m"][level] = 1.0 / np.asarray(d_max(robot, float(speed_mps), np.arcsin(sines)))
         model["interest"] = s["information_per_m"] / _TYPICAL_SHARE

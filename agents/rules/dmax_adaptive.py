@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.rule import BelievingRule, Outlook
+from homeward.agents.rules.turn_back import BelievingRule, Outlook
 from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
@@ -25,7 +25,7 @@ class AdaptiveDmaxRule(BelievingRule):
 
     What a decision took is a ratio times its modelled driving plus another times its modelled sensing, and an error
     with a variance that grows with both. Weighted least squares, drawn towards ratios of 1, finds the two; with one
-    ratio for both the sensing of the way out would hide what driving home costs. The way home is scaled by the ratio
+    ratio for both the sensing of the way out would hide what driving home consumes. The way home is scaled by the ratio
     of driving. Its standard deviation is the spread of decisions around the fit together with what they cannot show.
 
     Args:
@@ -77,7 +77,7 @@ class AdaptiveDmaxRule(BelievingRule):
         self._square += weight * used * used
 
     def _sensing(self, observations: Observations) -> NDArray[np.float64]:
-        """What the sensing of the decision before took by the robot's file."""
+        """What the sensing of the decision before consumed by the robot's file."""
         robot, s = self._known.robot, self._known.shared[0]
         rate_hz = feature(observations, "sensing") * s["max_sensing_hz"]
         power_w = ancillary_power(robot, rate_hz) - ancillary_power(robot, 0.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from homeward.agents.base import Observations
 from homeward.agents.belief import Belief
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.rule import BelievingRule, Outlook
+from homeward.agents.rules.turn_back import BelievingRule, Outlook
 from homeward.envs.options import Known
 from homeward.estimation.prior import PER_CAPACITY
 
@@ -33,7 +33,7 @@ class BeliefDmaxRule(BelievingRule):
         belief: What it believes.
     """
 
-    chances = 1.0  # it knows what the next one takes
+    chances = 1.0  # it knows what the next one consumes
 
     def __init__(self, known: Known, pace: Pace, deviations: float, step_mps: float | None = None) -> None:
         super().__init__(known, pace, deviations)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.rule import BelievingRule, Outlook
+from homeward.agents.rules.turn_back import BelievingRule, Outlook
 from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 

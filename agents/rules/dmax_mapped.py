@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.rule import TurnBackRule
+from homeward.agents.rules.turn_back import TurnBackRule
 from homeward.envs.options import Known
 
 

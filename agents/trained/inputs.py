@@ -17,8 +17,8 @@ from homeward.agents.belief import Belief
 from homeward.agents.rules.dmax_belief import MISSED
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
-from homeward.agents.rules.rule import sees_posts
-from homeward.agents.rules.tuned import PACES, RESERVES
+from homeward.agents.rules.reserves import PACES, RESERVES
+from homeward.agents.rules.turn_back import sees_posts
 from homeward.envs.actions import LEVELS, MODES, encode_actions
 from homeward.envs.features import GAINS, INDEX, NAMES
 from homeward.envs.options import Known
@@ -162,15 +162,15 @@ class BeliefInputs:
 
 
 def make_inputs(known: Known) -> BeliefInputs:
-    """Inputs with the reserve of the rule `dmax_belief` (`homeward.agents.rules.tuned`)."""
+    """Inputs with the reserve of the rule `dmax_belief` (`homeward.agents.rules.reserves`)."""
     return BeliefInputs(known, RESERVES["dmax_belief"][known.mission])
 
 
 def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
-    """The inputs that a description tells of.
+    """The inputs that a description names.
 
     Raises:
-        ValueError, KeyError, TypeError: It tells of none, or of those of another version.
+        ValueError, KeyError, TypeError: It names none, or those of another version.
     """
     if description["columns"] != [name for name, _ in COLUMNS]:
         raise ValueError("other columns than this version has")

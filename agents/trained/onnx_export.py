@@ -21,10 +21,10 @@ from rich import box
 from rich.table import Table
 
 from homeward import cli
+from homeward.agents.trained.environment import setting_of
 from homeward.agents.trained.inputs import COLUMNS
 from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
 from homeward.agents.trained.policy_file import NetworkPolicy, PolicyFileError, load_policy
-from homeward.agents.trained.setting import setting_of
 from homeward.envs.actions import limits, thirds
 from homeward.envs.features import FEATURES
 from homeward.envs.options import Known, OptionError

@@ -30,7 +30,7 @@ _OPSET, _IR_VERSION = 17, 8
 
 
 @dataclass(frozen=True)
-class Quantity:
+class PhysicalInput:
     """One column of the input: physical value = zero + size * feature."""
 
     name: str
@@ -40,7 +40,7 @@ class Quantity:
     meaning: str
 
 
-def quantities(known: Known) -> list[Quantity]:
+def quantities(known: Known) -> list[PhysicalInput]:
     """What the columns of the input are in physical units, in the order of `homeward.envs.features.FEATURES`.
 
     Args:
@@ -67,7 +67,7 @@ def quantities(known: Known) -> list[Quantity]:
     columns = []
     for name, unit, meaning in FEATURES:
         physical, size, zero = units[unit]
-        columns.append(Quantity(name, physical, float(size), zero, meaning.removesuffix(f" above {zero:g} C")))
+        columns.append(PhysicalInput(name, physical, float(size), zero, meaning.removesuffix(f" above {zero:g} C")))
     return columns
 
 

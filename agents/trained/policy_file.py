@@ -42,7 +42,7 @@ def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
     """Actions, shape (n, 3), with nothing sensed by who stops or heads home: there is no new ground to be seen.
 
     Choices of speed, sensing and mode are drawn each for itself: without this, a stop that is tried costs sensing in
-    vain, and learns that stops do not pay.
+    vain, and learns that stops gain nothing.
     """
     return silenced(actions, modes(actions) != GO)
 
@@ -203,7 +203,7 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
             inputs = inputs_from(description["inputs"], known)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise PolicyFileError(
-                f"{folder / DESCRIPTION} tells of other inputs than this version has, train again: {error!r}"
+                f"{folder / DESCRIPTION} names other inputs than this version has, train again: {error!r}"
             ) from None
     return NetworkPolicy(layers, action_space, description, inputs)
 

@@ -19,8 +19,8 @@ _LEARNER = (
     "belief.py",
     "rules/dmax_mapped.py",
     "rules/pace.py",
-    "rules/rule.py",
-    "rules/tuned.py",
+    "rules/turn_back.py",
+    "rules/reserves.py",
 )
 _COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "randomise")
 

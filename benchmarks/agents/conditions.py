@@ -31,7 +31,7 @@ from homeward.agents.evaluation import Episodes, episode_seeds
 from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
 from homeward.agents.evaluation.tasks import run_agents
 from homeward.agents.registry import AGENTS, Request
-from homeward.agents.rules.tuned import PACES
+from homeward.agents.rules.reserves import PACES
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.files import write_whole
 from homeward.parallel import ClusterError, TaskError

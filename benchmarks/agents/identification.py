@@ -1,7 +1,7 @@
 """How well a robot that estimates itself and the wind knows its way home: the tables of docs/estimation.md.
 
 `python benchmarks/agents/identification.py` drives missions out for some decisions, asks two for the distribution of
-the way home, and drives home to see what it takes, as a share of a full battery: `belief`, from
+the way home, and drives home to see what it consumes, as a share of a full battery: `belief`, from
 `homeward.agents.belief`, and `ratio`, from `dmax_adaptive`, which scales the map by measured over modelled consumption.
 Once they have answered, the battery is given more than the way home can take, so that the missions that would strand
 count as well.
@@ -109,12 +109,12 @@ def _expected_absolute(mean: Array, sd: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Drive:
+class Forecasts:
     """What was forecast and what came of it, of the missions that came home; shares are of a full battery.
 
     Attributes:
         forecasts: Of the way home, as a share, by who made them.
-        home_share: What it took, shape (missions,).
+        home_share: What it consumed, shape (missions,).
         wind_mps: Distance of the wind that is believed from the wind that blows, shape (missions,).
         rolling: Error of the rolling resistance where the robot is, as a share of it, shape (missions,).
         below: Whether the margin was below its quantile, shape (missions,).
@@ -131,7 +131,7 @@ class Drive:
     update_us: float
 
 
-def drive(options: Options, seeds: list[int], count: int) -> Drive:
+def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
     """Drive out for some decisions, looking back as the planner does, ask for the way home, and drive home.
 
     Args:
@@ -173,7 +173,7 @@ def drive(options: Options, seeds: list[int], count: int) -> Drive:
         _step(batch, np.repeat(home_action, len(seeds), axis=0), observations)
     used_j = m["ledger_j"].sum(axis=1) - used_j
     home = m["home"] & alive
-    return Drive(
+    return Forecasts(
         {name: Mixture(*(part[home] for part in one)) for name, one in forecasts.items()},
         (used_j / full_j)[home],
         wind_mps[home],
@@ -190,7 +190,7 @@ def _step(batch: Batch, actions: NDArray[np.int64], observations: Observations) 
 
 
 def top_up(batch: Batch) -> None:
-    """Give missions more energy than any way home takes. What a descent can give back is as much as before."""
+    """Give missions more energy than any way home consumes. What a descent can give back is as much as before."""
     m = batch.records
     more_j = _BATTERIES * m["capacity_j"]
     m["energy_j"] += more_j
@@ -272,7 +272,7 @@ def _tables(args: Args) -> tuple[Table, Table]:
     return ways, rest
 
 
-def _add_ways(ways: Table, difficulty: str, count: int, found: Drive, seed: int) -> None:
+def _add_ways(ways: Table, difficulty: str, count: int, found: Forecasts, seed: int) -> None:
     crps = {name: one.crps(found.home_share) for name, one in found.forecasts.items()}
     means = Bootstrap({name: one[None] for name, one in crps.items()}, seed).means()
     ratio = span(crps["belief"].mean() / crps["ratio"].mean(), interval(means["belief"] / means["ratio"]), ".3f")

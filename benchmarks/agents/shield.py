@@ -30,7 +30,7 @@ from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
 from homeward.agents.evaluation.statistics import Bootstrap, interval, wilson
 from homeward.agents.planner import Planner
 from homeward.agents.registry import AGENTS, Request
-from homeward.agents.rules.tuned import RESERVES
+from homeward.agents.rules.reserves import RESERVES
 from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward, Wanderer
 from homeward.envs.conditions.difficulty import DIFFICULTIES

@@ -1,4 +1,4 @@
-"""Tune rules, planner and shield, each with as many trials: the numbers of `agents/rules/tuned.py` and of the shield.
+"""Tune rules, planner and shield, each with as many trials: the numbers of `reserves.py` and of the shield.
 
 `python benchmarks/agents/tune.py` prints the tables and the numbers. Missions have seeds of their own, which neither
 training nor evaluation meets; the robot is the default one, and who strands scores 0.
@@ -22,33 +22,32 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numba
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
+from benchmarks.kept import Kept
+from benchmarks.tables import rate, table
 from homeward import cli
 from homeward.agents.base import Policy
 from homeward.agents.evaluation import run_episodes
-from homeward.agents.evaluation.statistics import wilson
 from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax import DmaxRule
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.pace import NO_SENSING, Pace
+from homeward.agents.rules.reserves import PACES
 from homeward.agents.rules.soc50 import StateOfChargeRule
-from homeward.agents.rules.tuned import PACES
 from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward
 from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
 from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
-from homeward.files import write_whole
-from homeward.parallel import ClusterError, code_hash, run_tasks
+from homeward.parallel import ClusterError, run_tasks
 
 ROUNDS = 3
 CANDIDATES = [
@@ -92,7 +91,7 @@ class Args:
     """Folder of the trials that are finished."""
 
 
-class Outcome(NamedTuple):
+class Scored(NamedTuple):
     """Mean score and number of stranded missions."""
 
     score: float
@@ -100,7 +99,7 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Trial:
+class Attempt:
     """An agent with its numbers in an environment.
 
     Attributes:
@@ -126,12 +125,12 @@ class Trial:
         return RULES[self.name][0](known, self.pace, *self.numbers)
 
 
-def run_trial(task: tuple[Trial, range]) -> Outcome:
+def run_trial(task: tuple[Attempt, range]) -> Scored:
     """Mean score and strandings of a trial."""
     trial, seeds = task
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
     episodes = run_episodes(trial.policy(known_of(trial.options)), trial.options, seeds).episodes
-    return Outcome(float(episodes.score.mean()), int(episodes.stranded.sum()))
+    return Scored(float(episodes.score.mean()), int(episodes.stranded.sum()))
 
 
 class Trials:
@@ -144,27 +143,16 @@ class Trials:
     def __init__(self, args: Args) -> None:
         first = _FIRST_SEED + args.seed * _SEEDS_APART
         self.episodes, self._seeds, self._jobs = args.episodes, range(first, first + args.episodes), args.jobs
-        self._file, self._common = args.out / "tune.json", {"seeds": [first, args.episodes], "code": code_hash()}
-        self._kept: dict[str, Outcome] = {}
-        if self._file.is_file():
-            content: dict[str, Any] = json.loads(self._file.read_text())
-            if {name: content.get(name) for name in self._common} == self._common:
-                self._kept = {name: Outcome(*one) for name, one in content["trials"].items()}
+        self._kept = Kept(args.out / "tune.json", seeds=[first, args.episodes])
 
-    def run(self, trials: Iterable[Trial], title: str) -> list[Outcome]:
+    def run(self, trials: Iterable[Attempt], title: str) -> list[Scored]:
         """Outcomes of trials, in their order."""
-        named = {repr(trial): trial for trial in trials}
-
-        def keep(name: str, outcome: Outcome) -> None:
-            self._kept[name] = outcome
-            write_whole(self._file, json.dumps({**self._common, "trials": self._kept}) + "\n")
-
-        missing = {name: (trial, self._seeds) for name, trial in named.items() if name not in self._kept}
-        run_tasks(run_trial, missing, jobs=self._jobs, keep=keep, title=title)
-        return [self._kept[name] for name in named]
+        named = {repr(trial): (trial, self._seeds) for trial in trials}
+        run_tasks(run_trial, self._kept.missing(named), jobs=self._jobs, keep=self._kept.keep, title=title)
+        return [Scored(*self._kept.results[name]) for name in named]
 
 
-Grid = Mapping[float, Outcome]
+Grid = Mapping[float, Scored]
 """What came of each reserve."""
 
 
@@ -174,13 +162,13 @@ def try_reserves(trials: Trials, mission: str, names: Sequence[str], pace: Pace)
     return {
         name: _grid(
             RULES[name][1],
-            trials.run((Trial(name, options, (one,), pace) for one in RULES[name][1]), f"{mission}: {name}"),
+            trials.run((Attempt(name, options, (one,), pace) for one in RULES[name][1]), f"{mission}: {name}"),
         )
         for name in names
     }
 
 
-def _grid(reserves: Sequence[float], outcomes: Sequence[Outcome]) -> Grid:
+def _grid(reserves: Sequence[float], outcomes: Sequence[Scored]) -> Grid:
     return dict(zip(reserves, outcomes, strict=True))
 
 
@@ -200,12 +188,12 @@ def tune_pace(trials: Trials, mission: str, console: Console) -> Pace:
     for _ in range(0 if pace == NO_SENSING else ROUNDS):
         rules = [name for name in PACED_BY if name in RULES]
         grids = try_reserves(trials, mission, rules, pace)
-        (half,) = trials.run([Trial("soc50", options, (0.5,), pace)], f"{mission}: soc50")
+        (half,) = trials.run([Attempt("soc50", options, (0.5,), pace)], f"{mission}: soc50")
         numbers = {"soc50": (0.5, half.score)}
         numbers |= {name: (best_reserve(grid), grid[best_reserve(grid)].score) for name, grid in grids.items()}
         totals = dict.fromkeys(CANDIDATES, 0.0)
         for name, (reserve, scale) in numbers.items():
-            tried = (Trial(name, options, (reserve,), one) for one in CANDIDATES)
+            tried = (Attempt(name, options, (reserve,), one) for one in CANDIDATES)
             for one, outcome in zip(CANDIDATES, trials.run(tried, f"{mission}: pace, {name}"), strict=True):
                 totals[one] += outcome.score / scale / len(numbers)
         console.print(pace_table(mission, totals))
@@ -220,7 +208,7 @@ def tune_planner(trials: Trials, missions: Sequence[str]) -> tuple[dict[str, Gri
     grids = {}
     for mission, difficulty in itertools.product(missions, ("uncertain", "harsh")):
         options = Options(mission, difficulty=difficulty)
-        tried = (Trial("planner", options, (one,)) for one in DEVIATIONS)
+        tried = (Attempt("planner", options, (one,)) for one in DEVIATIONS)
         name = f"planner, {mission}, {difficulty}"
         grids[name] = _grid(DEVIATIONS, trials.run(tried, name))
     return grids, choose_for_planner(grids, trials.episodes)
@@ -242,7 +230,7 @@ def tune_shield(trials: Trials) -> tuple[dict[str, Grid], float]:
     for difficulty, route in itertools.product(("uncertain", "harsh"), (GENERATED, HIDDEN_WIND)):
         options = Options("OutAndBack", difficulty=difficulty, route=route)
         name = f"{difficulty}, {route}"
-        tried = (Trial("shield", options, (one,)) for one in DECISION_RISKS)
+        tried = (Attempt("shield", options, (one,)) for one in DECISION_RISKS)
         grids[name] = _grid(DECISION_RISKS, trials.run(tried, f"shield, {name}"))
     return grids, choose_for_shield(grids, trials.episodes)
 
@@ -268,36 +256,28 @@ def _choose(grids: Mapping[str, Grid], stranded: Mapping[float, float], most: fl
 
 def pace_table(mission: str, totals: Mapping[Pace, float]) -> Table:
     """The ten best paces."""
-    table = Table(title=f"{mission}: mean score over all rules, relative to the pace in use", box=box.SIMPLE_HEAD)
-    for heading in ("rate", "interest", "full", "score"):
-        table.add_column(heading, justify="right")
+    title = f"{mission}: mean score over all rules, relative to the pace in use"
+    shown = table(title, (), ("rate", "interest", "full", "score"))
     for pace in sorted(totals, key=lambda one: -totals[one])[:10]:
-        table.add_row(f"{pace.rate:g}", f"{pace.interest:g}", f"{pace.full:g}", f"{totals[pace]:.4f}")
-    return table
+        shown.add_row(f"{pace.rate:g}", f"{pace.interest:g}", f"{pace.full:g}", f"{totals[pace]:.4f}")
+    return shown
 
 
 def outcome_table(
     title: str, heading: str, grids: Mapping[str, Grid], chosen: Mapping[str, float], episodes: int
 ) -> Table:
     """Score and stranding rate of each agent or setting by the number that is chosen."""
-    table = Table(title=title, box=box.SIMPLE_HEAD)
-    for one in ("", heading, "score", "stranded (95 %)"):
-        table.add_column(one, justify="right" if one else "left")
+    shown = table(title, ("",), (heading, "score", "stranded (95 %)"))
     for name, grid in grids.items():
         for number, outcome in grid.items():
-            low, high = wilson(outcome.stranded, episodes)
-            table.add_row(
-                name,
-                f"{number:g}",
-                f"{outcome.score:.4g}",
-                f"{outcome.stranded / episodes:.2%} ({low:.2%} to {high:.2%})",
-                style="bold" if number == chosen[name] else "",
-            )
-    return table
+            style = "bold" if number == chosen[name] else ""
+            stranded = rate(outcome.stranded, episodes)
+            shown.add_row(name, f"{number:g}", f"{outcome.score:.4g}", stranded, style=style)
+    return shown
 
 
 def main(args: Args) -> None:
-    """Tune, and print what belongs into `agents/rules/tuned.py` and `agents/shield/shield.py`.
+    """Tune, and print what belongs into `agents/rules/reserves.py` and `agents/shield/shield.py`.
 
     Raises:
         OptionError, ClusterError: An argument cannot be used.

@@ -1,10 +1,10 @@
-"""How often the 90 % interval of a corrected file holds what the rest of a drive then takes, on drives held out.
+"""How often the 90 % interval of a corrected file holds what the rest of a drive consumes, on drives held out.
 
 `python benchmarks/on_the_robot/range_coverage.py --out runs/range_coverage` goes the way that a user goes: recordings
 are diagnosed, `corrected.toml` is written with its table `[uncertainty]`, and `homeward.watch` predicts from that file,
-as if live, what the rest of drives takes that were not diagnosed. It prints, by part, how often the interval held the
-truth, with an interval of that by what is independent of each other (robots, blocks or runs, drawn anew), bias, half
-the interval and CRPS, beside that of plain d_max (Tiwari et al., Eq. 8, on the flat at the drive's mean speed and duty
+as if live, what the rest of other drives consumes. It prints, by part, how often the interval held the truth,
+with an interval of that by what is independent of each other (robots, blocks or runs, drawn anew), bias, half the
+interval and CRPS, beside that of plain d_max (Tiwari et al., Eq. 8, on the flat at the drive's mean speed and duty
 cycle), as the file was given and as it was corrected. `range_drives.py` says what is driven. Finished sites are kept.
 """
 
@@ -40,8 +40,8 @@ from homeward.diagnosis.read.signals import signals, steps_s
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.estimation.tails import DEGREES, deviations
 from homeward.physics import Robot, d_max, load_robot
+from homeward.watch.predictions import Watched, rest_of
 from homeward.watch.replay import watch
-from homeward.watch.watched import Watched, rest_of
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ def crps(mean: Array, scale: Array, truth: Array) -> Array:
 
 
 def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array]) -> dict[str, Any]:
-    """Scores of one held-out drive or window: sums over its moments, over the sum of what the rest took.
+    """Scores of one held-out drive or window: sums over its moments, over the sum of what the rest consumed.
 
     `bias` is the sum of predictions over that of what came, less 1; `width` half the interval; `nominal` and
     `corrected` the absolute error of plain d_max by the two files.

@@ -18,8 +18,8 @@ from numpy.random import Generator
 
 from benchmarks.concealed.plants.cases import misset
 from benchmarks.concealed.plants.chain import rollout
-from benchmarks.concealed.plants.drives import make_drives, make_route
 from benchmarks.concealed.plants.instruments import NOISES, Logging, record
+from benchmarks.concealed.plants.motion import make_drives, make_route
 from benchmarks.concealed.plants.vehicles import VEHICLES
 from homeward.datasets import fetch
 from homeward.files import write_whole

@@ -110,8 +110,8 @@ _GUIDED = (
 
 def targets() -> dict[str, Target]:
     """Every loader by name."""
+    from homeward.agents.trained.environment import setting_of
     from homeward.agents.trained.policy_file import PolicyFileError, load_policy
-    from homeward.agents.trained.setting import setting_of
     from homeward.diagnosis import RecordingError, load_columns, read_recording
     from homeward.envs.conditions.instruments import InstrumentError, load_instruments
     from homeward.envs.options import OptionError

@@ -83,7 +83,7 @@ class Command:
 
 
 @dataclass
-class Outcome:
+class Ending:
     """What became of a command's runs."""
 
     kills: int = 0
@@ -228,7 +228,7 @@ def _fault(path: Path) -> str:
     return ""
 
 
-def main(args: Args) -> dict[str, Outcome]:
+def main(args: Args) -> dict[str, Ending]:
     """Kill, fill and forbid; print and write the table."""
     rng, outcomes = np.random.default_rng(args.seed), {}
     with tempfile.TemporaryDirectory() as name:
@@ -248,10 +248,10 @@ def main(args: Args) -> dict[str, Outcome]:
 
 def _disturb(
     name: str, command: Command, folder: Path, kills: int, ray_kills: int, rng: np.random.Generator
-) -> Outcome:  # fmt: skip
+) -> Ending:  # fmt: skip
     folder.mkdir()
     folder.chmod(0o755)
-    outcome = Outcome()
+    outcome = Ending()
     warm(run, [*command.words, "--out", str(folder / "warm")], folder)
     began = time.monotonic()
     code, said = _finish_fork(command.words, folder / "undisturbed")
@@ -269,7 +269,7 @@ def _disturb(
 
 
 def _one_run(
-    command: Command, out: Path, wanted: object, kills: int, outcome: Outcome, rng: np.random.Generator
+    command: Command, out: Path, wanted: object, kills: int, outcome: Ending, rng: np.random.Generator
 ) -> None:  # fmt: skip
     """A run that is killed, goes on, is perhaps killed again, and ends."""
     outcome.runs += 1
@@ -374,13 +374,13 @@ def _judged(code: int, said: str, wrong: list[str]) -> str:
     return "; ".join(wrong) if wrong else "refused in one line"
 
 
-def _row(name: str, one: Outcome) -> str:
+def _row(name: str, one: Ending) -> str:
     broke = "; ".join(f"{what} ({count})" for what, count in one.faults.items() if count) or "nothing"
     return (f"| {name} | {one.undisturbed_s:.1f} s | {one.kills} | {one.equal} of {one.runs} | {broke} | {one.full} "
             f"| {one.read_only} | {one.workers} |")  # fmt: skip
 
 
-def _table(outcomes: dict[str, Outcome]) -> str:
+def _table(outcomes: dict[str, Ending]) -> str:
     head = ["| command | undisturbed | kills | equal results | broke | full disk | read-only folder | Ray workers |",
             "|---|---|---|---|---|---|---|---|"]  # fmt: skip
     return "\n".join([*head, *(_row(name, one) for name, one in outcomes.items())]) + "\n"

@@ -110,7 +110,7 @@ MEAN_INTEREST, INTEREST_DEVIATION = 1.23, 1.0
 
 @inline
 def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind_out: bool) -> None:
-    """Draw a route of some number of places and its day, into the records of a mission.
+    """Draw a route of some number of places and its weather, into the records of a mission.
 
     Distributions, with lengths as shares of the route so that any robot meets the same variety. At each of 9 knots:
 

@@ -34,14 +34,14 @@ from homeward.installed import advice
 
 Array = NDArray[np.float64]
 
-SPACING_M = 5.0
+SPACING_M = 5.0  # least, between points: nearer ones differ by the receiver's noise
 GRID_M = 5.0
-MEDIAN_M = 50.0
-SIGMA_M = 25.0
-LEAST_RISE_M = 2.0
+MEDIAN_M = 50.0  # of the running median, against spikes
+SIGMA_M = 25.0  # of the Gaussian, against noise; docs/logs_and_routes.md has the ascent that comes out
+LEAST_RISE_M = 2.0  # smaller ones are noise; chosen on two tracks of known ascent, see the same page
 STEEPEST = 0.5  # sine of 30 degrees
-CAPPED_SHARE = 0.02
-SHORTEST_M = 100.0
+CAPPED_SHARE = 0.02  # chosen: with more cut slopes the heights are wrong
+SHORTEST_M = 100.0  # shorter, smoothing would leave nothing of it
 JUMP_M = 100_000.0  # between neighbouring points: farther than any ground robot drives on a charge
 
 MOST_BYTES = 100_000_000

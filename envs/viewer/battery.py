@@ -1,4 +1,4 @@
-"""The battery: where its energy went, what is left, and what of that the way home takes."""
+"""The battery: where its energy went, what is left, and what of that the way home consumes."""
 
 from __future__ import annotations
 

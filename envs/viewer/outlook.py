@@ -15,7 +15,7 @@ _SINES = np.linspace(-0.7, 0.7, 57)
 _HOPELESS_J_PER_M = 1e12  # of a slope that the robot cannot climb on any battery
 
 
-class Outlook:
+class PointOfNoReturn:
     """What ground costs by the robot's own model, and what follows from it for a mission.
 
     Ground that was driven has the cost that the environment notes there. For ground ahead Eq. 8 gives the energy per
@@ -42,7 +42,7 @@ class Outlook:
         Args:
             m: Mission record.
             places: Its route, `PLACE_DTYPE`, shape (places,).
-            spare_j: Energy by the power meter beyond what the way home costs, J.
+            spare_j: Energy by the power meter beyond what the way home consumes, J.
 
         Returns:
             Distance along the route, m; None where it lies beyond the end of the route.
@@ -64,7 +64,7 @@ class Outlook:
         driven = places[: int(m["mapped"])]
         edges = np.arange(len(driven) + 1) * float(self._known.shared[0]["place_m"])
         last = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
-        # What the battery does not pay for is left when it is empty.
+        # What the battery does not cover is left when it is empty.
         return float(np.interp(-spare_j, np.append(driven["home_cost_j"], last), edges))
 
     def laps_left(self, m: Any, places: NDArray[np.void], spare_j: float) -> float:

@@ -13,7 +13,7 @@ from homeward.envs.batch import Batch
 from homeward.envs.conditions import weather
 from homeward.envs.features import home_cost
 from homeward.envs.sensing import information
-from homeward.envs.viewer.outlook import Outlook
+from homeward.envs.viewer.outlook import PointOfNoReturn
 from homeward.physics.kernel import CAUSES
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -58,7 +58,7 @@ class Scene:
         position_m: Distance from home along the route, m.
         furthest_m: The furthest so far, m.
         direction: 1 away from home, -1 towards it, also while a return is asked for that is not final.
-        no_return_m: Point of no return by the robot's own model, m; None where there is none, see `Outlook`.
+        no_return_m: Point of no return by the robot's own model, m; None where there is none, see `PointOfNoReturn`.
         runs_out_m: Where the battery will be empty on the way home by the robot's own model; None if it gets home.
         laps_left: Laps that a patrol may add by the robot's own model, None for other missions.
         full_j: Energy of a full battery as the robot believes, J.
@@ -133,7 +133,7 @@ class Scene:
         return float(self.edges_m[-1])
 
 
-def look(batch: Batch, states: NDArray[np.void], outlook: Outlook, index: int = 0) -> Scene:
+def look(batch: Batch, states: NDArray[np.void], outlook: PointOfNoReturn, index: int = 0) -> Scene:
     """See one mission of a batch as it is now.
 
     Args:

@@ -9,7 +9,7 @@ _WIDTH = 60
 
 
 def describe(scene: Scene) -> str:
-    """Three lines: where the robot is, the route with its point of no return (!), and the battery (what home costs: =).
+    """Three lines: where it is, the route with its point of no return (!), and the battery with the way home (=).
 
     Args:
         scene: What there is to see.

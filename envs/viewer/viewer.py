@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from homeward.envs.batch import Batch
 from homeward.envs.options import RenderModeError
 from homeward.envs.state import MISSION_DTYPE
-from homeward.envs.viewer.outlook import Outlook
+from homeward.envs.viewer.outlook import PointOfNoReturn
 from homeward.envs.viewer.scene import Scene, look
 from homeward.envs.viewer.text import describe
 from homeward.installed import advice
 
 MODES = ("human", "rgb_array", "ansi")
+"""Values of `render_mode`, beside None."""
 FRAMES_PER_S = 15
 """Frames per second, one a decision: a mission takes a quarter of a minute."""
 
@@ -41,7 +42,7 @@ class Viewer:
         self.mode = mode
         self._batch, self._index = batch, index
         self._trail: list[bytes] = []
-        self._outlook: Outlook | None = None
+        self._outlook: PointOfNoReturn | None = None
         self._canvas: Any = None
         self._window: Any = None
 
@@ -59,7 +60,7 @@ class Viewer:
     def scene(self) -> Scene:
         """What there is to see now."""
         if self._outlook is None:
-            self._outlook = Outlook(self._batch.known)
+            self._outlook = PointOfNoReturn(self._batch.known)
         states = np.frombuffer(b"".join(self._trail), MISSION_DTYPE)
         return look(self._batch, states, self._outlook, self._index)
 
@@ -75,7 +76,7 @@ class Viewer:
             return describe(self.scene())
         from homeward.envs.viewer.canvas import Canvas
         from homeward.envs.viewer.picture import draw
-        from homeward.envs.viewer.window import Window
+        from homeward.envs.viewer.window import Screen
 
         if self._canvas is None:
             self._canvas = Canvas()
@@ -84,7 +85,7 @@ class Viewer:
             pixels: NDArray[np.uint8] = self._canvas.pixels()
             return pixels
         if self._window is None:
-            self._window = Window(FRAMES_PER_S)
+            self._window = Screen(FRAMES_PER_S)
         if self._window.is_open:
             draw(self._canvas, self.scene())
             self._window.show(self._canvas.shrunk())

@@ -9,7 +9,7 @@ from homeward.envs.viewer.canvas import HEIGHT, WIDTH
 _TITLE = "homeward     space: pause   right: one decision   escape: close"
 
 
-class Window:
+class Screen:
     """A window on the screen; space pauses it, the right arrow shows the next frame, escape closes it.
 
     Args:

@@ -54,7 +54,7 @@ class Args:
 
 
 @dataclass(frozen=True)
-class Case:
+class Member:
     """One robot's diagnosis as a task: all that it takes, wherever it is worked out."""
 
     recordings: tuple[Recording, ...]
@@ -79,7 +79,7 @@ def main(args: Args) -> dict[str, Diagnosis]:
         OSError: The output folder cannot be written to.
     """
     check_workers(args.jobs, args.cluster)
-    cases = cases_of(args)
+    cases = members_of(args)
     check_writable(args.out)
 
     def keep(name: str, files: dict[str, bytes]) -> None:
@@ -97,7 +97,7 @@ def main(args: Args) -> dict[str, Diagnosis]:
     return found
 
 
-def cases_of(args: Args) -> dict[str, Case]:
+def members_of(args: Args) -> dict[str, Member]:
     """Read all recordings and robot files, by the name of the robot's folder.
 
     Raises:
@@ -122,18 +122,18 @@ def cases_of(args: Args) -> dict[str, Case]:
         for file, one in zip(files, recordings, strict=True):
             for note in one.notes:
                 cli.remark(f"{folder.name}/{file.name}", note)
-        cases[folder.name] = Case(recordings, robot, args.seed)
+        cases[folder.name] = Member(recordings, robot, args.seed)
     return cases
 
 
-def diagnose_one(case: Case) -> dict[str, bytes]:
+def diagnose_one(case: Member) -> dict[str, bytes]:
     """Content of the output files of one robot, by name."""
     analysis = analyse(case.recordings, case.robot, seed=case.seed)
     with tempfile.TemporaryDirectory() as folder:
         return {file.name: file.read_bytes() for file in write_outputs(analysis, Path(folder))}
 
 
-def _is_written(folder: Path, case: Case) -> bool:
+def _is_written(folder: Path, case: Member) -> bool:
     try:
         return (folder / KEY).read_text("utf-8") == case.key
     except OSError:

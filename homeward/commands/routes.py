@@ -1,9 +1,9 @@
 """List routes, or measure and draw one.
 
 `homeward routes` lists what ships. `homeward routes track.gpx --robot husky` reads a route of your own (a GPX or FIT
-track, or a CSV file, as `--route` of the environments takes them), says how long and steep it is and what it costs that
-robot. `homeward routes generated` says the same of what the environments draw for every mission. `--plot route.png`
-draws the profile.
+track, or a CSV file, as `--route` of the environments takes them), says how long and steep it is and what share of that
+robot's battery it consumes. `homeward routes generated` says the same of what the environments draw for every mission.
+`--plot route.png` draws the profile.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ from homeward.envs.routes import RouteError
 from homeward.files import write_whole
 from homeward.parallel import ClusterError, TaskError, check_workers, run_tasks
 from homeward.physics import RobotError
-from homeward.search import Range, SearchError, Trial, import_optuna, search
+from homeward.search import SearchError, SearchRange, Trial, import_optuna, search
 
 MARK = "sweep.txt"
 """File that the nodes of a cluster look for in the output folder."""
@@ -94,7 +94,7 @@ def runs_of(args: Args) -> dict[str, train.Args]:
     base, runs, choices = _base(args), dict[str, train.Args](), []
     for given in args.vary:
         setting, values = _choices(given)
-        if isinstance(values, Range):
+        if isinstance(values, SearchRange):
             raise TrainingError(f"--vary {given}: a range is searched with --optuna N; without it give single values")
         choices.append([(setting, one) for one in values])
     for chosen in itertools.product(*choices):
@@ -133,7 +133,7 @@ def _seeds_of(
     return runs
 
 
-def _choices(given: str) -> tuple[str, Range | tuple[Any, ...]]:
+def _choices(given: str) -> tuple[str, SearchRange | tuple[Any, ...]]:
     """Name of a setting, and its values or range."""
     name, _, values = given.partition("=")
     defaults = dataclasses.asdict(PPOSettings()) | PPOSettings().by_start
@@ -148,7 +148,7 @@ def _choices(given: str) -> tuple[str, Range | tuple[Any, ...]]:
     except ValueError:
         raise TrainingError(f"--vary {given}: give {kind.__name__} values, as {name}={defaults[name]}") from None
     try:
-        return name, Range(*found) if dots else tuple(found)
+        return name, SearchRange(*found) if dots else tuple(found)
     except SearchError as error:
         raise SearchError(f"--vary {given}: {error}") from None
 
@@ -181,7 +181,7 @@ def _search(args: Args, trials: int) -> dict[str, Path]:
     return folders
 
 
-def _space(args: Args, base: train.Args, trials: int) -> dict[str, Range | tuple[Any, ...]]:
+def _space(args: Args, base: train.Args, trials: int) -> dict[str, SearchRange | tuple[Any, ...]]:
     """Range or values of each setting, of which every corner can be trained."""
     if trials < 1:
         raise TrainingError(f"optuna = {trials} is not allowed; give at least 1")
@@ -190,7 +190,9 @@ def _space(args: Args, base: train.Args, trials: int) -> dict[str, Range | tuple
     space = dict(map(_choices, args.vary))
     if len(space) < len(args.vary):
         raise TrainingError(f"--vary {' '.join(args.vary)}: names a setting twice; give each once")
-    for ends in itertools.product(*((one.low, one.high) if isinstance(one, Range) else one for one in space.values())):
+    for ends in itertools.product(
+        *((one.low, one.high) if isinstance(one, SearchRange) else one for one in space.values())
+    ):
         dataclasses.replace(base.ppo, **dict(zip(space, ends, strict=True)))
     return space
 

@@ -1,8 +1,9 @@
 """Replay recordings of a robot as if live, and see how far to trust what the companion says.
 
 `homeward watch RUN... --robot corrected.toml` feeds each recording to a companion (docs/on_the_robot.md) and asks it at
-each moment what the rest of the drive will take. It prints, by what was left of the way, how often the 90 % interval
-held what it then took, and how far off it was in all; DIR/watch.html shows it, DIR/watch.csv holds every moment. RUN is
+each moment what the rest of the drive will consume. It prints, by what was left of the way, how often the 90 % interval
+held the energy that it then consumed, and how far off the mean was; DIR/watch.html shows it, DIR/watch.csv holds every
+moment. RUN is
 a table or a ROS bag, read without ROS, with battery power, or voltage and current; of motor currents alone it is the
 charge that is predicted, by the corrected.toml of such recordings. In a terminal it shows the drive meanwhile.
 
@@ -34,8 +35,8 @@ from homeward.physics import RobotError, load_robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.live import LiveView
 from homeward.watch.page import verdict, watch_html
+from homeward.watch.predictions import Watched
 from homeward.watch.replay import run_all
-from homeward.watch.watched import Watched
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ class Advice:
         time_s: Of the reading that it follows.
         way_home_m: How far home is, by the way that the robot would take.
         energy_left_j: In the battery, down to the cut-off voltage where one was given.
-        energy_home_j: What the way home takes, at `home_mps`, turning now.
+        energy_home_j: What the way home consumes, at `home_mps`, turning now.
         margin_j: Energy left less way home.
         chance_home: Probability of getting home when turning now.
         risk: Probability of not getting home that is accepted, by which the next three go.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion.advice import Spread
-from homeward.companion.priors import Known
+from homeward.companion.beforehand import Beforehand
 from homeward.companion.readings import CompanionError, Reading
 from homeward.companion.way import RouteLike, Step
 from homeward.companion.window import Window
@@ -26,7 +26,7 @@ from homeward.estimation.tails import normal_risk
 from homeward.physics import Robot
 from homeward.physics.jit import announce_first_compilation
 from homeward.physics.kernel import full_charge
-from homeward.physics.terminals import at_terminals
+from homeward.physics.metered import at_terminals
 
 _OFTEN = 0.2
 """Of a place, for which a slope that is read stands at most, to be taken for that of the way since the reading before.
@@ -83,7 +83,7 @@ class Reckoning:
     def __init__(
         self,
         robot: Robot,
-        known: Known,
+        known: Beforehand,
         *,
         places: int,
         place_m: float,

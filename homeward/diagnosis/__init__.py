@@ -16,4 +16,5 @@ __all__ = [
     "diagnose",
     "load_columns",
     "read_recording",
+    "result",
 ]

@@ -1,7 +1,7 @@
 """Readings in, a distribution of the robot's parameters, the wind and the way home out."""
 
 from homeward.estimation.drive import Vehicle, vehicle_of
-from homeward.estimation.estimator import Estimate, Estimator, Margin
+from homeward.estimation.estimator import Estimator, Margin, StateEstimate
 from homeward.estimation.filter import READING_DTYPE
 from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, WAY_DTYPE
 from homeward.estimation.prior import Prior
@@ -11,10 +11,10 @@ __all__ = [
     "PLAN_DTYPE",
     "READING_DTYPE",
     "WAY_DTYPE",
-    "Estimate",
     "Estimator",
     "Margin",
     "Prior",
+    "StateEstimate",
     "Vehicle",
     "vehicle_of",
 ]

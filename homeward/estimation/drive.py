@@ -80,7 +80,7 @@ def drag(v: Any, speed_mps: float, headwind_mps: float) -> float:
 
 @inline
 def modelled_driving(v: Any, sine: float, speed_mps: float) -> float:
-    """Energy of driving by the robot's own model, J/m: a place costs what it does at cruise, and the drag of another
+    """Energy of driving by the robot's own model, J/m: a place consumes what it does at cruise, and the drag of another
     speed is added.
 
     Args:

@@ -33,7 +33,7 @@ class Margin(NamedTuple):
     sd_j: NDArray[np.float64]
 
 
-class Estimate(NamedTuple):
+class StateEstimate(NamedTuple):
     """Mean and covariance over all hypotheses.
 
     Attributes:
@@ -134,18 +134,18 @@ class Estimator:
         robot["lag"] = robot["soc_since"] = robot["soc_taken"] = 0.0
 
     def mean(self) -> NDArray[np.float64]:
-        """Mean of the states over all hypotheses, see `Estimate`."""
+        """Mean of the states over all hypotheses, see `StateEstimate`."""
         h = self.state["hypotheses"]
         return np.asarray(np.einsum("nk,nka->na", np.exp(h["log_weight"]), h["mean"]))
 
-    def estimate(self) -> Estimate:
+    def estimate(self) -> StateEstimate:
         """Parameters and wind."""
         h = self.state["hypotheses"]
         weight = np.exp(h["log_weight"])
         mean = self.mean()
         apart = h["mean"] - mean[:, None]
         covariance = np.einsum("nk,nkab->nab", weight, h["covariance"])
-        return Estimate(mean, covariance + np.einsum("nk,nka,nkb->nab", weight, apart, apart))
+        return StateEstimate(mean, covariance + np.einsum("nk,nka,nkb->nab", weight, apart, apart))
 
     def plans(self, home_cost_j: NDArray[np.float64], home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, `PLAN_DTYPE`, shape (n,), to be changed as one likes.

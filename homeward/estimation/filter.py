@@ -1,9 +1,9 @@
 """An extended Kalman filter for each of a few hypotheses about the wind, weighted by how well they predict.
 
-Energy is linear in all unknown numbers but the wind, where the second order is reckoned with as well. What the ground
-between home and here takes is a state of its own, `ROLLED`: it takes in rough ground as it is met, its covariance with
-the wind says what of the way out may have been wind, and the way home meets the same ground again. As rolling and drag
-together are what was read, an update of the wind goes along a curve, not a tangent: `bend`.
+Energy is linear in all unknown numbers but the wind, where the second order is reckoned with as well. The energy that
+the ground between home and here consumes is a state of its own, `ROLLED`: it holds rough ground as it is met, its
+covariance with the wind says what of the way out may have been wind, and the way home meets the same ground again. As
+rolling and drag together are what was read, an update of the wind goes along a curve, not a tangent: `bend`.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ def home_cost(v: Any, places: Any, extra_j_per_m: Any, position_m: float) -> flo
     Args:
         v: `Vehicle`.
         places: `PLACE_DTYPE`, shape (places,).
-        extra_j_per_m: What driving took there beyond rolling, climbing and drag by the model: turning, speeding up,
+        extra_j_per_m: What driving consumed there beyond rolling, climbing and drag by the model: turning, speeding up,
             J/m, shape (places,). It takes that on the way home, too.
         position_m: From home.
     """

@@ -1,4 +1,4 @@
-"""What a plan leaves: energy left, less what driving on and then home takes, as a distribution."""
+"""What a plan leaves: energy left, less what driving on and then home consumes, as a distribution."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PLAN_DTYPE = np.dtype(
         ("sine", np.float64),  # of the slope ahead; NaN: as here
         ("knows_ahead", np.float64),  # 1: slopes and directions ahead are those noted for the places there
         ("elsewhere", np.float64),  # 1: home leads by another way than the one out, which `ways` gives
-        ("unsure_j", np.float64),  # standard deviation of what the plan takes beyond all that is estimated
+        ("unsure_j", np.float64),  # standard deviation of what the plan consumes beyond all that is estimated
     ]
 )
 """A plan: drive on, then home."""

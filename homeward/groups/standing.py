@@ -13,11 +13,11 @@ from homeward.logs.columns import RecordingError
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
 
-_STANDSTILL_MPS = 0.01
-_STANDS_RADPS = 0.02
+_STANDSTILL_MPS = 0.01  # chosen: noise of a wheel encoder at rest, as in homeward.diagnosis.fit.usable
+_STANDS_RADPS = 0.02  # chosen: noise of a gyroscope at rest
 _BATCH_TIMES = 8.0  # batches are this many autocorrelation times long
-_MOST_BATCHES = 10
-_FEWEST_WINDOWS = 6
+_MOST_BATCHES = 10  # more would leave batches too short for a slow drift to show between them
+_FEWEST_WINDOWS = 6  # with fewer there is no autocorrelation to estimate
 _STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's load is steadier
 
 

@@ -70,6 +70,9 @@ MOTION: Sets = (("speed_mps",), ("wheel_left_mps", "wheel_right_mps"))
 POWER: Sets = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor_right_a"))
 """Sets of channels that measure power or current, the most informative first; one is needed."""
 
+MOVES_MPS = 0.05
+"""Speed from which a robot is taken to drive, where the sign of its current is judged: above the noise at rest."""
+
 
 def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:
     """The first set of channels that is there, () where none is."""

@@ -118,7 +118,7 @@ def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.Data
     if isinstance(mapping, Columns):
         raise RecordingError("a bag takes a mapping of topics, not of columns")
     try:
-        from homeward.logs.bags.reading import read_bag  # here, as it needs a further package
+        from homeward.logs.bags.assemble import read_bag  # here, as it needs a further package
     except ImportError:
         raise RecordingError(f"a bag needs rosbags; install it with {advice('logs', 'rosbags')}") from None
     return read_bag(path, mapping)

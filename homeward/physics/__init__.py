@@ -3,8 +3,8 @@
 from homeward.physics.effects import EFFECTS
 from homeward.physics.kernel import CAUSES
 from homeward.physics.model import ancillary_power, ideal_range, traction_force, usable_energy
+from homeward.physics.playback import Replay, replay
 from homeward.physics.range import d_max, manoeuvring_energy, mission_energy, optimal_speed
-from homeward.physics.replay import Replay, replay
 from homeward.physics.robot import Robot, RobotError, load_robot, preset_names
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "RobotError",
     "ancillary_power",
     "d_max",
+    "effects",
     "ideal_range",
     "load_robot",
     "manoeuvring_energy",

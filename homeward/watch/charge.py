@@ -14,7 +14,7 @@ from homeward.diagnosis.fit.replay import current_a, wheels_mps
 from homeward.diagnosis.read.signals import Signals, steps_s
 from homeward.estimation.tails import scale_of
 from homeward.physics import Robot
-from homeward.watch.watched import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
+from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
 _LEAST_WAY_M = 1e-3
 
@@ -32,8 +32,9 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
     sure = robot.uncertainty
     if sure is None or sure.of != "charge":
         raise CompanionError(
-            f"{run.name}: has motor currents only, which follow torque, and the way home takes energy; record power_w, "
-            "or voltage_v and current_a. To watch the motors' charge, give the corrected.toml of such recordings"
+            f"{run.name}: has motor currents only, which follow torque, and the way home consumes energy; "
+            "record power_w, or voltage_v and current_a. To watch the motors' charge, give the corrected.toml of such "
+            "recordings"
         )
     step_s = np.append(steps_s(run.time_s), 0.0)
     left_m, took_as, expected_as = (

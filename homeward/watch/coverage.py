@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homeward.watch.watched import Watched
+from homeward.watch.predictions import Watched
 
 _BORDERS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)
 """Shares of a run's way that rows lie between."""
@@ -25,8 +25,8 @@ class Row:
         moments: How many.
         runs: Of how many runs.
         covered: Share in the 90 % interval.
-        bias: Sum of what was predicted over that of what it took, less 1.
-        error: Median of the absolute error, as a share of what it took.
+        bias: Sum of what was predicted over that of what it consumed, less 1.
+        error: Median of the absolute error, as a share of what it consumed.
         width: Median of half the interval, as a share of what was predicted.
     """
 

@@ -27,7 +27,7 @@ _QUANTILES = (0.05, 0.5, 0.95)
 
 
 @dataclass(frozen=True)
-class Outlook:
+class RouteOutlook:
     """What is to be expected of a route before it is driven; arrays of shape (points,).
 
     Attributes:
@@ -47,7 +47,7 @@ class Outlook:
     range_m: tuple[float, ...]
 
 
-def outlook_of(robot: Robot, route: RouteLike, speed_mps: float | None, risk: float) -> Outlook:
+def outlook_of(robot: Robot, route: RouteLike, speed_mps: float | None, risk: float) -> RouteOutlook:
     """Ask a companion at home what a route will take, at a speed, m/s, or that with the longest range.
 
     Raises:
@@ -68,7 +68,7 @@ def outlook_of(robot: Robot, route: RouteLike, speed_mps: float | None, risk: fl
     reach = tuple(_empty_m(driven_m, left_j[:, k]) for k in range(len(_QUANTILES)))
     standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * 0.5 * total_m
     there_j, both_j = companion.ahead(out, standing_j), companion.ahead(both, 2.0 * standing_j)
-    return Outlook(advice, driven_m, left_j, there_j, both_j, reach)
+    return RouteOutlook(advice, driven_m, left_j, there_j, both_j, reach)
 
 
 def _ways(route: RouteLike, speed_mps: float) -> NDArray[np.void]:
@@ -95,7 +95,7 @@ def _empty_m(driven_m: Array, left_j: Array) -> float:
     return float(np.interp(0.0, [left_j[k], left_j[k - 1]], [driven_m[k], driven_m[k - 1]]))
 
 
-def show(console: Terminal, robot: Robot, route_name: str, length_m: float, found: Outlook) -> None:
+def show(console: Terminal, robot: Robot, route_name: str, length_m: float, found: RouteOutlook) -> None:
     """Print what is to be expected."""
     advice = found.advice
     assert advice.chance_there_and_back is not None
@@ -128,7 +128,7 @@ def _far(metres: float) -> str:
     return quantities.distance(metres) if np.isfinite(metres) else "there and back"
 
 
-def picture(robot: Robot, length_m: float, found: Outlook, suffix: str) -> bytes:
+def picture(robot: Robot, length_m: float, found: RouteOutlook, suffix: str) -> bytes:
     """Energy left over the way there and back as a fan, with the point of no return.
 
     Args:

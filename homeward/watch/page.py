@@ -13,7 +13,7 @@ from homeward import quantities
 from homeward.diagnosis.tell.notation import CLEAR, labels, page, templates
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
-from homeward.watch.watched import Watched
+from homeward.watch.predictions import Watched
 
 _MOST_RUNS = 12
 """Runs that are drawn; all count in the table."""
@@ -53,13 +53,13 @@ def verdict(whole: Row) -> str:
         "too seldom: it is surer than it should be" if whole.covered < 0.8 else "too often: it could be surer"
     )  # fmt: skip
     return (
-        f"The 90 % interval held what the rest took at {100.0 * whole.covered:.0f} % of {whole.moments} moments, "
+        f"The 90 % interval held what the rest consumed at {100.0 * whole.covered:.0f} % of {whole.moments} moments, "
         f"{trust}; in all it predicted {abs(100.0 * whole.bias):.1f} % too {'much' if whole.bias > 0.0 else 'little'}."
     )
 
 
 def figure(runs: Sequence[Watched]) -> Markup:
-    """What the rest takes over what is left of the way, predicted with its interval and as it came; a panel a run."""
+    """Energy of the rest over what is left of the way, predicted with its interval and as it came; a panel a run."""
     shown = list(runs[:_MOST_RUNS])
     made = make_subplots(
         len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12),
@@ -73,7 +73,7 @@ def figure(runs: Sequence[Watched]) -> Markup:
             x=x, y=band.round(4), fill="toself", fillcolor=_BAND, mode="none", name="90 % interval", hoverinfo="skip",
             showlegend=first, legendgroup="band", row=row, col=1,
         )  # fmt: skip
-        for name, values, colour in (("predicted", one.mean_j, _PREDICTED), ("what it took", one.took_j, _INK)):
+        for name, values, colour in (("predicted", one.mean_j, _PREDICTED), ("what it consumed", one.took_j, _INK)):
             made.add_scatter(
                 x=one.left_m.round(1), y=(values / 1000.0).round(4), mode="lines", name=name,
                 line={"color": colour, "width": 1.6}, showlegend=first, legendgroup=name, row=row, col=1,

@@ -1,4 +1,4 @@
-"""A recording, replayed to a companion as if live: at each moment what the rest takes by it, against what it then took.
+"""A recording, replayed to a companion as if live: the predicted energy of the rest against that which it consumed.
 
 The way of the rest, its speeds and its stops are taken from the recording, as if the robot had a map and a schedule:
 what is put to the proof is what the companion knows of the robot, the ground and the wind.
@@ -19,9 +19,9 @@ from homeward.estimation import WAY_DTYPE, Prior
 from homeward.estimation.drive import modelled_driving
 from homeward.logs.recordings import Recording
 from homeward.physics import Robot, d_max, optimal_speed, replay
-from homeward.physics.terminals import at_terminals
+from homeward.physics.metered import at_terminals
 from homeward.watch.charge import watch_charge
-from homeward.watch.watched import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
+from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ def test_manoeuvring_share_with_a_15_w_computer() -> None:
 
 
 @pytest.mark.parametrize(("mission", "hours"), list(zip(MISSIONS[:3], [1.64, 4.02, 4.95], strict=True)))
-def test_box_hours_at_1_mps_and_078_kg(mission: paper_tables.Mission, hours: float) -> None:
+def test_box_hours_at_1_mps_and_078_kg(mission: paper_tables.FieldTest, hours: float) -> None:
     assert round(mission_hours(NO_DRAG, mission), 2) == hours
 
 

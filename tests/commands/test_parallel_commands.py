@@ -207,7 +207,7 @@ def test_only_what_has_changed_is_diagnosed_again(
 ) -> None:
     asked: list[str] = []
 
-    def note(case: fleet.Case) -> dict[str, bytes]:
+    def note(case: fleet.Member) -> dict[str, bytes]:
         asked.append(case.recordings[0].sha256)
         return {fleet.DIAGNOSIS: AS_FILED.to_json().encode()}
 
@@ -223,7 +223,7 @@ def test_only_what_has_changed_is_diagnosed_again(
 def test_what_was_done_before_a_failure_is_kept(
     garage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
-    def fail_later(case: fleet.Case) -> dict[str, bytes]:
+    def fail_later(case: fleet.Member) -> dict[str, bytes]:
         if (tmp_path / "out" / "as_filed").is_dir():
             raise RuntimeError("no memory")
         return {fleet.DIAGNOSIS: AS_FILED.to_json().encode()}
@@ -240,7 +240,7 @@ def test_how_recordings_of_a_fleet_were_read_is_said(
 ) -> None:  # fmt: skip
     file = garage / "loaded" / "run.csv"
     file.write_text(file.read_text().replace(",", ";"))
-    fleet.cases_of(fleet.Args(garage, robot="rusti", out=tmp_path / "out"))
+    fleet.members_of(fleet.Args(garage, robot="rusti", out=tmp_path / "out"))
     assert capsys.readouterr().err == "loaded/run.csv: read with cells separated by semicolons\n"
 
 

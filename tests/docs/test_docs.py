@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -136,6 +137,27 @@ def test_every_page_is_in_the_navigation(root: Path, site: Path) -> None:
     home = (site / "index.html").read_text("utf-8")
     pages = [path.relative_to(root / "docs").with_suffix(".html") for path in (root / "docs").rglob("*.md")]
     assert [page for page in pages if page.name != "index.html" and f'href="{page.as_posix()}"' not in home] == []
+
+
+def test_the_pages_of_the_api_show_what_is_public_and_no_more(root: Path, site: Path) -> None:
+    """A package with `__all__` is public, and so are the modules that it names there, with all their public names."""
+    pages = sorted((root / "docs" / "api").glob("*.md"))
+    asked = {name for page in pages for name in re.findall(r"^::: ([\w.]+)$", page.read_text("utf-8"), re.MULTILINE)}
+    shown = {
+        name
+        for page in pages
+        for name in re.findall(r'id="(homeward[\w.]*)"', (site / "api" / f"{page.stem}.html").read_text("utf-8"))
+    }
+    public, pending = {"homeward"}, ["homeward"]
+    while pending:
+        package = pending.pop()
+        exec(f"from {package} import *", named := dict[str, object]())
+        names = {f"{package}.{name}": one for name, one in named.items() if not name.startswith("__")}
+        modules = {name for name, one in names.items() if isinstance(one, ModuleType)}
+        assert {name for name in shown if name.rpartition(".")[0] == package} - modules == set(names) - modules
+        public |= modules
+        pending += sorted(name for name in modules if hasattr(sys.modules[name], "__path__"))
+    assert asked - {"homeward.physics.Robot"} == public
 
 
 @pytest.fixture(scope="module")

@@ -156,9 +156,9 @@ def test_recording_works_without_a_screen(tmp_path: Path, root: Path) -> None:
 
 
 def test_a_window_pauses_goes_on_by_one_and_closes() -> None:
-    from homeward.envs.viewer.window import Window
+    from homeward.envs.viewer.window import Screen
 
-    window = Window(1000)
+    window = Screen(1000)
     picture = pygame.Surface((960, 540))
 
     def press(*keys: int) -> None:

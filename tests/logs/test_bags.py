@@ -542,7 +542,7 @@ def test_a_recording_of_a_bag_knows_when_it_began(tmp_path: Path) -> None:
 
 def test_a_missing_package_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bag = write_bag(tmp_path, "ros1", HUSKY)
-    monkeypatch.setitem(sys.modules, "homeward.logs.bags.reading", None)
+    monkeypatch.setitem(sys.modules, "homeward.logs.bags.assemble", None)
     with pytest.raises(RecordingError, match=r"a bag needs rosbags; install it with pip install 'homeward\[logs\]'"):
         read_recording(bag)
 

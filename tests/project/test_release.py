@@ -80,14 +80,17 @@ def test_versions_that_disagree_are_refused(release: ModuleType, tree: Path) -> 
         release.check(tree, "99.0.0")
 
 
-def test_a_build_that_fails_leaves_the_files_as_they_were(
-    release: ModuleType, tree: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("error", ["ReleaseError", KeyboardInterrupt], ids=["a step fails", "Ctrl-C"])
+def test_a_build_that_ends_early_leaves_the_files_as_they_were(
+    error: str | type[BaseException], release: ModuleType, tree: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    expected = getattr(release, error) if isinstance(error, str) else error
+
     def fail(root: Path) -> None:
-        raise release.ReleaseError("no")
+        raise expected("no")
 
     monkeypatch.setattr(release, "build", fail)
     before = {name: (tree / name).read_text("utf-8") for name in release.PLACES}
-    with pytest.raises(release.ReleaseError, match="no"):
+    with pytest.raises(expected, match="no"):
         release.release(tree, "99.0.0")
     assert {name: (tree / name).read_text("utf-8") for name in release.PLACES} == before

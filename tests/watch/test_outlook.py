@@ -11,7 +11,7 @@ from homeward.companion import CompanionError
 from homeward.envs.routes import Route, RouteError
 from homeward.physics import Robot, d_max, load_robot
 from homeward.physics.uncertainty import Uncertainty
-from homeward.watch.outlook import Outlook, outlook_of, picture
+from homeward.watch.outlook import RouteOutlook, outlook_of, picture
 
 
 def flat(length_m: float) -> Route:
@@ -50,7 +50,7 @@ def test_the_less_a_file_is_sure_the_wider_the_interval(calm: Robot) -> None:
     route = flat(3000.0)
 
     def width(robot: Robot) -> float:
-        both: Outlook = outlook_of(robot, route, None, 1e-3)
+        both: RouteOutlook = outlook_of(robot, route, None, 1e-3)
         return both.both_j.high - both.both_j.low
 
     assert calm.uncertainty is not None

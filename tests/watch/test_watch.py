@@ -21,8 +21,8 @@ from homeward.physics.uncertainty import Uncertainty
 from homeward.watch.coverage import rows_of
 from homeward.watch.live import LiveView, view
 from homeward.watch.page import verdict, watch_html
+from homeward.watch.predictions import Watched
 from homeward.watch.replay import Rest, watch
-from homeward.watch.watched import Watched
 
 
 def drive(folder: Path, seed: int, rolling: float = 1.0, spoiled: float = 1.0) -> Path:

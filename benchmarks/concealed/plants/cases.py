@@ -14,11 +14,11 @@ from scipy.optimize import nnls
 
 from benchmarks.concealed.plants.catalogue import TRUTHS, replayed
 from benchmarks.concealed.plants.chain import Mechanism, Work, rollout
-from benchmarks.concealed.plants.drives import Array, Route, Run, make_drives, make_route
 from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS, Draw
 from benchmarks.concealed.plants.instruments import FAULTS, NEEDS_ROOM, NOISES, Logging, read_power, record
+from benchmarks.concealed.plants.motion import Array, Course, Motion, make_drives, make_route
 from benchmarks.concealed.plants.outside import OUTSIDE, make_outside
-from benchmarks.concealed.plants.vehicles import BURGER, GRAVITY_MPS2, RACER, VEHICLES, Vehicle
+from benchmarks.concealed.plants.vehicles import BURGER, GRAVITY_MPS2, RACER, VEHICLES, Plant
 from homeward.physics import Robot
 
 Part = Literal["singles", "pairs", "controls", "outside", "coverage", "rover", "cell"]
@@ -26,7 +26,7 @@ PARTS: tuple[Part, ...] = get_args(Part)
 NEEDS = {"rover": "mujoco", "cell": "pybamm"}  # parts on simulators of others, by the library that each needs
 ReadBy = Literal["gauge", "terminals"]
 Kind = TypeVar("Kind")
-Fit = Callable[[Vehicle, list[Run], Generator], tuple[Vehicle, list[Run]]]
+Fit = Callable[[Plant, list[Motion], Generator], tuple[Plant, list[Motion]]]
 """Gives a vehicle the battery for its drives, and the drives their weather."""
 
 COLD_C = {"heater": (-8.0, 3.0), "cold_battery": (-14.0, 2.0)}  # mean temperatures of the day, where it must be cold
@@ -40,7 +40,7 @@ class Later:
     """A drive of the same plant that the tool never sees, with the energy that it truly took."""
 
     kind: str  # "same conditions" or "new route"
-    run: Run
+    run: Motion
     power_w: Array
 
 
@@ -106,7 +106,7 @@ def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
     return _coverage(number, in_turn([*TRUTHS, "none", "none", "none"]), rng, short)
 
 
-def _as_they_are(vehicle: Vehicle, runs: list[Run], rng: Generator) -> tuple[Vehicle, list[Run]]:
+def _as_they_are(vehicle: Plant, runs: list[Motion], rng: Generator) -> tuple[Plant, list[Motion]]:
     return vehicle, runs
 
 
@@ -182,7 +182,7 @@ def _coverage(number: int, effect: str, rng: Generator, short: bool) -> Case:
     return Case("coverage", number, truth.name, level, hidden, truth, nominal, recordings, misses)
 
 
-def _pick(vehicles: Sequence[Vehicle], rng: Generator) -> Vehicle:
+def _pick(vehicles: Sequence[Plant], rng: Generator) -> Plant:
     return vehicles[int(rng.integers(len(vehicles)))]
 
 
@@ -192,7 +192,7 @@ def _go_together(first: str, second: str) -> bool:
     return first != second and not both <= set(INSTRUMENTS) and not both <= set(BATTERY_LAWS)
 
 
-def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Vehicle:
+def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Plant:
     """A vehicle that can show the effects: weather needs the outdoors, recuperation hills that roll by themselves."""
     fit = list(VEHICLES)
     if set(effects) & {"wind", "heater", "cold_battery"}:
@@ -203,8 +203,8 @@ def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Vehicle:
 
 
 def _drives(
-    vehicle: Vehicle, effects: tuple[str, ...], rng: Generator, short: bool
-) -> tuple[list[Route], float, list[Run]]:
+    vehicle: Plant, effects: tuple[str, ...], rng: Generator, short: bool
+) -> tuple[list[Course], float, list[Motion]]:
     """Routes, mean temperature of the day, and drives."""
     routes = [_route(vehicle, effects, rng) for _ in range(int(rng.integers(1, 3)))]
     mean_c = rng.uniform(4.0, 24.0) if vehicle.outdoor else rng.uniform(17.0, 23.0)
@@ -214,7 +214,7 @@ def _drives(
     return routes, mean_c, make_drives(vehicle, routes, rng, count, mean_c, short)
 
 
-def _route(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator) -> Route:
+def _route(vehicle: Plant, effects: tuple[str, ...], rng: Generator) -> Course:
     """A route on which the effects can show: not a loop for a tilt, steep enough to roll down for recuperation."""
     rolls_rad = 1.3 * vehicle.robot.rolling_resistance
     while True:
@@ -231,7 +231,7 @@ def _read_by(effects: tuple[str, ...], rng: Generator) -> ReadBy:
     return "terminals" if "ageing" in effects else drawn
 
 
-def _logging(vehicle: Vehicle, effects: tuple[str, ...], rng: Generator) -> Logging:
+def _logging(vehicle: Plant, effects: tuple[str, ...], rng: Generator) -> Logging:
     roomy = vehicle.robot.name not in (BURGER.robot.name, RACER.robot.name)
     return Logging(
         wheels=vehicle.steering != "ackermann" and bool(rng.random() < 0.25),
@@ -251,14 +251,14 @@ def misset(robot: Robot, rng: Generator, least: float, most: float) -> Robot:
     return dataclasses.replace(robot, **wrong)
 
 
-def _rollouts(vehicle: Vehicle, runs: Sequence[Run], mechanisms: Sequence[Mechanism], read_by: ReadBy,
+def _rollouts(vehicle: Plant, runs: Sequence[Motion], mechanisms: Sequence[Mechanism], read_by: ReadBy,
               seed: int) -> list[Work]:  # fmt: skip
     return [rollout(vehicle, run, mechanisms, np.random.default_rng([seed, run.index]), read_by) for run in runs]
 
 
-def _later(vehicle: Vehicle, routes: list[Route], mean_c: float, before: int, mechanisms: Sequence[Mechanism],
+def _later(vehicle: Plant, routes: list[Course], mean_c: float, before: int, mechanisms: Sequence[Mechanism],
            read_by: ReadBy, rng: Generator, short: bool) -> list[Later]:  # fmt: skip
-    """Two drives on the known routes and two on new ones, after all changes; with the energy that it truly took."""
+    """Two drives on the known routes and two on new ones, after all changes; with the energy that it truly consumed."""
     physical = [mechanism for mechanism in mechanisms if mechanism.stage != "instrument"]
     new = [_route(vehicle, tuple(m.effect for m in mechanisms), rng) for _ in range(2)]
     later = []

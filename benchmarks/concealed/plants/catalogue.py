@@ -8,14 +8,14 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.concealed.plants.chain import Work
-from benchmarks.concealed.plants.drives import Array, Run
-from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Vehicle, rolling_power_w, typical_power_w
+from benchmarks.concealed.plants.motion import Array, Motion
+from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Plant, rolling_power_w, typical_power_w
 from homeward.physics import Robot, replay
 
-Truth = Callable[[Vehicle, Generator], dict[str, float]]
+Truth = Callable[[Plant, Generator], dict[str, float]]
 
 
-def _rolling_n(vehicle: Vehicle) -> float:
+def _rolling_n(vehicle: Plant) -> float:
     return vehicle.robot.rolling_resistance * vehicle.robot.mass_kg * GRAVITY_MPS2
 
 
@@ -53,7 +53,7 @@ TRUTHS: dict[str, Truth] = {
 """Effects that a replay of recorded channels alone can drive, and how their true numbers are drawn."""
 
 
-def replayed_w(robot: Robot, run: Run) -> Array:
+def replayed_w(robot: Robot, run: Motion) -> Array:
     """Power of the drive as the replay has it, W; shape (n,)."""
     power_w = replay(
         robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
@@ -63,7 +63,7 @@ def replayed_w(robot: Robot, run: Run) -> Array:
     return np.asarray(power_w, dtype=np.float64)
 
 
-def replayed(vehicle: Vehicle, truth: Robot, run: Run) -> Work:
+def replayed(vehicle: Plant, truth: Robot, run: Motion) -> Work:
     """The drive as the replay has it, ready to be recorded."""
     work = Work(run, vehicle, "gauge")
     work.power_w = work.chemical_w = work.seen_w = replayed_w(truth, run)

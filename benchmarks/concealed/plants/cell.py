@@ -14,10 +14,10 @@ from benchmarks.concealed.plants import cell_electrochemistry as electrochemistr
 from benchmarks.concealed.plants.cases import Case, control_case, hidden_case
 from benchmarks.concealed.plants.cell_electrochemistry import RATES, ROOM_C, Cell, ExhaustedError
 from benchmarks.concealed.plants.chain import Mechanism, Work, rollout
-from benchmarks.concealed.plants.drives import Array, Run
 from benchmarks.concealed.plants.effects import EFFECTS
 from benchmarks.concealed.plants.instruments import NOISES
-from benchmarks.concealed.plants.vehicles import Vehicle
+from benchmarks.concealed.plants.motion import Array, Motion
+from benchmarks.concealed.plants.vehicles import Plant
 
 STEP_S = 1.0
 START = 0.95  # state of charge, as in the chain
@@ -85,7 +85,7 @@ def make(number: int, truth: tuple[str, ...], pack: Pack, label: str, rng: Gener
     raise RuntimeError(f"no pack is large enough for case {number}")
 
 
-def fitted(pack: Pack, vehicle: Vehicle, runs: list[Run], rng: Generator) -> tuple[Vehicle, list[Run]]:
+def fitted(pack: Pack, vehicle: Plant, runs: list[Motion], rng: Generator) -> tuple[Plant, list[Motion]]:
     """The vehicle with the pack's energy, by the highest load of its drives; some of them cold where cold matters."""
     most_w = max(float(rollout(vehicle, run, [], np.random.default_rng(0)).power_w.max()) for run in runs)
     rated_j = most_w * 3600.0 / pack.peak_rate
@@ -93,13 +93,13 @@ def fitted(pack: Pack, vehicle: Vehicle, runs: list[Run], rng: Generator) -> tup
     if pack.air_c is not None:
         return vehicle, runs
 
-    def air_c(run: Run) -> Array:
+    def air_c(run: Motion) -> Array:
         return np.linspace(0.0, rng.uniform(*CHANGE_C), run.time_s.size) + rng.uniform(*START_C)
 
     return vehicle, [dataclasses.replace(run, temperature_c=air_c(run)) for run in runs]
 
 
-def in_pack(pack: Pack, effect: str, vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def in_pack(pack: Pack, effect: str, vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """What happens in the pack: so many cells as make up the vehicle's rated energy."""
 
     def change(work: Work, _: Generator) -> None:

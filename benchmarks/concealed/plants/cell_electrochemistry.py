@@ -15,7 +15,7 @@ import numpy as np
 import pybamm
 from scipy.interpolate import PchipInterpolator
 
-from benchmarks.concealed.plants.drives import Array
+from benchmarks.concealed.plants.motion import Array
 
 KELVIN = 273.15
 ROOM_C = 25.0

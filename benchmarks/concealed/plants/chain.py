@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.random import Generator
 
-from benchmarks.concealed.plants.drives import Array, Run
-from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Vehicle
+from benchmarks.concealed.plants.motion import Array, Motion
+from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Plant
 
 Stage = Literal["ground", "wheel", "motor", "load", "battery", "instrument"]
 
@@ -22,8 +22,8 @@ Stage = Literal["ground", "wheel", "motor", "load", "battery", "instrument"]
 class Work:
     """A drive and everything that is computed of it, shape (n,) each; a mechanism changes what its stage may change."""
 
-    run: Run
-    vehicle: Vehicle
+    run: Motion
+    vehicle: Plant
     read_by: Literal["gauge", "terminals"]
     # ground: what the wheels must push against
     mass_kg: Array = field(init=False)
@@ -93,7 +93,7 @@ def charge_left(work: Work) -> Array:
     return 0.95 - np.cumsum(work.chemical_w) * work.run.dt_s / capacity_j
 
 
-def rollout(vehicle: Vehicle, run: Run, mechanisms: Sequence[Mechanism], rng: Generator,
+def rollout(vehicle: Plant, run: Motion, mechanisms: Sequence[Mechanism], rng: Generator,
             read_by: Literal["gauge", "terminals"] = "gauge") -> Work:  # fmt: skip
     """Compute the drive's power with the mechanisms at work."""
     work = Work(run, vehicle, read_by)

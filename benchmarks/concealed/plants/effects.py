@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from benchmarks.concealed.plants.chain import Mechanism, Work
-from benchmarks.concealed.plants.drives import Array, Run
-from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Vehicle, peak_power_w, rolling_power_w, typical_power_w
+from benchmarks.concealed.plants.motion import Array, Motion
+from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Plant, peak_power_w, rolling_power_w, typical_power_w
 
-Draw = Callable[[Vehicle, Generator, int], Mechanism]
+Draw = Callable[[Plant, Generator, int], Mechanism]
 GAS_CONSTANT_J_PER_MOL_K = 8.314462618  # CODATA 2018
 ROOM_K = 298.15  # 25 C, where cells are rated
 COPPER_PER_K = 0.00393  # temperature coefficient of copper at 20 C (IEC 60028)
@@ -39,18 +39,18 @@ def ornstein_uhlenbeck(rng: Generator, n: int, dt_s: float, deviation: float, ti
     return noise
 
 
-def since(run: Run, drive: int, share: float) -> NDArray[np.bool_]:
+def since(run: Motion, drive: int, share: float) -> NDArray[np.bool_]:
     """Whether the change has happened that comes in one drive after this share of it, shape (n,)."""
     return np.where(run.index == drive, run.time_s >= share * run.time_s[-1], run.index > drive)
 
 
-def since_start_m(run: Run) -> Array:
+def since_start_m(run: Motion) -> Array:
     """Way since the vehicle last stood, m."""
     standing = np.where(run.speed_mps > 0.0, 0.0, run.distance_m)
     return run.distance_m - np.maximum.accumulate(standing)
 
 
-def turning(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def turning(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Scrub of skid-steered wheels about their instantaneous centres of rotation, Coulomb with a viscous share.
 
     Martinez et al. 2005 (Int. J. Robotics Research 24(10)) for the kinematics, Pentzer, Brennan and Reichard 2014
@@ -75,7 +75,7 @@ def turning(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("turning", "ground", change)
 
 
-def inertia(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def inertia(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Work of speeding up, with the turning parts as extra mass; friction brakes keep nothing (Gillespie, ch. 2)."""
     factor = rng.uniform(1.04, 1.6)  # 1 + 0.04 + 0.0025 N^2, N the gear ratio: road cars in high to low gear
 
@@ -85,7 +85,7 @@ def inertia(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("inertia", "ground", change)
 
 
-def breakaway(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def breakaway(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Stiction of wheels that have settled: Stribeck's fall in speed and a fall along the first way.
 
     Armstrong-Helouvry, Dupont and Canudas de Wit 1994 (Automatica 30(7)); settling: Wong, Theory of Ground Vehicles.
@@ -102,7 +102,7 @@ def breakaway(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("breakaway", "ground", change)
 
 
-def viscous(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def viscous(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Churning of grease that thins as it warms with the way driven (Harris, Rolling Bearing Analysis, ch. 10)."""
     robot = vehicle.robot
     at_top_n = robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2 * rng.uniform(0.6, 1.2)
@@ -117,7 +117,7 @@ def viscous(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("viscous", "ground", change)
 
 
-def wind(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def wind(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Steady wind with gusts as an Ornstein-Uhlenbeck process, intensity 15 to 25 % (Davenport 1961; Eurocode 1-4)."""
     mean_mps = rng.uniform(5.0, 11.0)
     from_rad = rng.uniform(0.0, 2.0 * np.pi)
@@ -131,7 +131,7 @@ def wind(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("wind", "ground", change)
 
 
-def surface(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def surface(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A softer stretch of the way with ragged edges; sinkage eases a little with speed (Wong, ch. 2)."""
     gain = rng.uniform(0.5, 1.4)
     start, end = rng.uniform(0.15, 0.35), rng.uniform(0.5, 0.8)
@@ -147,7 +147,7 @@ def surface(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("surface", "ground", change)
 
 
-def payload(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def payload(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A load picked up on the way; tyres roll a little worse under it, C_rr ~ load^0.1 (SAE J2452's form)."""
     share, drive, at = rng.uniform(0.2, 0.5), int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
 
@@ -159,7 +159,7 @@ def payload(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("payload", "ground", change)
 
 
-def hidden_grade(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def hidden_grade(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A tilt of the ground that the map leaves out, uneven along the way: surveys lose long, gentle slopes."""
     slope = rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.5) * vehicle.robot.rolling_resistance
     wave, phase = rng.uniform(1.0, 3.0), rng.uniform(0.0, 2.0 * np.pi)
@@ -172,7 +172,7 @@ def hidden_grade(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("hidden_grade", "ground", change)
 
 
-def slip(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def slip(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Longitudinal slip from Burckhardt's curve on slick, loose ground, mu = c1 (1 - exp(-c2 s)) - c3 s, inverted.
 
     Burckhardt 1993, Fahrwerktechnik: Radschlupfregelsysteme; between wet gravel and snow, c1 0.2 to 0.4 (Kiencke and
@@ -189,7 +189,7 @@ def slip(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("slip", "wheel", change)
 
 
-def regeneration(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def regeneration(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Recuperation that fades out at low speed and is capped by what the battery may take.
 
     Ehsani, Gao and Emadi, Modern Electric, Hybrid Electric and Fuel Cell Vehicles, ch. 13.
@@ -207,7 +207,7 @@ def regeneration(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("regeneration", "wheel", change)
 
 
-def copper_loss(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def copper_loss(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """I^2 R of a motor whose iron saturates, so that thrust asks for ever more current (Hughes, Electric Motors)."""
     rolling_n = vehicle.robot.rolling_resistance * vehicle.robot.mass_kg * GRAVITY_MPS2
     at_rolling_w = rolling_power_w(vehicle) * rng.uniform(0.1, 0.25)
@@ -220,7 +220,7 @@ def copper_loss(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("copper_loss", "motor", change)
 
 
-def no_load(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def no_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Iron and switching losses while the motors turn: a constant, hysteresis ~ speed, eddy currents ~ speed^2.
 
     Steinmetz/Bertotti loss separation (Krishnan, Permanent Magnet Synchronous and Brushless DC Motor Drives, ch. 2).
@@ -234,7 +234,7 @@ def no_load(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("no_load", "motor", change)
 
 
-def motor_heating(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def motor_heating(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Windings and case as two thermal masses; resistance rises and magnets weaken, 0.1 %/K for NdFeB.
 
     Hughes, Electric Motors and Drives, ch. 2; copper by IEC 60028.
@@ -269,7 +269,7 @@ def _discharge(work: Work, series_ohm: Array, slow_ohm: float, slow_s: float) ->
     work.voltage_v = np.where(np.abs(current_a) > 1e-9, work.voltage_v, open_v - slow_v)
 
 
-def internal_resistance(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def internal_resistance(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Thevenin battery: a series resistance and a slow polarisation (Plett, Battery Management Systems, vol. 1)."""
     ohm = rng.uniform(0.12, 0.2) * vehicle.robot.nominal_voltage_v**2 / peak_power_w(vehicle)
     slow_s = rng.uniform(20.0, 60.0)
@@ -280,7 +280,7 @@ def internal_resistance(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanis
     return Mechanism("internal_resistance", "battery", change)
 
 
-def rate_capacity(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def rate_capacity(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Peukert's law above the rated current only (Doerffel and Sharkh 2006, J. Power Sources 155)."""
     exponent = rng.uniform(0.1, 0.25)
     rated_w = typical_power_w(vehicle) * rng.uniform(0.4, 0.8)
@@ -291,7 +291,7 @@ def rate_capacity(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("rate_capacity", "battery", change)
 
 
-def ageing(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def ageing(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Capacity lost, 15 to 35 %: the charge gauge, which counts against what is left, falls faster (Plett, vol. 2)."""
     left = 1.0 - rng.uniform(0.15, 0.35)
 
@@ -301,7 +301,7 @@ def ageing(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("ageing", "battery", change)
 
 
-def cold_battery(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def cold_battery(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Resistance by Arrhenius' law, of cells that warm themselves a little; activation 30 to 45 kJ/mol.
 
     Waag, Kaebitz and Sauer 2013 (Applied Energy 102).
@@ -319,7 +319,7 @@ def cold_battery(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("cold_battery", "battery", change)
 
 
-def standby(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def standby(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Something left switched on from some time on: a lamp or amplifier that draws a third more while cold."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.12, 0.3)
     drive, at = int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
@@ -332,7 +332,7 @@ def standby(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("standby", "load", change)
 
 
-def compute(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def compute(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A processor whose clock and voltage follow the sensing rate: P ~ f V^2, with leakage once it is awake.
 
     Rabaey, Chandrakasan and Nikolic, Digital Integrated Circuits, ch. 5; governors answer in a second or two.
@@ -349,7 +349,7 @@ def compute(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("compute", "load", change)
 
 
-def radio(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def radio(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Airtime of a fixed data stream: log-distance path loss sets the rate, in steps, and so the time on the air.
 
     Rappaport, Wireless Communications, ch. 4; rates and sensitivities of IEEE 802.11a/g, 54 down to 6 Mbit/s.
@@ -370,7 +370,7 @@ def radio(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("radio", "load", change)
 
 
-def heater(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def heater(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A thermostat with hysteresis on a box with thermal mass (Incropera, Fundamentals of Heat Transfer, ch. 5)."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
     set_c, band_k = rng.uniform(5.0, 12.0), rng.uniform(1.0, 2.0)
@@ -389,7 +389,7 @@ def heater(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("heater", "load", change)
 
 
-def intermittent_load(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def intermittent_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A compressor that comes and goes in its own rhythm, never quite on time, with an inrush at each start."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
     period_s, duty = rng.uniform(30.0, 80.0), rng.uniform(0.25, 0.5)
@@ -407,7 +407,7 @@ def intermittent_load(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("intermittent_load", "load", change)
 
 
-def sensor_offset(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def sensor_offset(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Remanence of a Hall current sensor: after an overload it reads too much or too little (LEM application note)."""
     size_w = rng.choice([-1.0, 1.0]) * typical_power_w(vehicle) * rng.uniform(0.1, 0.25)
     drive, at = int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
@@ -418,7 +418,7 @@ def sensor_offset(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("sensor_offset", "instrument", change)
 
 
-def sensor_gain(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def sensor_gain(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A shunt whose contact works loose: the reading is too large by a share from some time on, creeping up to it."""
     share = rng.uniform(0.12, 0.3)
     drive, at = int(rng.integers(0, runs)), rng.uniform(0.2, 0.5)
@@ -430,7 +430,7 @@ def sensor_gain(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("sensor_gain", "instrument", change)
 
 
-def clock_lag(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def clock_lag(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Power stamped late by its own computer and smoothed by the meter's filter."""
     lag_s, smooth_s = rng.uniform(0.8, 3.0), rng.uniform(0.05, 0.3)
 
@@ -440,7 +440,7 @@ def clock_lag(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
     return Mechanism("clock_lag", "instrument", change)
 
 
-def odometry_scale(vehicle: Vehicle, rng: Generator, runs: int) -> Mechanism:
+def odometry_scale(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Wheel odometry with the wrong tyre radius after a change of tyres; distance is by satellite (Borenstein 1996)."""
     share = rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.2)
     drive = int(rng.integers(0, runs)) if rng.random() < 0.5 else 0

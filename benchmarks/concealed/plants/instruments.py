@@ -10,13 +10,13 @@ import pandas as pd
 from numpy.random import Generator
 
 from benchmarks.concealed.plants.chain import Work
-from benchmarks.concealed.plants.drives import Array
 from benchmarks.concealed.plants.effects import first_order
+from benchmarks.concealed.plants.motion import Array
 from benchmarks.concealed.plants.vehicles import typical_power_w
 
 
 @dataclass(frozen=True)
-class Noise:
+class NoiseLevel:
     """Standard deviations of one sample."""
 
     power_share: float  # of the usual power
@@ -33,11 +33,11 @@ class Noise:
 
 NOISES = {
     # INA226 with a good shunt (0.1 % class), 1000-line encoders, a tactical IMU, RTK
-    "low": Noise(0.005, 0.0005, 0.002, 0.001, 0.01, 0.002, 0.005, 0.1, 0.02, 0.0005),
+    "low": NoiseLevel(0.005, 0.0005, 0.002, 0.001, 0.01, 0.002, 0.005, 0.1, 0.02, 0.0005),
     # a Hall sensor (1 %) behind a motor's ripple, usual encoders, an industrial MEMS IMU, differential GNSS
-    "middle": Noise(0.02, 0.002, 0.007, 0.004, 0.05, 0.01, 0.02, 0.3, 0.2, 0.002),
+    "middle": NoiseLevel(0.02, 0.002, 0.007, 0.004, 0.05, 0.01, 0.02, 0.3, 0.2, 0.002),
     # a cheap Hall sensor, few-line encoders, a phone's IMU, plain GNSS with a barometer
-    "high": Noise(0.06, 0.006, 0.02, 0.01, 0.15, 0.03, 0.05, 0.8, 1.0, 0.005),
+    "high": NoiseLevel(0.06, 0.006, 0.02, 0.01, 0.15, 0.03, 0.05, 0.8, 1.0, 0.005),
 }
 
 
@@ -52,7 +52,7 @@ class Logging:
     grade: bool = True
 
 
-def record(work: Work, noise: Noise, logging: Logging, rng: Generator) -> pd.DataFrame:
+def record(work: Work, noise: NoiseLevel, logging: Logging, rng: Generator) -> pd.DataFrame:
     """Write down a drive as its instruments see it, with the columns of a homeward recording."""
     run, robot = work.run, work.vehicle.robot
     n = run.time_s.size

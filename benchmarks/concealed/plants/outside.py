@@ -9,13 +9,13 @@ from numpy.random import Generator
 
 from benchmarks.concealed.plants.chain import Change, Mechanism, Stage, Work
 from benchmarks.concealed.plants.effects import first_order, ornstein_uhlenbeck, since, since_start_m
-from benchmarks.concealed.plants.vehicles import Vehicle, rolling_power_w, typical_power_w
+from benchmarks.concealed.plants.vehicles import Plant, rolling_power_w, typical_power_w
 
 Fair = frozenset[str]
-DrawOutside = Callable[[Vehicle, Generator, int], tuple[Stage, Change, Fair]]
+DrawOutside = Callable[[Plant, Generator, int], tuple[Stage, Change, Fair]]
 
 
-def furrows(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def furrows(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """Ploughed ground: rolling is harder across the furrows than along them, the same there and back."""
     along_rad, gain = rng.uniform(0.0, np.pi), rng.uniform(0.4, 1.0)
 
@@ -25,7 +25,7 @@ def furrows(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change,
     return "ground", change, frozenset()
 
 
-def squealing_bearing(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def squealing_bearing(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A bearing that runs dry above a temperature, and recovers only well below it."""
     rise_s, gain, trip = rng.uniform(60.0, 150.0), rng.uniform(0.4, 0.9), rng.uniform(0.55, 0.7)
 
@@ -39,7 +39,7 @@ def squealing_bearing(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stag
     return "ground", change, frozenset()
 
 
-def speed_coupled_pump(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def speed_coupled_pump(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A spray pump whose duty cycle follows the speed, with a fixed stroke: pulses come with the way driven."""
     size_w, stroke_m = typical_power_w(vehicle) * rng.uniform(0.3, 0.6), vehicle.leg_m * rng.uniform(0.15, 0.3)
 
@@ -50,7 +50,7 @@ def speed_coupled_pump(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Sta
     return "load", change, frozenset({"intermittent_load"})
 
 
-def hiccup_converter(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def hiccup_converter(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A converter that falls out of its efficient mode above a load, for some seconds at least."""
     limit, loss = rng.uniform(0.9, 1.3), rng.uniform(0.15, 0.3)
 
@@ -62,7 +62,7 @@ def hiccup_converter(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage
     return "load", change, frozenset()
 
 
-def cold_tyres(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def cold_tyres(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """Tyres roll worse until they are warm and cool while standing (SAE J2452 warms them for half an hour)."""
     gain, warm_s = rng.uniform(0.5, 1.0), rng.uniform(100.0, 250.0)
 
@@ -73,7 +73,7 @@ def cold_tyres(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Chan
     return "ground", change, frozenset()
 
 
-def clinging_mud(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def clinging_mud(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """Mud clings with the way and falls off whenever the vehicle stands."""
     gain, way_m = rng.uniform(0.6, 1.2), vehicle.robot.max_speed_mps * rng.uniform(15.0, 35.0)
 
@@ -83,7 +83,7 @@ def clinging_mud(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Ch
     return "ground", change, frozenset()
 
 
-def slow_puncture(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def slow_puncture(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """Air leaks out in one of the drives; rolling resistance goes with pressure^-0.4 (Clark, Mechanics of Tires)."""
     drive, leak_s = int(rng.integers(0, runs)), rng.uniform(60.0, 120.0)
 
@@ -95,7 +95,7 @@ def slow_puncture(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, C
     return "ground", change, frozenset({"surface"})
 
 
-def sticking_brake(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def sticking_brake(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A brake lets go only slowly after a stop longer than some seconds, not after a short one."""
     gain, free_s = rng.uniform(1.5, 3.0), rng.uniform(6.0, 15.0)
 
@@ -112,7 +112,7 @@ def sticking_brake(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, 
     return "ground", change, frozenset({"breakaway"})
 
 
-def solar_panel(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def solar_panel(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A solar panel under passing clouds feeds the bus (cloud shadows last some minutes)."""
     size_w, minutes_s = typical_power_w(vehicle) * rng.uniform(0.2, 0.4), rng.uniform(60.0, 150.0)
 
@@ -123,7 +123,7 @@ def solar_panel(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Cha
     return "load", change, frozenset()
 
 
-def washboard(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def washboard(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """Corrugated ground shakes the suspension at one speed: a resonance (Wong, ch. 7)."""
     at, width, gain = rng.uniform(0.4, 0.75), rng.uniform(0.06, 0.1), rng.uniform(0.8, 1.6)
 
@@ -134,7 +134,7 @@ def washboard(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Chang
     return "ground", change, frozenset()
 
 
-def damaged_steering(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def damaged_steering(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A bent linkage costs power while turning left, nothing while turning right."""
     gain = rng.uniform(0.8, 1.6)
 
@@ -145,7 +145,7 @@ def damaged_steering(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage
     return "motor", change, frozenset({"turning"})
 
 
-def cooling_fan(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def cooling_fan(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A fan comes on when the motor is hot and runs on until it is cool."""
     size_w, heat_s = typical_power_w(vehicle) * rng.uniform(0.25, 0.5), rng.uniform(40.0, 100.0)
 
@@ -160,7 +160,7 @@ def cooling_fan(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Cha
     return "load", change, frozenset({"intermittent_load"})
 
 
-def hill_descent(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def hill_descent(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """Hill descent control holds the vehicle back with the motors against each other: descents cost power."""
     gain = rng.uniform(0.5, 1.0)
 
@@ -171,7 +171,7 @@ def hill_descent(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Ch
     return "motor", change, frozenset()
 
 
-def altitude_switch(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def altitude_switch(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """An instrument that works only above a height of the route, as one with a line of sight to a mast does."""
     size_w, share = typical_power_w(vehicle) * rng.uniform(0.25, 0.5), rng.uniform(0.45, 0.6)
 
@@ -182,7 +182,7 @@ def altitude_switch(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage,
     return "load", change, frozenset()
 
 
-def growing_bursts(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def growing_bursts(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A gripper that jams a little more each time it closes; it closes at random times."""
     size_w, every_s = typical_power_w(vehicle) * rng.uniform(0.2, 0.3), rng.uniform(25.0, 50.0)
 
@@ -196,7 +196,7 @@ def growing_bursts(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, 
     return "load", change, frozenset({"intermittent_load"})
 
 
-def shower(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def shower(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """Rain wets the ground in one drive, and the ground dries; wipers or a blower run while it lasts."""
     drive, start, gain = int(rng.integers(0, runs)), rng.uniform(0.2, 0.4), rng.uniform(0.5, 1.0)
 
@@ -209,7 +209,7 @@ def shower(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, 
     return "ground", change, frozenset({"surface"})
 
 
-def speed_memory(vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
+def speed_memory(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
     """A gearbox that heats its oil into foam after fast driving: losses follow the fastest speed of the last minute."""
     gain, minute_s = rng.uniform(0.5, 1.0), rng.uniform(40.0, 80.0)
 
@@ -234,7 +234,7 @@ OUTSIDE: dict[str, DrawOutside] = {
 """Every mechanism outside the catalogue and what draws it."""
 
 
-def make_outside(name: str, vehicle: Vehicle, rng: Generator, runs: int) -> tuple[Mechanism, Fair]:
+def make_outside(name: str, vehicle: Plant, rng: Generator, runs: int) -> tuple[Mechanism, Fair]:
     """Draw the mechanism of a name, and the effects that would describe it fairly."""
     stage, change, fair = OUTSIDE[name](vehicle, rng, runs)
     return Mechanism(name, stage, change), fair

@@ -12,12 +12,12 @@ from numpy.random import Generator
 from benchmarks.concealed.plants import rover_scenarios as hidden
 from benchmarks.concealed.plants.cases import Case, missed_share, misset
 from benchmarks.concealed.plants.chain import Work
-from benchmarks.concealed.plants.drives import Array, Run
-from benchmarks.concealed.plants.instruments import NOISES, Logging, Noise, record
+from benchmarks.concealed.plants.instruments import NOISES, Logging, NoiseLevel, record
+from benchmarks.concealed.plants.motion import Array, Motion
 from benchmarks.concealed.plants.rover_drives import TICKS_PER_S, cruise
 from benchmarks.concealed.plants.rover_engine import STEP_S, THRUST_N_PER_A, TRACK_M, Log, Rover, Trip, World, drive
 from benchmarks.concealed.plants.rover_scenarios import Build, Scenario
-from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Vehicle
+from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Plant
 from homeward.physics import Robot
 
 CALIBRATION_MPS = (0.3, 0.6, 0.9)
@@ -62,7 +62,7 @@ def make(number: int, build: Build, level: str, rng: Generator, short: bool) -> 
 
 
 def recorded(
-    vehicle: Vehicle, scenario: Scenario, trips: Sequence[Trip], level: str, rng: Generator
+    vehicle: Plant, scenario: Scenario, trips: Sequence[Trip], level: str, rng: Generator
 ) -> tuple[list[Work], list[pd.DataFrame]]:
     """Drive trips: what happened, and what instruments of a noise saw of it."""
     logs = [drive(scenario.rover, trip, scenario.brake) for trip in trips]
@@ -84,12 +84,12 @@ def calibrated(scenario: Scenario) -> Robot:
     return _robot(rover, float(rolling), float(idle))
 
 
-def work_of(vehicle: Vehicle, scenario: Scenario, log: Log, index: int) -> Work:
+def work_of(vehicle: Plant, scenario: Scenario, log: Log, index: int) -> Work:
     """What happened, as far as it is recorded, in the form that instruments read."""
     speed = _speed(scenario, log)
     speed = np.where(np.abs(speed) > 0.005, speed, 0.0)  # encoders show nothing below
     zeros = np.zeros(speed.size)
-    run = Run(
+    run = Motion(
         time_s=log.time_s, speed_mps=speed, accel_mps2=np.gradient(speed, STEP_S),
         grade_rad=log.grade_rad * scenario.slope_known, yaw_rate_radps=log.yaw_radps, heading_rad=log.heading_rad,
         place_m=log.place_m, direction=np.sign(np.cos(log.heading_rad)), distance_m=np.cumsum(np.abs(speed)) * STEP_S,
@@ -105,7 +105,7 @@ def _speed(scenario: Scenario, log: Log) -> Array:
     return 0.5 * (log.wheel_left_mps + log.wheel_right_mps) if scenario.wheels else log.speed_mps
 
 
-def _record(work: Work, log: Log, scenario: Scenario, noise: Noise, rng: Generator) -> pd.DataFrame:
+def _record(work: Work, log: Log, scenario: Scenario, noise: NoiseLevel, rng: Generator) -> pd.DataFrame:
     logging = Logging(distance=False, charge=False, grade=scenario.slope_known)
     frame = record(work, noise, logging, rng).drop(columns=["sensing_hz", "temperature_c"])
     if not scenario.placed:
@@ -133,9 +133,9 @@ def cut(trip: Trip) -> Trip:
                                payload_kg=trip.payload_kg[:ticks])  # fmt: skip
 
 
-def vehicle_of(robot: Robot) -> Vehicle:
+def vehicle_of(robot: Robot) -> Plant:
     """The rover with a robot file."""
-    return Vehicle(robot, "skid", 0.512, 0.16, 1.0, 0.6, 56.0, True, "rover.xml: about the size of a Husky A200")
+    return Plant(robot, "skid", 0.512, 0.16, 1.0, 0.6, 56.0, True, "rover.xml: about the size of a Husky A200")
 
 
 def _robot(rover: Rover, rolling_resistance: float, idle_w: float) -> Robot:

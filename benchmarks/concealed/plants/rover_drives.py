@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.concealed.plants.drives import Array
+from benchmarks.concealed.plants.motion import Array
 
 TICKS_PER_S = 50
 YAW_RADPS2 = 0.3  # most change of the yaw rate

@@ -13,7 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from benchmarks.concealed.plants.drives import Array
+from benchmarks.concealed.plants.motion import Array
 
 TRACK_M = 0.55
 WHEEL_RADIUS_M = 0.165

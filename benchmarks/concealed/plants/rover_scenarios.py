@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.concealed.plants.drives import Array
+from benchmarks.concealed.plants.motion import Array
 from benchmarks.concealed.plants.rover_drives import Command, Leg, command, cruise, on_the_spot, stop_and_go, tour
 from benchmarks.concealed.plants.rover_engine import Brake, Ground, Rover, Trip, World
 

@@ -11,7 +11,7 @@ GRAVITY_MPS2 = 9.80665  # standard gravity, CGPM 1901
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class Plant:
     """A vehicle: its nominal robot, how it steers, where it drives and the parts that the nominal robot leaves out."""
 
     robot: Robot
@@ -25,14 +25,14 @@ class Vehicle:
     source: str
 
 
-def rolling_power_w(vehicle: Vehicle) -> float:
+def rolling_power_w(vehicle: Plant) -> float:
     """Electrical power that rolling resistance takes at 60 % of top speed, W: a yardstick for what is hidden."""
     robot = vehicle.robot
     force_n = robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2
     return force_n * 0.6 * robot.max_speed_mps / robot.traction_efficiency
 
 
-def peak_power_w(vehicle: Vehicle) -> float:
+def peak_power_w(vehicle: Plant) -> float:
     """Electrical power at top speed up the steepest slope with everything on, W."""
     robot = vehicle.robot
     steepness = robot.rolling_resistance + vehicle.steepest_grade_rad
@@ -42,20 +42,20 @@ def peak_power_w(vehicle: Vehicle) -> float:
     return drive_w + idle_power_w(vehicle) + sample_j * robot.max_sensing_hz
 
 
-def idle_power_w(vehicle: Vehicle) -> float:
+def idle_power_w(vehicle: Plant) -> float:
     """Ancillary power without sensing, W."""
     robot = vehicle.robot
     return robot.sensing_idle_w + robot.communication_w + robot.controller_w
 
 
-def typical_power_w(vehicle: Vehicle) -> float:
+def typical_power_w(vehicle: Plant) -> float:
     """Ancillary power at half the sensing rate and rolling power together, W."""
     robot = vehicle.robot
     sample_j = robot.sensing_j_per_sample + robot.computer_j_per_sample
     return rolling_power_w(vehicle) + idle_power_w(vehicle) + 0.5 * sample_j * robot.max_sensing_hz
 
 
-BURGER = Vehicle(
+BURGER = Plant(
     Robot(
         name="burger_plant", mass_kg=1.0, rolling_resistance=0.12, drag_ns2_per_m2=0.02, rated_energy_j=71928.0,
         nominal_voltage_v=11.1, motor_loss=0.05, friction_loss=0.42, min_speed_mps=0.02, max_speed_mps=0.22,
@@ -66,7 +66,7 @@ BURGER = Vehicle(
     "ROBOTIS e-Manual, TurtleBot3 Burger: 1 kg, 11.1 V 1.8 Ah, 0.22 m/s, XL430-W250 servos; microcontroller board only",
 )  # fmt: skip
 
-RACER = Vehicle(
+RACER = Plant(
     Robot(
         name="racer_plant", mass_kg=3.5, rolling_resistance=0.05, drag_ns2_per_m2=0.02, rated_energy_j=199800.0,
         nominal_voltage_v=11.1, motor_loss=0.1, friction_loss=0.2, min_speed_mps=0.2, max_speed_mps=5.0,
@@ -77,7 +77,7 @@ RACER = Vehicle(
     "f1tenth.org build: Traxxas Slash 4x4 (wheelbase 324 mm, width 296 mm), 3S 5 Ah LiPo 11.1 V, UST-10LX 40 Hz lidar",
 )  # fmt: skip
 
-JACKAL = Vehicle(
+JACKAL = Plant(
     Robot(
         name="jackal_plant", mass_kg=17.0, rolling_resistance=0.08, drag_ns2_per_m2=0.08, rated_energy_j=972000.0,
         nominal_voltage_v=29.4, motor_loss=0.1, friction_loss=0.25, min_speed_mps=0.1, max_speed_mps=2.0,
@@ -88,7 +88,7 @@ JACKAL = Vehicle(
     "Clearpath Jackal data sheet: 17 kg, 270 Wh, 2.0 m/s; jackal_description: track 0.37559 m, wheelbase 0.262 m",
 )  # fmt: skip
 
-SCOUT = Vehicle(
+SCOUT = Plant(
     Robot(
         name="scout_plant", mass_kg=68.0, rolling_resistance=0.06, drag_ns2_per_m2=0.15, rated_energy_j=2592000.0,
         nominal_voltage_v=24.0, motor_loss=0.12, friction_loss=0.2, min_speed_mps=0.1, max_speed_mps=1.5,
@@ -99,7 +99,7 @@ SCOUT = Vehicle(
     "AgileX Scout 2.0 user manual: 68 kg, 24 V 30 Ah, 1.5 m/s, 4 x 200 W brushless, track 582 mm, wheelbase 498 mm",
 )  # fmt: skip
 
-WARTHOG = Vehicle(
+WARTHOG = Plant(
     Robot(
         name="warthog_plant", mass_kg=280.0, rolling_resistance=0.07, drag_ns2_per_m2=0.6, rated_energy_j=18144000.0,
         nominal_voltage_v=48.0, motor_loss=0.1, friction_loss=0.22, min_speed_mps=0.2, max_speed_mps=5.0,
@@ -110,7 +110,7 @@ WARTHOG = Vehicle(
     "Clearpath Warthog data sheet: 280 kg, 48 V 105 Ah lead acid, 18 km/h, 1.38 m wide, 0.83 m high",
 )  # fmt: skip
 
-TRUCK = Vehicle(
+TRUCK = Plant(
     Robot(
         name="truck_plant", mass_kg=3242.0, rolling_resistance=0.03, drag_ns2_per_m2=0.55, rated_energy_j=486000000.0,
         nominal_voltage_v=400.0, motor_loss=0.08, friction_loss=0.08, min_speed_mps=0.5, max_speed_mps=15.0,

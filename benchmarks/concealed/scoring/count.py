@@ -49,14 +49,14 @@ class Table:
         return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in self.rows), ""])
 
 
-def told(outcome: Outcome) -> list[list[str]]:
+def named(outcome: Outcome) -> list[list[str]]:
     """Classes that were named; a battery that holds the same too little in all drives is aged or smaller."""
     return [*outcome.classes, *([["ageing"]] if USABLE_ENERGY in outcome.off else [])]
 
 
 def found_first(outcome: Outcome) -> bool:
     """Whether the hidden effect is the first that is named, or among those the first is confused with."""
-    return outcome.hidden[0] in [*told(outcome), []][0]
+    return outcome.hidden[0] in [*named(outcome), []][0]
 
 
 def usable(outcome: Outcome) -> bool:
@@ -119,8 +119,8 @@ def _singles(outcomes: list[Outcome]) -> Table:
 
 def _pairs(outcomes: list[Outcome]) -> Table:
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
-        in_class = [[any(effect in entry for entry in told(o)) for effect in o.hidden] for o in chosen]
-        by_name = [[any(effect == entry[0] for entry in told(o)) for effect in o.hidden] for o in chosen]
+        in_class = [[any(effect in entry for entry in named(o)) for effect in o.hidden] for o in chosen]
+        by_name = [[any(effect == entry[0] for entry in named(o)) for effect in o.hidden] for o in chosen]
         shares = (map(all, in_class), map(all, by_name), map(any, in_class), map(found_first_of_pair, chosen))
         return (name, *map(share, shares))
 
@@ -131,7 +131,7 @@ def _pairs(outcomes: list[Outcome]) -> Table:
 
 def found_first_of_pair(outcome: Outcome) -> bool:
     """Whether what is named first is one of the hidden effects, or confused with one."""
-    return bool(set(outcome.hidden) & set([*told(outcome), []][0]))
+    return bool(set(outcome.hidden) & set([*named(outcome), []][0]))
 
 
 def _controls(outcomes: list[Outcome]) -> Table:

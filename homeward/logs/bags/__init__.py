@@ -2,7 +2,7 @@
 
 A bag is opened (`container`, damaged ones by `salvage`), its messages decoded (`messages`), the topics that a mapping
 names (`topics`) turned into channels (`samples`, `grade`) on one clock (`clock`). `flight` opens the logs of PX4 and
-ArduPilot, whose messages are topics too. `reading` puts them together.
+ArduPilot, whose messages are topics too. `assemble` puts them together.
 """
 
 import hashlib

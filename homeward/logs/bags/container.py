@@ -10,7 +10,7 @@ from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 
 from homeward.logs.bags import storage_files
-from homeward.logs.bags.salvage import Remains
+from homeward.logs.bags.salvage import DamagedBag
 from homeward.logs.columns import RecordingError
 
 
@@ -74,7 +74,7 @@ class Bag(contextlib.ExitStack):
         elif self.path.is_dir():
             self.notes.append("has no metadata.yaml: the recorder was stopped before it ended the bag")
         readers = [self._reader(file) for file in storage_files(self.path)]
-        if self.notes and any(isinstance(reader, Remains) for reader in readers):
+        if self.notes and any(isinstance(reader, DamagedBag) for reader in readers):
             self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]  # the files give better ones
         return readers
 
@@ -83,7 +83,7 @@ class Bag(contextlib.ExitStack):
             reader: Any = Reader1(file) if self.ros1 else Reader2(file)
             reader.open()
         except Exception as error:  # a cut file raises anything, from ReaderError to TypeError
-            remains = Remains(file)
+            remains = DamagedBag(file)
             left = f"{sum(connection.msgcount for connection in remains.connections)} messages could be read"
             if file.suffix == ".db3":
                 left = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'

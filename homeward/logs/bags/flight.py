@@ -36,7 +36,7 @@ _LATEST_US = 2**53  # which a damaged time exceeds: 285 years after the start
 
 
 @dataclass(frozen=True)
-class Message:
+class FlightTopic:
     """A message of a log, offered as a topic is."""
 
     topic: str
@@ -68,7 +68,7 @@ class FlightLog(contextlib.ExitStack):
         with self._listening(path.name, kind):
             self._log: Any = opened(path)
         self.callback(self._log.close)
-        self.connections = [Message(name, count) for name, count in sorted(self._log.counts.items()) if count]
+        self.connections = [FlightTopic(name, count) for name, count in sorted(self._log.counts.items()) if count]
         if not self.connections:
             self.close()
             raise RecordingError("; ".join([f"holds nothing that can be read as messages of {kind}", *self.notes]))

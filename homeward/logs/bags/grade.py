@@ -18,10 +18,10 @@ import pandas as pd
 from homeward.logs.channels import Array
 
 GRAVITY_MPS2 = 9.80665  # standard gravity
-_ORIENTATION_S = 1.0
-_ACCELERATION_S = 2.0
+_ORIENTATION_S = 1.0  # means over so long: chosen above the pitching of a robot on its wheels
+_ACCELERATION_S = 2.0  # the same of an accelerometer, which is noisier
 PLANAR = 1e-4  # sine of a slope below which a pose has none
-_UNIT = 0.05
+_UNIT = 0.05  # how far from 1 the length of a quaternion may be
 
 
 def from_orientation(time_s: Array, quaternion: Array) -> Array | None:

@@ -35,7 +35,7 @@ _FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinition
 _UNPACKERS: dict[str, Any] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompressor}
 
 
-class Remains:
+class DamagedBag:
     """The readable part of a damaged file; stands in for a reader of rosbags.
 
     A file that was compressed as a whole, or a database, has none.

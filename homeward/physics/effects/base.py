@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Kind = Literal["force", "drive", "ancillary", "battery"]
+"""Where an effect enters the model."""
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ EFFECT = Effect(
     kind="drive",
     function=turning,
     parameters=(Parameter("scrub", "1", 0.0, 2.0, "wheel force over weight when turning on the spot"),),
-    sentence="Turning drags the wheels sideways over the ground, which costs more the tighter the turn.",
+    sentence="Turning drags the wheels sideways over the ground, which consumes more the tighter the turn.",
     equation="P = F u / Gamma, F = scrub (m + dm) g sqrt(s), s = |w| B / (|w| B + 2 v), u = max(v, |w| B / 2)",
     source="Morales et al., power of skid-steer robots, IEEE T-RO 2009; the shape over s is empirical",
     needs=("yaw_rate_radps", "speed_mps"),

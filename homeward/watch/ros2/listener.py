@@ -28,7 +28,7 @@ from homeward.logs.bags.topics import (
     Topics,
     best_topics,
 )
-from homeward.logs.channels import CHANNELS, POWER
+from homeward.logs.channels import CHANNELS, MOVES_MPS, POWER
 from homeward.watch.ros2.charge import Charge
 from homeward.watch.ros2.odometry import Odometry
 from homeward.watch.ros2.stamps import Stamps
@@ -42,7 +42,6 @@ _SETTLES_S = 2.0
 """Time from the first motion in which topics are found and not yet believed."""
 _MOST = 1000
 """Values of a channel that are kept until there is motion."""
-_MOVES_MPS = 0.05
 _LEAST_SIGNS = 50
 """Readings while driving from which the sign of a current is determined."""
 _ACCELERATION_S = 2.0
@@ -281,7 +280,7 @@ class Listener:
             return {}
         current = values["current_a"]
         if self._chosen["current_a"][1].msgtype == BATTERY:
-            if abs(speed) > _MOVES_MPS and current:
+            if abs(speed) > MOVES_MPS and current:
                 self._signs[current > 0.0] += 1
             charging, discharging = self._signs
             if charging > discharging and charging + discharging >= _LEAST_SIGNS:
@@ -290,7 +289,7 @@ class Listener:
                     f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
                     "of BatteryState; it is taken as discharge", now_s,
                 )  # fmt: skip
-        if current < 0.0 and not abs(speed) > _MOVES_MPS:
+        if current < 0.0 and not abs(speed) > MOVES_MPS:
             return {}  # charging, which says nothing of what the robot takes
         return {"voltage_v": self._voltage_v, "current_a": current}
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from homeward.agents import Policy, make_policy
 from homeward.agents.evaluation import TRACED, Episodes, Run, episode_seeds
-from homeward.agents.evaluation.summary import Bounds, Evaluation
+from homeward.agents.evaluation.summary import Evaluation, Optima
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -27,7 +27,7 @@ def made_up(score: Any, stranded: Any = None) -> Run:
     )
 
 
-def compared(optimum: Bounds | None = None, **runs: Run | list[Run]) -> Evaluation:
+def compared(optimum: Optima | None = None, **runs: Run | list[Run]) -> Evaluation:
     lists = {name: run if isinstance(run, list) else [run] for name, run in runs.items()}
     count = len(next(iter(lists.values()))[0].episodes.score)
     return Evaluation("homeward/Survey-v0", SURVEY, 0, episode_seeds(0, count), lists, optimum)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from homeward.agents.evaluation import episode_seeds, run_episodes
-from homeward.agents.evaluation.summary import Bounds
+from homeward.agents.evaluation.summary import Optima
 from tests.agents.evaluation.runs import SURVEY, compared, made_up, policy
 
 
@@ -84,7 +84,7 @@ def test_strandings_of_all_training_seeds_count() -> None:
 
 
 def test_share_of_the_optimum_is_given_against_both_bounds() -> None:
-    bounds = Bounds(np.array([8.0, 12.0]), np.array([10.0, 15.0]))
+    bounds = Optima(np.array([8.0, 12.0]), np.array([10.0, 15.0]))
     summary = compared(bounds, agent=made_up([5.0, 10.0])).summary()
     assert summary["agents"]["agent"]["share_of_optimum"] == pytest.approx(0.75)
     assert summary["agents"]["agent"]["share_of_optimum_at_least"] == pytest.approx(0.6)

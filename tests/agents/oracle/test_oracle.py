@@ -15,7 +15,7 @@ from homeward.agents import AGENTS, make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.oracle import Optimum, OracleError, score_of, solve
 from homeward.agents.oracle.bound import Prices, allowed, bounds_by_turn, patrol_bound
-from homeward.agents.oracle.case import case_of
+from homeward.agents.oracle.problem import problem_of
 from homeward.agents.oracle.rates import PIECES, REFUSED, Rates, measure_rates
 from homeward.agents.registry import FROM_FILES
 from homeward.envs.options import MISSIONS, Options, known_of
@@ -262,7 +262,7 @@ def _measured(mission: str) -> Rates:
     if mission not in MEASURED:
         env = HomewardVectorEnv(mission=mission)
         env.reset(seed=SEEDS[:1])
-        MEASURED[mission] = measure_rates(case_of(env.batch, 0))
+        MEASURED[mission] = measure_rates(problem_of(env.batch, 0))
     return MEASURED[mission]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from homeward.agents import make_policy
-from homeward.agents.rules.tuned import RESERVES
+from homeward.agents.rules.reserves import RESERVES
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import ancillary_power, d_max

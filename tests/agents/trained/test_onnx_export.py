@@ -12,13 +12,13 @@ import pytest
 onnx = pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
 
+from homeward.agents.trained.environment import setting_of  # noqa: E402
 from homeward.agents.trained.inputs import COLUMNS, make_inputs  # noqa: E402
 from homeward.agents.trained.onnx_export import Args, ExportError, check_equal, main  # noqa: E402
 from homeward.agents.trained.onnx_graph import quantities, to_onnx  # noqa: E402
 from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS  # noqa: E402
 from homeward.agents.trained.policy_file import ON_THE_GO, NetworkPolicy, PolicyFileError, load_policy, save_policy  # noqa: E402
 from homeward.agents.trained.provenance import robot_hash  # noqa: E402
-from homeward.agents.trained.setting import setting_of  # noqa: E402
 from homeward.envs.actions import action_space, encode_actions  # noqa: E402
 from homeward.envs.features import INDEX, NAMES  # noqa: E402
 from homeward.envs.options import Options, known_of  # noqa: E402

@@ -12,10 +12,10 @@ pytest.importorskip("onnxruntime")
 
 from homeward.agents.onboard import load_onboard  # noqa: E402
 from homeward.agents.registry import shipped  # noqa: E402
+from homeward.agents.trained.environment import setting_of  # noqa: E402
 from homeward.agents.trained.onnx_graph import to_onnx  # noqa: E402
 from homeward.agents.trained.onnx_policy import load_onnx  # noqa: E402
 from homeward.agents.trained.policy_file import PolicyFileError, load_policy  # noqa: E402
-from homeward.agents.trained.setting import setting_of  # noqa: E402
 from homeward.envs.options import MISSIONS  # noqa: E402
 from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
 

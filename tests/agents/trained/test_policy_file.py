@@ -250,7 +250,7 @@ def test_a_policy_that_sees_beliefs_acts_only_with_what_is_known(believing: Path
 @pytest.mark.parametrize("inputs", [None, {}, {"columns": ["luck"]}, {"columns": [name for name, _ in COLUMNS]}])
 def test_foreign_inputs_are_refused(believing: Path, inputs: Any) -> None:
     rewrite(believing, inputs=inputs)
-    with pytest.raises(PolicyFileError, match="tells of other inputs than this version has, train again"):
+    with pytest.raises(PolicyFileError, match="names other inputs than this version has, train again"):
         load_policy(believing, known_of(Options("Survey")))
 
 

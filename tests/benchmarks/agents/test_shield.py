@@ -9,7 +9,7 @@ from benchmarks.agents import shield
 from benchmarks.agents.shield import Args, main, reference_of, row_of
 from homeward.agents import AgentError
 from homeward.agents.evaluation import episode_seeds
-from homeward.agents.rules.tuned import RESERVES
+from homeward.agents.rules.reserves import RESERVES
 from homeward.envs.options import Options
 
 

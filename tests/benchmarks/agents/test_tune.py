@@ -11,14 +11,14 @@ from benchmarks.agents.tune import (
     DEVIATIONS,
     SHARES,
     Args,
-    Outcome,
-    Trial,
+    Attempt,
+    Scored,
     choose_for_planner,
     main,
     run_trial,
 )
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.tuned import PACES
+from homeward.agents.rules.reserves import PACES
 from homeward.envs.options import OptionError, Options
 
 
@@ -29,8 +29,8 @@ def test_each_has_as_many_trials() -> None:
 
 def test_the_planners_reserve_scores_most_of_those_that_strand_few() -> None:
     grids = {
-        "planner, OutAndBack, uncertain": {0.0: Outcome(100.0, 9), 1.0: Outcome(90.0, 3), 2.0: Outcome(85.0, 0)},
-        "planner, OutAndBack, harsh": {0.0: Outcome(10.0, 90), 1.0: Outcome(8.0, 80), 2.0: Outcome(8.1, 70)},
+        "planner, OutAndBack, uncertain": {0.0: Scored(100.0, 9), 1.0: Scored(90.0, 3), 2.0: Scored(85.0, 0)},
+        "planner, OutAndBack, harsh": {0.0: Scored(10.0, 90), 1.0: Scored(8.0, 80), 2.0: Scored(8.1, 70)},
     }
     assert choose_for_planner(grids, 1000) == 1.0
     assert choose_for_planner(grids, 10_000) == 0.0  # 0.09 % strand
@@ -40,9 +40,9 @@ def test_the_planners_reserve_scores_most_of_those_that_strand_few() -> None:
 def test_a_shield_keeps_back_the_least_that_is_safe_everywhere() -> None:
     few, many = 1e-3, 1e-5
     grids = {
-        "easy": {few: Outcome(10.0, 0), many: Outcome(9.0, 0)},
-        "hard": {few: Outcome(10.0, 3), many: Outcome(9.0, 2)},
-        "unscored": {few: Outcome(0.0, 0), many: Outcome(0.0, 0)},
+        "easy": {few: Scored(10.0, 0), many: Scored(9.0, 0)},
+        "hard": {few: Scored(10.0, 3), many: Scored(9.0, 2)},
+        "unscored": {few: Scored(0.0, 0), many: Scored(0.0, 0)},
     }
     assert tune.choose_for_shield(grids, 6000) == few
     assert tune.choose_for_shield(grids, 4096) == many
@@ -50,7 +50,7 @@ def test_a_shield_keeps_back_the_least_that_is_safe_everywhere() -> None:
 
 def test_what_a_shield_keeps_back_is_tried() -> None:
     seeds, options = range(16), Options("OutAndBack")
-    careful, bold = (run_trial((Trial("shield", options, (one,)), seeds)) for one in (1e-6, 0.4))
+    careful, bold = (run_trial((Attempt("shield", options, (one,)), seeds)) for one in (1e-6, 0.4))
     assert careful.stranded == 0 < bold.stranded
 
 

@@ -10,7 +10,7 @@ pytest.importorskip("pybamm")
 from benchmarks.concealed.plants import cell
 from benchmarks.concealed.plants.cell_electrochemistry import Cell, Discharge, ExhaustedError, discharge
 from benchmarks.concealed.plants.chain import rollout
-from benchmarks.concealed.plants.drives import Array, make_drives, make_route
+from benchmarks.concealed.plants.motion import Array, make_drives, make_route
 from benchmarks.concealed.plants.vehicles import SCOUT
 
 POWER_CELL = Cell(cell.POWER_CELL)

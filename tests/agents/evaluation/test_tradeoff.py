@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from homeward.agents import AGENTS, make_policy
 from homeward.agents.evaluation import Run, episode_seeds, run_episodes
-from homeward.agents.evaluation.margins import LEVELS, Curve, curve_of, margins_png
+from homeward.agents.evaluation.tradeoff import LEVELS, Curve, curve_of, margins_png
 from homeward.agents.registry import FROM_FILES, SWEPT
-from homeward.agents.rules.tuned import RESERVES
+from homeward.agents.rules.reserves import RESERVES
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.evaluation.runs import made_up

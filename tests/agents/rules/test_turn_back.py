@@ -6,7 +6,7 @@ import pytest
 from homeward.agents import make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.planner import Planner
-from homeward.agents.rules.rule import TurnBackRule
+from homeward.agents.rules.turn_back import TurnBackRule
 from homeward.envs.actions import decode_actions
 from homeward.envs.features import INDEX
 from homeward.envs.options import MISSIONS, Options

@@ -13,7 +13,7 @@ from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.uncertainty import Uncertainty
 
 _GENERIC = Prior(
-    missed=0.2,  # as the shield: a wind that no forecast tells of
+    missed=0.2,  # as the shield: a wind that no forecast mentions
     gain_sd=0.01 / 3.0**0.5,  # the instruments `meter` of the environments
     power_noise=0.005,
     soc_step=1e-3,
@@ -25,14 +25,14 @@ _GENERIC = Prior(
 fifth of the mass, wind of 1.5 m/s either way, and a battery monitor with a shunt."""
 
 
-class Known(NamedTuple):
+class Beforehand(NamedTuple):
     """What is known beforehand.
 
     Attributes:
         prior: For the estimator.
         words: Where it comes from, a sentence each.
         uncertainty: What the robot's file says of its own, if it does.
-        weight_sd: Of what climbing takes, as a share, beyond what the prior has.
+        weight_sd: Of what climbing consumes, as a share, beyond what the prior has.
     """
 
     prior: Prior
@@ -60,7 +60,7 @@ of Husky, Jackal, TurtleBot3 and the F1TENTH car by their sizes, at a drag coeff
 _OLD_CELLS = "its file does not say how sure the battery's capacity is: 80 to 100 %"
 
 
-def known_of(robot: Robot, has_forecast: bool) -> Known:
+def known_of(robot: Robot, has_forecast: bool) -> Beforehand:
     """What is known of a robot beforehand.
 
     Args:
@@ -71,17 +71,17 @@ def known_of(robot: Robot, has_forecast: bool) -> Known:
     wind = "a wind as forecast, within 1 m/s" if has_forecast else "an unknown wind, 1.5 m/s either way"
     given = robot.uncertainty
     if given is None or given.of != "energy":
-        return Known(prior, (
+        return Beforehand(prior, (
             f"the file of {robot.name!r} does not say how sure it is: generic ranges (capacity 80 to 100 %, rolling "
             "resistance 80 to 130 %, payload up to 20 %)", wind,
         ))  # fmt: skip
     prior, weight_sd = _as_sure_as(given, prior, robot)
     words = (f"the robot's file says how sure it is: {given.source or 'no source given'}", wind)
-    return Known(prior, words if "capacity" in given.fitted else (*words, _OLD_CELLS), given, weight_sd)
+    return Beforehand(prior, words if "capacity" in given.fitted else (*words, _OLD_CELLS), given, weight_sd)
 
 
 def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:
-    """The prior that a file's table makes of the generic one, and the standard deviation of what climbing takes.
+    """The prior that a file's table makes of the generic one, and the standard deviation of what climbing consumes.
 
     The file was fitted to the robot's own meter, so that the meter's gain is in it; and what was held as assumed agrees
     with the recordings as it is.

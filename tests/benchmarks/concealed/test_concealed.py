@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.concealed.plants.cases import NEEDS, PARTS, Part, make_case
 from benchmarks.concealed.plants.chain import rollout
-from benchmarks.concealed.plants.drives import make_drives, make_route
 from benchmarks.concealed.plants.effects import EFFECTS
 from benchmarks.concealed.plants.instruments import FAULTS, NOISES, Logging, record
+from benchmarks.concealed.plants.motion import make_drives, make_route
 from benchmarks.concealed.plants.outside import OUTSIDE, make_outside
 from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, SCOUT, VEHICLES
 from benchmarks.concealed.scoring.count import false_alarm, found_first, share, tables, wrongly_named

@@ -14,7 +14,8 @@ from homeward.envs.options import Known
 from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
 
-_STEEPEST_SINE = 0.7
+STEEPEST_SINE = 0.7
+"""Sine of the steepest slope in tables, that of 44 degrees: slopes of routes are cut at 30."""
 
 
 class Outlook(NamedTuple):
@@ -52,8 +53,8 @@ class TurnBackRule(Policy):
         self._turned = np.zeros(0, np.bool_)
         s = known.shared[0]
         self._patrol = bool(s["mission"] == PATROL)
-        self._sines = np.linspace(-_STEEPEST_SINE, _STEEPEST_SINE, 281)
-        # Eq. 8 with a full battery: what a metre takes of it at each grade.
+        self._sines = np.linspace(-STEEPEST_SINE, STEEPEST_SINE, 281)
+        # Eq. 8 with a full battery: what a metre consumes of it at each grade.
         self._shares_per_m = 1.0 / np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
         self._reach_m = float(s["reach_m"])
         self._sees_posts = sees_posts(known)

@@ -24,7 +24,7 @@ class Watched:
         name: Of the recording.
         time_s: Since its start.
         left_m: Way that was then still to come.
-        took_j: Energy that the rest then took.
+        took_j: Energy that the rest then consumed.
         mean_j: What was predicted of it.
         low_j: Lower end of the 90 % interval.
         high_j: Upper end.
@@ -32,7 +32,7 @@ class Watched:
         rests_on: What the predictions rest on, a sentence each.
         warnings: What was warned of, with the time of the first such warning, s.
         advice: The last advice; None of motor currents.
-        unit: `J`, or `A s` of motor currents: so are what it took and what was predicted then.
+        unit: `J`, or `A s` of motor currents: so are what it consumed and what was predicted then.
     """
 
     name: str

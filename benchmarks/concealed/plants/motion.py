@@ -9,13 +9,13 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from benchmarks.concealed.plants.vehicles import Vehicle
+from benchmarks.concealed.plants.vehicles import Plant
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Route:
+class Course:
     """A way that is driven out and back, or round and round: elevation and heading by place along it."""
 
     length_m: float
@@ -26,7 +26,7 @@ class Route:
 
 
 @dataclass
-class Run:
+class Motion:
     """One drive as it truly was, shape (n,) each."""
 
     time_s: Array
@@ -51,7 +51,7 @@ class Run:
         return float(self.time_s[1] - self.time_s[0])
 
 
-def make_route(vehicle: Vehicle, rng: Generator) -> Route:
+def make_route(vehicle: Plant, rng: Generator) -> Course:
     """Draw a route: hills as a periodic spline, steepest as the vehicle's ground is; bends as another spline."""
     loop = bool(rng.random() < 0.4)
     length_m = vehicle.leg_m * rng.uniform(0.7, 1.4) * (2.0 if loop else 1.0)
@@ -66,7 +66,7 @@ def make_route(vehicle: Vehicle, rng: Generator) -> Route:
     bend = rng.normal(size=knots + 1) * rng.uniform(0.5, 2.0) / (length_m / 6.0)
     bend += (2.0 * np.pi / length_m if loop else 0.0) - bend[:-1].mean()
     bend[-1] = bend[0]
-    return Route(length_m, loop, elevation, CubicSpline(at_m, bend, bc_type="periodic"), rng.uniform(0.0, 2.0 * np.pi))
+    return Course(length_m, loop, elevation, CubicSpline(at_m, bend, bc_type="periodic"), rng.uniform(0.0, 2.0 * np.pi))
 
 
 def _levels(rng: Generator, duration_s: float, dt_s: float, values: Array, least_s: float, most_s: float) -> Array:
@@ -81,7 +81,7 @@ def _levels(rng: Generator, duration_s: float, dt_s: float, values: Array, least
     return level
 
 
-def _speeds(vehicle: Vehicle, rng: Generator, duration_s: float, dt_s: float) -> Array:
+def _speeds(vehicle: Plant, rng: Generator, duration_s: float, dt_s: float) -> Array:
     """Speeds with stops, changed at no more than a drawn acceleration, standing first and last, m/s."""
     top_mps = vehicle.robot.max_speed_mps
     wanted = _levels(rng, duration_s, dt_s, top_mps * np.array([0.25, 0.4, 0.55, 0.7, 0.85, 1.0]), 15.0, 50.0)
@@ -97,8 +97,8 @@ def _speeds(vehicle: Vehicle, rng: Generator, duration_s: float, dt_s: float) ->
     return speed
 
 
-def drive(vehicle: Vehicle, route: Route, rng: Generator, index: int, day_s: float, mean_c: float, dt_s: float,
-          duration_s: float) -> Run:  # fmt: skip
+def drive(vehicle: Plant, route: Course, rng: Generator, index: int, day_s: float, mean_c: float, dt_s: float,
+          duration_s: float) -> Motion:  # fmt: skip
     """Drive along a route for a while; turn round on the spot (or in a U-turn) at its ends."""
     speed = _speeds(vehicle, rng, duration_s, dt_s)
     n = speed.size
@@ -128,7 +128,7 @@ def drive(vehicle: Vehicle, route: Route, rng: Generator, index: int, day_s: flo
     hz = vehicle.robot.max_sensing_hz * np.array([0.0, 0.2, 0.5, 1.0])
     since_midnight = 2.0 * np.pi * (21600.0 + day_s + time) / 86400.0  # the first drive starts at six
     swing_c = 8.0 if vehicle.outdoor else 1.5
-    return Run(
+    return Motion(
         time_s=time, speed_mps=speed, accel_mps2=np.gradient(speed, dt_s), grade_rad=grade, yaw_rate_radps=yaw,
         heading_rad=heading, place_m=place, direction=direction, distance_m=distance,
         elevation_m=route.elevation(place), base_distance_m=np.hypot(east, north),
@@ -137,8 +137,8 @@ def drive(vehicle: Vehicle, route: Route, rng: Generator, index: int, day_s: flo
     )  # fmt: skip
 
 
-def make_drives(vehicle: Vehicle, routes: list[Route], rng: Generator, runs_wanted: int, mean_c: float,
-                short: bool = False) -> list[Run]:  # fmt: skip
+def make_drives(vehicle: Plant, routes: list[Course], rng: Generator, runs_wanted: int, mean_c: float,
+                short: bool = False) -> list[Motion]:  # fmt: skip
     """Draw drives over one day, on the routes in turn."""
     dt_s = 1.0 / float(rng.choice([5.0, 10.0, 20.0], p=[0.4, 0.45, 0.15]))
     runs = []

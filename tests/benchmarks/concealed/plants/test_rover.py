@@ -10,7 +10,7 @@ pytest.importorskip("mujoco")
 
 from benchmarks.concealed.plants import rover
 from benchmarks.concealed.plants import rover_scenarios as hidden
-from benchmarks.concealed.plants.drives import Array
+from benchmarks.concealed.plants.motion import Array
 from benchmarks.concealed.plants.rover_drives import Leg, command, cruise
 from benchmarks.concealed.plants.rover_engine import WHEEL_RADIUS_M, Ground, Log, Rover, Trip, World, drive
 

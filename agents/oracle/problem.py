@@ -13,7 +13,7 @@ from homeward.envs.batch import Batch
 
 
 @dataclass(frozen=True)
-class Case:
+class Problem:
     """Records of one mission, each of shape (1,).
 
     Attributes:
@@ -33,14 +33,16 @@ class Case:
         """Record of what all missions share."""
         return self.constants["shared"][0]
 
-    def copy(self) -> Case:
+    def copy(self) -> Problem:
         """The same in records of its own."""
-        return Case(self.constants.copy(), self.robot.copy(), self.route.copy(), self.start.copy())
+        return Problem(self.constants.copy(), self.robot.copy(), self.route.copy(), self.start.copy())
 
 
-def case_of(batch: Batch, index: int) -> Case:
+def problem_of(batch: Batch, index: int) -> Problem:
     """Take a mission that has just begun out of a batch."""
     one = slice(index, index + 1)
-    case = Case(batch.constants.copy(), batch.robots[one].copy(), batch.routes[one].copy(), batch.records[one].copy())
+    case = Problem(
+        batch.constants.copy(), batch.robots[one].copy(), batch.routes[one].copy(), batch.records[one].copy()
+    )
     kernel.see_route(case.constants, case.start, case.route)
     return case

@@ -1,0 +1,73 @@
+"""Where things are: small folders, tests that mirror files, and names that mean one thing."""
+
+import ast
+import itertools
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+CODE = ("homeward", "envs", "agents", "benchmarks")
+MOST_FILES = 15
+"""In a folder; `effects` holds one file an effect."""
+ACROSS = {
+    "agents/policies/test_shipped_policies", "commands/test_parallel_commands",
+    "diagnosis/read/test_instruments", "diagnosis/test_command_line", "diagnosis/test_second_diagnosis",
+    "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "envs/test_randomise",
+    "envs/test_true_robot", "examples/test_other_stacks", "physics/test_paper", "project/test_house",
+    "project/test_makefile", "project/test_packaging", "project/test_release", "robots/test_presets", "test_broken",
+    "test_layers", "test_parallel_cluster", "watch/ros2/test_command", "watch/ros2/test_page",
+}  # fmt: skip
+"""Tests of what is in no one file: files that ship, pages, commands, and what several files do together."""
+
+
+def sources(root: Path, folders: tuple[str, ...] = CODE) -> Iterator[Path]:
+    """Files of code relative to the checkout; the search does not enter linked folders."""
+    return (file.relative_to(root) for folder in folders for file in sorted((root / folder).rglob("*.py")))
+
+
+def test_no_folder_is_too_full_to_read(root: Path) -> None:
+    count = Counter(file.parent for file in sources(root))
+    assert len(count) > 30
+    assert {folder: n for folder, n in count.items() if n > MOST_FILES and folder.name != "effects"} == {}
+
+
+def test_tests_mirror_the_files(root: Path) -> None:
+    """`tests/a/test_b.py` is about `a/b.py`, the package `a/b` or, where b is the folder's name, the package `a`."""
+    files = [*sources(root, (*CODE, "docs", "examples")), *map(Path, ("train.py", "evaluate.py", "diagnose.py"))]
+    inside = [file.relative_to("homeward") if file.parts[0] == "homeward" else file for file in files]
+    subjects = {one.as_posix().removesuffix(".py") for file in inside for one in (file, *file.parents)}
+    lost = []
+    for test in sorted((root / "tests").rglob("test_*.py")):
+        folder, name = test.parent.relative_to(root / "tests"), test.stem.removeprefix("test_")
+        known = (folder / name).as_posix() in subjects or (folder.name == name and folder.as_posix() in subjects)
+        if known == ((folder / test.stem).as_posix() in ACROSS):
+            lost.append((folder / test.stem).as_posix())
+    assert lost == []
+
+
+def test_a_class_has_its_name_for_itself(root: Path) -> None:
+    """All but the arguments of scripts, of which each has its own."""
+    names = Counter(
+        node.name
+        for file in sources(root)
+        for node in ast.walk(ast.parse((root / file).read_text("utf-8")))
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert [name for name, n in names.items() if n > 1 and name != "Args"] == []
+
+
+@pytest.mark.parametrize("ending", ["s", "d", "ed", "r", "er"])
+def test_no_two_modules_differ_by_an_ending(ending: str, root: Path) -> None:
+    """Subcommands are called as their users call them."""
+    named = {file.parent.name if file.stem == "__init__" else file.stem for file in sources(root)}
+    named -= {file.stem for file in (root / "homeward" / "commands").glob("*.py")}
+    assert [name for name in sorted(named) if name + ending in named] == []
+
+
+def test_no_two_modules_differ_by_a_letter(root: Path) -> None:
+    """Within a part; words that only look alike, such as `pace` and `page`, lie far apart."""
+    for _, part in itertools.groupby(sources(root), lambda file: file.parent):
+        for one, other in itertools.combinations(sorted(file.stem for file in part), 2):
+            assert len(one) != len(other) or sum(a != b for a, b in zip(one, other, strict=True)) > 1, (one, other)
