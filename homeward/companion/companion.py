@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion.advice import Action, Advice, Spread
-from homeward.companion.beforehand import Beforehand, known_of
 from homeward.companion.checks import check_home, check_number, check_route, check_wind
 from homeward.companion.cutoff import Cutoff
 from homeward.companion.policy import OnboardPolicy
+from homeward.companion.prior_knowledge import PriorKnowledge, known_of
 from homeward.companion.readings import POSITION_M, CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.reckoning import Reckoning, WayHome
 from homeward.companion.turning import chance, latest
@@ -142,7 +142,7 @@ class Companion:
         self._crumb_m = max(place_m / _CRUMBS, 1.0)
         self._start_soc, self._home, self._route, self._cutoff_v = soc, home, route, cutoff_v
         self._reckoning = Reckoning(
-            self.robot, known_of(self.robot, forecast_mps is not None) if prior is None else Beforehand(prior, ()),
+            self.robot, known_of(self.robot, forecast_mps is not None) if prior is None else PriorKnowledge(prior, ()),
             places=places, place_m=place_m, cruise_mps=cruise, risk=risk, route=route, forecast_mps=forecast_mps,
         )  # fmt: skip
         self._begin()

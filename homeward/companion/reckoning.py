@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion.advice import Spread
-from homeward.companion.beforehand import Beforehand
+from homeward.companion.prior_knowledge import PriorKnowledge
 from homeward.companion.readings import CompanionError, Reading
 from homeward.companion.way import RouteLike, Step
 from homeward.companion.window import Window
@@ -83,7 +83,7 @@ class Reckoning:
     def __init__(
         self,
         robot: Robot,
-        known: Beforehand,
+        known: PriorKnowledge,
         *,
         places: int,
         place_m: float,

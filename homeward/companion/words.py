@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from homeward.companion.beforehand import Beforehand
+from homeward.companion.prior_knowledge import PriorKnowledge
 
 _HOME = {
     "trail": "home is back over the way out",
@@ -16,7 +16,7 @@ _HOME = {
 }
 
 
-def rests_on(has: Mapping[str, bool], known: Beforehand, home: str, has_cutoff: bool) -> tuple[str, ...]:
+def rests_on(has: Mapping[str, bool], known: PriorKnowledge, home: str, has_cutoff: bool) -> tuple[str, ...]:
     """Sentences, the most telling first.
 
     Args:

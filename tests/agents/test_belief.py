@@ -17,7 +17,7 @@ from homeward.agents.belief import Belief, prior_of
 from homeward.agents.evaluation import run_episodes
 from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward
-from homeward.companion.beforehand import known_of as companion_knows
+from homeward.companion.prior_knowledge import known_of as companion_knows
 from homeward.envs.actions import encode_actions
 from homeward.envs.features import INDEX, NAMES
 from homeward.envs.options import Options, known_of

@@ -13,7 +13,7 @@ import pytest
 
 from homeward.agents.belief import prior_of
 from homeward.companion import Advice, Companion, CompanionError
-from homeward.companion.beforehand import known_of
+from homeward.companion.prior_knowledge import known_of
 from homeward.companion.readings import POSITION_M
 from homeward.envs.options import Options
 from homeward.envs.options import known_of as known_env_of

@@ -25,7 +25,7 @@ _GENERIC = Prior(
 fifth of the mass, wind of 1.5 m/s either way, and a battery monitor with a shunt."""
 
 
-class Beforehand(NamedTuple):
+class PriorKnowledge(NamedTuple):
     """What is known beforehand.
 
     Attributes:
@@ -60,7 +60,7 @@ of Husky, Jackal, TurtleBot3 and the F1TENTH car by their sizes, at a drag coeff
 _OLD_CELLS = "its file does not say how sure the battery's capacity is: 80 to 100 %"
 
 
-def known_of(robot: Robot, has_forecast: bool) -> Beforehand:
+def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
     """What is known of a robot beforehand.
 
     Args:
@@ -71,13 +71,13 @@ def known_of(robot: Robot, has_forecast: bool) -> Beforehand:
     wind = "a wind as forecast, within 1 m/s" if has_forecast else "an unknown wind, 1.5 m/s either way"
     given = robot.uncertainty
     if given is None or given.of != "energy":
-        return Beforehand(prior, (
+        return PriorKnowledge(prior, (
             f"the file of {robot.name!r} does not say how sure it is: generic ranges (capacity 80 to 100 %, rolling "
             "resistance 80 to 130 %, payload up to 20 %)", wind,
         ))  # fmt: skip
     prior, weight_sd = _as_sure_as(given, prior, robot)
     words = (f"the robot's file says how sure it is: {given.source or 'no source given'}", wind)
-    return Beforehand(prior, words if "capacity" in given.fitted else (*words, _OLD_CELLS), given, weight_sd)
+    return PriorKnowledge(prior, words if "capacity" in given.fitted else (*words, _OLD_CELLS), given, weight_sd)
 
 
 def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:
