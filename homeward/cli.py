@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import os
+import signal
 import sys
+import threading
 import unicodedata
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import Any, TypeVar
 
 import tyro
@@ -105,21 +109,44 @@ def run(
         if any(unicodedata.category(character) == "Cc" for character in argument):
             _say(program, f"argument '{argument}' holds a control character: type it again, or rename the file")
             return 2
+    pressed: list[int] = []
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _ctrl_c_noted(pressed):
             warnings.showwarning = _say_warning
             main(tyro.cli(args, prog=program, args=arguments, description=description))
-    except refused as error:
-        code, message = getattr(error, "exit_code", 2), str(error)
-    except OSError as error:
-        code = 2
-        message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
-    except KeyboardInterrupt:
-        code, message = INTERRUPTED, f"interrupted: {interrupted}"
+    except (Exception, KeyboardInterrupt) as error:
+        if pressed or isinstance(error, KeyboardInterrupt):  # compiled code may make another error of it
+            code, message = INTERRUPTED, f"interrupted: {interrupted}"
+        elif isinstance(error, refused):
+            code, message = getattr(error, "exit_code", 2), str(error)
+        elif isinstance(error, OSError):
+            code = 2
+            message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
+        else:
+            raise
     else:
         return 0
     _say(program, message)
     return code
+
+
+@contextlib.contextmanager
+def _ctrl_c_noted(pressed: list[int]) -> Iterator[None]:
+    """Append to a list when Ctrl-C is pressed, which raises KeyboardInterrupt as ever."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        pressed.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _say(program: str, message: str) -> None:

@@ -1,5 +1,7 @@
 """All scripts end alike: 0, 2, or 130 after Ctrl-C, with one line unless all is well."""
 
+import os
+import signal
 import sys
 import time
 import warnings
@@ -56,6 +58,25 @@ def test_scripts_end_alike(
     assert returned == code
     assert said.count("\n") == (error is not None)
     assert said.startswith(f"{script.__name__}.py: {message}" if error else "")
+
+
+def test_ctrl_c_that_compiled_code_makes_another_error_of_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def unboxed(args: Any) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(10.0)
+        except KeyboardInterrupt:
+            raise TypeError("can't unbox a List as a <NULL>") from None
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        monkeypatch.setattr(train, "main", unboxed)
+        assert end(train, [], monkeypatch, capsys) == (130, "train.py: interrupted: go on with --resume\n")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize(

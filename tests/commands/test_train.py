@@ -570,7 +570,8 @@ def home_rates(folder: Path) -> list[float]:
 
 
 def logged_steps(folder: Path) -> list[int]:
-    return [event.step for event in logged(folder, "time/fps")]
+    # Files of one second are read in the order of their processes' numbers.
+    return sorted(event.step for event in logged(folder, "time/fps"))
 
 
 def test_settings_are_written_with_the_run(finished: Path) -> None:
