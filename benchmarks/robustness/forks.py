@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import signal
 import sys
+import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
@@ -70,3 +72,21 @@ def fork(
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(code)
+
+
+def wait(child: int, longest_s: float) -> tuple[int, float]:
+    """Wait for a child, and kill its process group after so long.
+
+    Returns:
+        Its exit code, negative for a signal's number (-9 if it was killed here), and its processor time, s.
+    """
+    end_s = time.monotonic() + longest_s
+    while True:
+        ended, status, used = os.wait4(child, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime
+        if time.monotonic() > end_s:
+            with contextlib.suppress(ProcessLookupError):  # before it leads a group
+                os.killpg(child, signal.SIGKILL)
+            os.kill(child, signal.SIGKILL)
+        time.sleep(0.002)

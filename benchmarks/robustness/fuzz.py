@@ -33,6 +33,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
@@ -45,7 +46,7 @@ if __name__ == "__main__":  # a fork has no threads but one, and numba reads thi
     os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
-from benchmarks.robustness.forks import Run, fork, warm
+from benchmarks.robustness.forks import Run, fork, wait, warm
 
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST_S = 10.0
@@ -53,14 +54,16 @@ LONGEST_S = 10.0
 MOST_BYTES = 10**9
 """What it may allocate."""
 _FAST = "/dev/shm" if os.path.isdir("/dev/shm") else None  # folder of inputs: in memory, where there is such
-_DEAD_S = 180.0  # without a word from a worker: a hang that no signal ends
+_DEAD_S = 180.0  # after its time a worker has hung where no signal ends it
+_READ, _REFUSED = "read", "refused"
 _KEPT = 400  # inputs that ended in a new way
 _FRESH = 0.5  # share of inputs made of a real file, not of what was kept
 _TOKENS = (
     b"nan", b"inf", b"-inf", b"1e400", b"-1", b"0", b"1e-320", b"9223372036854775807", b"18446744073709551616", b"\x00",
     b"\xff\xff\xff\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"[[", b"]]", b"{", b"}", b'"', b"'", b"#", b"\n", b"\r\n", b";",
     b",", b"\t", b"true", b"null", b"None", b"1979-05-27T07:32:00Z", b"[1, 2]", b'"text"', b"{}", b"[]", b"0x10",
-    b"../../etc/passwd", "é".encode("latin-1"), "🤖".encode(), b"\x1b[31m", b"[red]", b"time_s", b"=", b"." * 50,
+    b"../../etc/passwd", b"9" * 400, "é".encode("latin-1"), "🤖".encode(), b"\x1b[31m", b"[red]", b"time_s", b"=",
+    b"." * 50,
 )  # fmt: skip
 
 
@@ -148,11 +151,11 @@ def targets() -> dict[str, Target]:
         "recording without a header": Target(lambda path: read_recording(path, "turtlebot3_tactics"), ".txt", recording,
                                              lambda: [b"1,2.5,11.1,300,3300,11.2\n" * 40]),
         "recording Parquet": Target(read_recording, ".parquet", recording, _parquet_seeds),
-        "bag MCAP": Target(read_recording, ".mcap", recording, lambda: _bag_seeds("mcap")),
-        "bag ROS 1": Target(read_recording, ".bag", recording, lambda: _bag_seeds("ros1")),
-        "bag sqlite3": Target(read_recording, ".db3", recording, lambda: _bag_seeds("sqlite3")),
-        "log PX4": Target(read_recording, ".ulg", recording, lambda: [_flight_seeds()[0]]),
-        "log ArduPilot": Target(read_recording, ".bin", recording, lambda: [_flight_seeds()[1]]),
+        "bag MCAP": Target(read_recording, ".mcap", recording, lambda: _log_seeds("mcap")),
+        "bag ROS 1": Target(read_recording, ".bag", recording, lambda: _log_seeds("ros1")),
+        "bag sqlite3": Target(read_recording, ".db3", recording, lambda: _log_seeds("sqlite3")),
+        "log PX4": Target(read_recording, ".ulg", recording, lambda: _log_seeds("ulg")),
+        "log ArduPilot": Target(read_recording, ".bin", recording, lambda: _log_seeds("bin")),
         "log VESC Tool": Target(read_recording, ".csv", recording, lambda: [_vesc_tool()]),
         "mapping of columns": Target(load_columns, ".toml", recording, lambda: _files(f"{maps}/maps/*.toml"), True),
         "mapping of topics": Target(load_topics, ".toml", recording, lambda: _files(f"{maps}/bags/maps/*.toml"), True),
@@ -167,9 +170,14 @@ def _files(pattern: str) -> list[bytes]:
     return [path.read_bytes() for path in sorted(ROOT.glob(pattern))]
 
 
+def _rows(head: str, row: Callable[[int], str], count: int = 40) -> bytes:
+    """A table of text."""
+    return f"{head}\n{''.join(row(i) + chr(10) for i in range(count))}".encode()
+
+
 def _route_seeds() -> list[bytes]:
-    track = "lat,lon,ele\n" + "".join(f"{45 + i * 1e-4:.5f},{7 + i * 1e-5:.5f},{100 + i % 7}\n" for i in range(40))
-    return [*_files("homeward/routes/*.csv"), track.encode()]
+    track = _rows("lat,lon,ele", lambda i: f"{45 + i * 1e-4:.5f},{7 + i * 1e-5:.5f},{100 + i % 7}")
+    return [*_files("homeward/routes/*.csv"), track]
 
 
 def _gpx() -> bytes:
@@ -180,78 +188,61 @@ def _gpx() -> bytes:
 
 def _recording_seeds() -> list[bytes]:
     with gzip.open(ROOT / "homeward" / "recordings" / "synthetic_husky.csv.gz") as file:
-        whole = file.read().splitlines(keepends=True)[:60]
-    plain = b"".join(whole)
-    epoch = b"time_s,speed_mps,voltage_v,current_a\n" + b"".join(
-        b"%d,0.5,24.5,3\n" % (1714564800000 + 100 * i) for i in range(40)
-    )
-    dates = b"time_s,wheel_left_mps,wheel_right_mps,power_w\n" + b"".join(
-        b"2024-05-01T12:00:%02dZ,0.5,0.6,90\n" % i for i in range(40)
-    )
-    return [plain, plain.replace(b",", b";"), plain.replace(b",", b";").replace(b".", b","), epoch, dates,
+        plain = b"".join(file.read().splitlines(keepends=True)[:60])
+    epoch = _rows("time_s,speed_mps,voltage_v,current_a", lambda i: f"{1714564800000 + 100 * i},0.5,24.5,3")
+    dates = _rows("time_s,wheel_left_mps,wheel_right_mps,power_w", lambda i: f"2024-05-01T12:00:{i:02d}Z,0.5,0.6,90")
+    german = _rows("time_s;speed_mps;power_w", lambda i: f"01.05.2024 12:00:{i:02d},0;0,5;90,1")
+    return [plain, plain.replace(b",", b";"), plain.replace(b",", b";").replace(b".", b","), epoch, dates, german,
             plain.decode().encode("utf-16")]  # fmt: skip
 
 
 def _foreign_seeds() -> list[bytes]:
     folder = os.environ.get("HOMEWARD_DATA")
     real = sorted(Path(folder).rglob("*.csv"))[::20][:6] if folder else []
-    made = b"time,curL,curR,velL,velR\n" + b"".join(b"%.2f,1.5,1.4,0.5,0.5\n" % (i / 10) for i in range(60))
+    made = _rows("time,curL,curR,velL,velR", lambda i: f"{i / 10:.2f},1.5,1.4,0.5,0.5", 60)
     return [made, *(b"".join(path.read_bytes().splitlines(keepends=True)[:60]) for path in real)]
 
 
 def _parquet_seeds() -> list[bytes]:
     import pandas as pd
 
-    frames = [pd.read_csv(io.BytesIO(one)) for one in (_recording_seeds()[0], _recording_seeds()[4])]
-    seeds = []
-    for frame in frames:
-        for compression in ("snappy", "zstd", None):
-            buffer = io.BytesIO()
-            frame.to_parquet(buffer, compression=compression)
-            seeds.append(buffer.getvalue())
-    return seeds
+    frames = [pd.read_csv(io.BytesIO(_recording_seeds()[kind])) for kind in (0, 4)]
+    return [frame.to_parquet(compression=how) for frame in frames for how in ("snappy", "zstd", None)]
 
 
-def _bag_seeds(form: str) -> list[bytes]:
+def _log_seeds(form: str) -> list[bytes]:
+    """Bags and logs of autopilots, some seconds long."""
     from tests.logs.bag_writer import Stream, write_bag
-
-    time_s = np.arange(0.0, 8.0, 0.5)
-    streams = {
-        "/odom": Stream("nav_msgs/msg/Odometry", time_s, {"twist.twist.linear.x": 0.5 + 0.1 * np.sin(time_s)}),
-        "/battery": Stream("sensor_msgs/msg/BatteryState", time_s, {"voltage": 24.0, "current": -3.0 - time_s}),
-    }
-    seeds = []
-    with tempfile.TemporaryDirectory() as folder:
-        for compression in {"ros1": ("", "lz4"), "mcap": ("", "storage"), "sqlite3": ("",)}[form]:
-            bag = write_bag(Path(folder) / f"{form}{compression}", form, streams, compression)
-            files = [bag] if bag.is_file() else [one for one in bag.iterdir() if one.suffix in (".mcap", ".db3")]
-            seeds += [one.read_bytes() for one in files]
-    return seeds
-
-
-def _flight_seeds() -> tuple[bytes, bytes]:
-    """Logs of PX4 and of ArduPilot."""
     from tests.logs.flight_writer import write_dataflash, write_ulog
 
-    time_s = np.arange(0.0, 8.0, 0.5)
-    speed, current = 0.5 + 0.1 * np.sin(time_s), 3.0 + time_s
-    battery = {"voltage_v": 24.0, "current_a": current, "remaining": 0.9}
-    position = {"vx": speed, "vy": 0.0, "z": 1.0, "heading": 0.0, "v_xy_valid": True, "z_valid": True}
-    attitude = {"q[0]": 1.0, "q[1]": 0.0, "q[2]": 0.0, "q[3]": 0.0}
-    px4 = {"battery_status": battery, "vehicle_local_position": position, "vehicle_attitude": attitude}
+    t = np.arange(0.0, 8.0, 0.5)
+    speed, current = 0.5 + 0.1 * np.sin(t), 3.0 + t
+    streams = {
+        "/odom": Stream("nav_msgs/msg/Odometry", t, {"twist.twist.linear.x": speed}),
+        "/battery": Stream("sensor_msgs/msg/BatteryState", t, {"voltage": 24.0, "current": -current}),
+    }
+    px4 = {
+        "battery_status": {"voltage_v": 24.0, "current_a": current, "remaining": 0.9},
+        "vehicle_local_position": {"vx": speed, "vy": 0.0, "z": 1.0, "heading": 0.0, "v_xy_valid": True,
+                                   "z_valid": True},
+        "vehicle_attitude": {f"q[{i}]": float(i == 0) for i in range(4)},
+    }  # fmt: skip
     ardupilot = {"BAT": {"Volt": 24.0, "Curr": current}, "THR": {"Speed": speed}, "ATT": {"Pitch": speed}}
-    with tempfile.TemporaryDirectory() as folder:
-        paths = (
-            write_ulog(Path(folder) / "run.ulg", {name: (time_s, one) for name, one in px4.items()}),
-            write_dataflash(Path(folder) / "run.bin", [(name, time_s, one) for name, one in ardupilot.items()]),
-        )
-        return paths[0].read_bytes(), paths[1].read_bytes()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if form == "ulg":
+            return [write_ulog(folder / "run.ulg", {of: (t, one) for of, one in px4.items()}).read_bytes()]
+        if form == "bin":
+            return [write_dataflash(folder / "run.bin", [(of, t, one) for of, one in ardupilot.items()]).read_bytes()]
+        for compression in {"ros1": ("", "lz4"), "mcap": ("", "storage"), "sqlite3": ("",)}[form]:
+            write_bag(folder / f"{form}{compression}", form, streams, compression)
+        return [one.read_bytes() for one in sorted(folder.rglob("*")) if one.suffix in (".bag", ".mcap", ".db3")]
 
 
 def _vesc_tool() -> bytes:
     """What is read of a log of VESC Tool."""
-    names = b"ms_today;input_voltage;current_motor;current_in_setup;speed_meters_per_sec;num_vescs;\n"
-    return names + b"".join(b"%d;38.1;20.5;4.1;%.2f;2;\n" % (68209883 + 50 * i, 1.5 - 0.01 * i) for i in range(60))
+    names = "ms_today;input_voltage;current_motor;current_in_setup;speed_meters_per_sec;num_vescs;"
+    return _rows(names, lambda i: f"{68209883 + 50 * i};38.1;20.5;4.1;{1.5 - 0.01 * i:.2f};2;", 60)
 
 
 _BREAK = b"\n--policy--\n"
@@ -259,11 +250,8 @@ _BREAK = b"\n--policy--\n"
 
 def _policy_seeds() -> list[bytes]:
     """Both files of a policy in one, the description first."""
-    return [
-        (folder / "policy.json").read_bytes() + _BREAK + (folder / "policy.safetensors").read_bytes()
-        for folder in sorted((ROOT / "agents" / "policies").iterdir())
-        if (folder / "policy.json").is_file()
-    ]
+    folders = [path.parent for path in sorted((ROOT / "agents" / "policies").glob("*/policy.json"))]
+    return [_BREAK.join((one / f"policy.{end}").read_bytes() for end in ("json", "safetensors")) for one in folders]
 
 
 def _policy_folder(path: Path) -> Path:
@@ -280,10 +268,8 @@ def _policy_folder(path: Path) -> Path:
 def _instrument_seeds() -> list[bytes]:
     from homeward.envs.conditions.instruments import INSTRUMENTS
 
-    return [
-        "".join(f"{name} = {value!r}\n" for name, value in dataclasses.asdict(one).items()).encode()
-        for one in INSTRUMENTS.values()
-    ]
+    tables = map(dataclasses.asdict, INSTRUMENTS.values())
+    return ["".join(f"{name} = {value!r}\n" for name, value in one.items()).encode() for one in tables]
 
 
 class Mutator:
@@ -297,123 +283,118 @@ class Mutator:
     def draw(self) -> bytes:
         """A changed input of the corpus."""
         often = self.rng.random() < _FRESH
-        return self.change(self.corpus[int(self.rng.integers(self.fixed if often else len(self.corpus)))])
+        return self.change(self.corpus[self.below(self.fixed if often else len(self.corpus))])
 
     def change(self, data: bytes) -> bytes:
         """The input with some changes."""
         for _ in range(int(self.rng.geometric(0.6))):
-            data = self.ways[int(self.rng.integers(len(self.ways)))](data)
+            data = self.ways[self.below(len(self.ways))](data)
         return data[:300_000]
 
-    def _at(self, data: bytes) -> int:
-        return int(self.rng.integers(len(data) + 1))
+    def below(self, count: int) -> int:
+        """A whole number from 0 on."""
+        return int(self.rng.integers(count))
 
-    def _token(self) -> bytes:
-        return _TOKENS[int(self.rng.integers(len(_TOKENS)))]
+    def token(self) -> bytes:
+        """Something that readers may stumble over."""
+        return _TOKENS[self.below(len(_TOKENS))]
+
+    def _put(self, data: bytes, new: bytes, length: int = 0) -> bytes:
+        """Put something anywhere, in the place of so many bytes."""
+        at = self.below(len(data) + 1)
+        return data[:at] + new + data[at + length :]
 
     def _flip(self, data: bytes) -> bytes:
         changed = bytearray(data)
-        for _ in range(int(self.rng.integers(1, 5)) if data else 0):
-            changed[int(self.rng.integers(len(data)))] ^= 1 << int(self.rng.integers(8))
+        for _ in range(1 + self.below(4) if data else 0):
+            changed[self.below(len(data))] ^= 1 << self.below(8)
         return bytes(changed)
 
     def _overwrite(self, data: bytes) -> bytes:
-        at, junk = self._at(data), self.rng.bytes(int(self.rng.integers(1, 9)))
-        return data[:at] + junk + data[at + len(junk) :]
+        junk = self.rng.bytes(1 + self.below(8))
+        return self._put(data, junk, len(junk))
 
     def _insert(self, data: bytes) -> bytes:
-        at = self._at(data)
-        return data[:at] + self._token() + data[at:]
+        return self._put(data, self.token())
 
     def _delete(self, data: bytes) -> bytes:
-        at = self._at(data)
-        return data[:at] + data[at + int(self.rng.geometric(0.05)) :]
+        return self._put(data, b"", int(self.rng.geometric(0.05)))
 
     def _repeat(self, data: bytes) -> bytes:
-        at = self._at(data)
-        part = data[at : at + int(self.rng.integers(1, 200))]
-        return data[:at] + part * int(2 ** self.rng.integers(1, 8)) + data[at:]
+        at = self.below(len(data) + 1)
+        return data[:at] + data[at : at + 1 + self.below(199)] * (1 << 1 + self.below(7)) + data[at:]
 
     def _cut(self, data: bytes) -> bytes:
-        return data[: self._at(data)]
+        return data[: self.below(len(data) + 1)]
 
     def _splice(self, data: bytes) -> bytes:
-        other = self.corpus[int(self.rng.integers(len(self.corpus)))]
-        return data[: self._at(data)] + other[self._at(other) :]
+        other = self.corpus[self.below(len(self.corpus))]
+        return self._cut(data) + other[self.below(len(other) + 1) :]
+
+    def _instead(self, pattern: bytes, data: bytes, new: bytes) -> bytes:
+        """Put something in the place of a match."""
+        places = [match.span(1) for match in re.finditer(pattern, data[:20_000])]
+        if not places:
+            return self._flip(data)
+        start, end = places[self.below(len(places))]
+        return data[:start] + new + data[end:]
 
     def _number(self, data: bytes) -> bytes:
         """A number, or what follows an equals sign or colon, becomes something else."""
-        places = [match.span(1) for match in re.finditer(rb"(?:[=:,]\s*)([^\s,;\]}]+)", data[:20_000])]
-        if not places:
-            return self._insert(data)
-        start, end = places[int(self.rng.integers(len(places)))]
-        return data[:start] + self._token() + data[end:]
+        return self._instead(rb"[=:,]\s*([^\s,;\]}]+)", data, self.token())
 
     def digit(self, data: bytes) -> bytes:
         """A digit becomes another: most files of text can still be read."""
-        places = [place for place, byte in enumerate(data[:20_000]) if 48 <= byte < 58]
-        if not places:
-            return self._flip(data)
-        at = places[int(self.rng.integers(len(places)))]
-        return data[:at] + b"%d" % self.rng.integers(10) + data[at + 1 :]
+        return self._instead(rb"(\d)", data, b"%d" % self.below(10))
 
     def _cell(self, data: bytes) -> bytes:
         """A length or count in a binary header: a little-endian number becomes extreme."""
-        width = int(self.rng.choice([1, 2, 4, 8]))
-        at = self._at(data)
-        value: int = (
-            int(self.rng.choice([0, 1, 127, 255])) if width == 1 else (1 << int(self.rng.integers(0, 8 * width))) - 1
-        )
-        return data[:at] + (value % (1 << 8 * width)).to_bytes(width, "little") + data[at + width :]
+        width = 1 << self.below(4)
+        return self._put(data, ((1 << self.below(8 * width + 1)) - 1).to_bytes(width, "little"), width)
 
     def _lines(self, data: bytes) -> bytes:
+        """A line goes, comes twice, or changes places with another."""
         lines = data.splitlines(keepends=True)
         if len(lines) < 2:
             return self._flip(data)
-        one, other = (int(self.rng.integers(len(lines))) for _ in range(2))
-        way = int(self.rng.integers(3))
-        if way == 0:
-            del lines[one]
-        elif way == 1:
-            lines.insert(other, lines[one])
-        else:
+        one, other, way = self.below(len(lines)), self.below(len(lines)), self.below(3)
+        if way == 2:
             lines[one], lines[other] = lines[other], lines[one]
+        else:
+            lines[other:other] = [lines.pop(one)] * (2 * way)
         return b"".join(lines)
 
     def _ends(self, data: bytes) -> bytes:
         """The first or last kilobyte, where formats keep their headers."""
-        if len(data) < 2048:
-            return self._flip(data)
-        if self.rng.random() < 0.5:
+        if self.below(2):
             return self._flip(data[:1024]) + data[1024:]
         return data[:-1024] + self._overwrite(data[-1024:])
 
 
 @dataclass
 class Tally:
-    """What became of the inputs of a target."""
+    """What became of the inputs of a target: how many were read, were refused, or broke in which way."""
 
-    inputs: int = 0
-    read: int = 0
-    refused: int = 0
+    ends: Counter[str] = field(default_factory=Counter)
     longest_s: float = 0.0
     guided: bool = False
-    findings: Counter[str] = field(default_factory=Counter)
 
     def __add__(self, other: Tally) -> Tally:
-        return Tally(
-            self.inputs + other.inputs, self.read + other.read, self.refused + other.refused,
-            max(self.longest_s, other.longest_s), self.guided or other.guided, self.findings + other.findings,
-        )  # fmt: skip
+        longest_s = max(self.longest_s, other.longest_s)
+        return Tally(self.ends + other.ends, longest_s, self.guided or other.guided)
+
+    @property
+    def findings(self) -> Counter[str]:
+        """How often what broke."""
+        return Counter({end: count for end, count in self.ends.items() if end not in (_READ, _REFUSED)})
 
 
 class Worker:
     """Reads inputs of one target and keeps what breaks."""
 
     def __init__(self, name: str, out: Path) -> None:
-        self.name, self.target, self.out = name, targets()[name], out
+        self.target, self.out, self.tally, self.seen = targets()[name], out, Tally(), set[str]()
         self.out.mkdir(parents=True, exist_ok=True)
-        self.tally, self.seen = Tally(), set[str]()
         self.folder = Path(tempfile.mkdtemp(prefix="fuzz_", dir=_FAST))
         self.path = self.folder / f"input{self.target.suffix}"
         (self.out / "last").write_text(str(self.path))
@@ -427,17 +408,18 @@ class Worker:
         try:
             with warnings.catch_warnings(action="ignore"):
                 self.target.read(self.path)
-            end = "read"
-            self.tally.read += 1
+            end = counted = _READ
         except self.target.refusals as error:
-            end = f"refused {_shape(str(error))}"
-            self.tally.refused += 1
+            end, counted = f"refused {_shape(str(error))}", _REFUSED
         except (Exception, Hang) as error:
-            end = f"broke {type(error).__name__} {_where(error)}"
-            self._keep(end, data, traceback.format_exc())
+            end = counted = f"broke {type(error).__name__} {_where(error)}"
+            if end not in self.seen:
+                name = hashlib.sha256(end.encode()).hexdigest()[:12]
+                (self.out / f"{name}{self.target.suffix}").write_bytes(data)
+                (self.out / f"{name}.trace").write_text(f"{end}\n{traceback.format_exc()}")
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-        self.tally.inputs += 1
+        self.tally.ends[counted] += 1
         self.tally.longest_s = max(self.tally.longest_s, time.monotonic() - began)
         if time.monotonic() - self._written_s > 1.0:
             self.write()
@@ -445,19 +427,12 @@ class Worker:
         self.seen.add(end)
         return new
 
-    def _keep(self, end: str, data: bytes, trace: str) -> None:
-        self.tally.findings[end] += 1
-        name = hashlib.sha256(end.encode()).hexdigest()[:12]
-        if self.tally.findings[end] == 1:
-            (self.out / f"{name}{self.target.suffix}").write_bytes(data)
-            (self.out / f"{name}.trace").write_text(f"{end}\n{trace}")
-
     def write(self) -> None:
         """Write the tally where the parent reads it."""
         self._written_s = time.monotonic()
         fresh = self.out / f"tally.{os.getpid()}.new"
         fresh.write_text(json.dumps(vars(self.tally)))
-        fresh.replace(self.out / f"tally.{os.getpid()}.json")
+        fresh.replace(fresh.with_suffix(".json"))
 
 
 def _shape(message: str) -> str:
@@ -474,42 +449,32 @@ def _where(error: BaseException) -> str:
 def work(args: Args) -> None:
     """Fuzz one target for the given time; the parent reads the tally."""
     signal.signal(signal.SIGALRM, _hang)
-    rng = np.random.default_rng([args.seed, *args.worker.encode()])
-    with _instrumented() if args.guided else contextlib.nullcontext():
+    if args.guided:
+        import atheris
+    with atheris.instrument_imports(include=list(_GUIDED)) if args.guided else contextlib.nullcontext():
         worker = Worker(args.worker, args.out)
         worker.tally.guided = args.guided
         corpus = worker.target.seeds()
         for seed in corpus:  # imports and caches come before the limit
             worker.try_one(seed)
-    _limit_memory()
+    limit_memory()
     try:
-        if args.guided:
-            _guided(worker, corpus, args)
-            return
-        mutator, end_s, fixed = Mutator(rng, corpus), time.monotonic() + 60.0 * args.minutes, len(corpus)
-        while time.monotonic() < end_s:
-            data = mutator.draw()
-            if worker.try_one(data) and len(data) < 100_000:
-                if len(corpus) > fixed + _KEPT:
-                    del corpus[fixed + int(rng.integers(_KEPT))]
-                corpus.append(data)
+        (_guided if args.guided else _plain)(worker, corpus, args)
     finally:
         worker.write()
         shutil.rmtree(worker.folder, ignore_errors=True)
 
 
-def _limit_memory() -> None:
-    """Let this process allocate no more than `MOST_BYTES` beyond what it has."""
-    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
-
-
-def _instrumented() -> contextlib.AbstractContextManager[Any]:
-    """Within it, what is imported counts which of its branches are taken."""
-    import atheris
-
-    manager: contextlib.AbstractContextManager[Any] = atheris.instrument_imports(include=list(_GUIDED))
-    return manager
+def _plain(worker: Worker, corpus: list[bytes], args: Args) -> None:
+    """Change real files and what ended in a new way."""
+    mutator = Mutator(np.random.default_rng([args.seed, *args.worker.encode()]), corpus)
+    end_s = time.monotonic() + 60.0 * args.minutes
+    while time.monotonic() < end_s:
+        data = mutator.draw()
+        if worker.try_one(data) and len(data) < 100_000:
+            if len(corpus) > mutator.fixed + _KEPT:
+                del corpus[mutator.fixed + mutator.below(_KEPT)]
+            corpus.append(data)
 
 
 def _guided(worker: Worker, corpus: list[bytes], args: Args) -> None:
@@ -523,10 +488,8 @@ def _guided(worker: Worker, corpus: list[bytes], args: Args) -> None:
 
     def mutate(data: bytes, most: int, seed: int) -> bytes:
         rng = np.random.default_rng(seed)
-        if rng.random() < 0.5:
-            mutated: bytes = atheris.Mutate(data, most)
-            return mutated
-        return Mutator(rng, [data, *corpus]).change(data)[:most]
+        own = rng.random() < 0.5
+        return Mutator(rng, [data, *corpus]).change(data)[:most] if own else bytes(atheris.Mutate(data, most))
 
     limits = [f"-max_total_time={int(60 * args.minutes)}", f"-seed={args.seed + 1}", "-max_len=5000", "-len_control=0",
               "-rss_limit_mb=0", "-timeout=0", "-handle_alrm=0", "-print_final_stats=1"]  # fmt: skip
@@ -540,15 +503,17 @@ def _hang(number: int, frame: FrameType | None) -> None:
 
 
 def main(args: Args) -> dict[str, Tally]:
-    """Fuzz every target, then the commands; print and write the table; exit with 1 if anything broke."""
+    """Fuzz every target, then the commands; print and write the table."""
     if args.worker:
         work(args)
         return {}
-    from homeward.parallel import run_tasks  # not where coverage counts what is imported
-
     names = args.targets or tuple(targets()) if args.minutes > 0.0 else ()
-    turns = {name: (name, 60.0 * args.minutes * args.workers / len(names), args) for name in names}
-    tallies = run_tasks(_turn, turns, jobs=args.workers, keep=lambda name, one: print(_row(name, one), flush=True))
+    share_s = 60.0 * args.minutes * args.workers / max(len(names), 1)
+    tallies = {}
+    with ThreadPoolExecutor(args.workers) as pool:
+        for name, tally in zip(names, pool.map(lambda name: _turn(name, share_s, args), names), strict=True):
+            tallies[name] = tally
+            print(_row(name, tally), flush=True)
     if args.commands:
         tallies["commands"] = _commands(args)
         print(_row("commands", tallies["commands"]), flush=True)
@@ -559,101 +524,77 @@ def main(args: Args) -> dict[str, Tally]:
     return tallies
 
 
-def _turn(task: tuple[str, float, Args]) -> Tally:
+def _turn(name: str, seconds: float, args: Args) -> Tally:
     """A target's time, in as many worker processes as it takes."""
-    name, seconds, args = task
     out, end_s, deaths = args.out / name.replace(" ", "_"), time.monotonic() + seconds, 0
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    guidable = targets()[name].guidable and _has_atheris()
+    guidable = targets()[name].guidable and importlib.util.find_spec("atheris") is not None
     while deaths == 0 or (end_s - time.monotonic() > 1.0 and deaths < 200):
-        guided, left_s = guidable and deaths % 2 == 0, max(end_s - time.monotonic(), 0.0)
-        minutes = (0.5 if guided else 1.0) * left_s / 60.0
+        guided = guidable and deaths % 2 == 0
+        minutes = (0.5 if guided else 1.0) * max(end_s - time.monotonic(), 0.0) / 60.0
         line = [sys.executable, __file__, "--worker", name, "--minutes", str(minutes), "--out", str(out),
                 "--seed", str(args.seed + deaths), *(["--guided"] if guided else [])]  # fmt: skip
-        with (out / "log").open("ab") as log:
-            env = {**os.environ, "OMP_NUM_THREADS": "1"}
-            process = subprocess.Popen(line, stdout=log, stderr=log, env=env)
-        code, tally = _ended(process, out)
-        if code is None:
-            _keep_last(out, deaths, "hangs where no signal ends it")
-        elif code not in (0, 1) or not tally.is_file():
-            _keep_last(out, deaths, f"died with {code}")
+        with (out / "log").open("ab") as log, contextlib.suppress(subprocess.TimeoutExpired):
+            code = -signal.SIGKILL  # where no signal ends a hang
+            environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+            code = subprocess.run(
+                line, stdout=log, stderr=log, env=environment, timeout=60.0 * minutes + _DEAD_S
+            ).returncode
+        if code not in (0, 1) or not list(out.glob("tally.*.json")):
+            _keep_last(out, f"died with {code}", deaths)
         deaths += 1
     written = (json.loads(path.read_text()) for path in out.glob("tally.*.json"))
-    return sum((Tally(**one | {"findings": Counter(one["findings"])}) for one in written), Tally())
+    return sum((Tally(**one | {"ends": Counter(one["ends"])}) for one in written), Tally())
 
 
-def _ended(process: subprocess.Popen[bytes], out: Path) -> tuple[int | None, Path]:
-    """Wait for a worker's end: its exit code, or None if it said nothing for too long; and the file of its tally."""
-    tally, began_s = out / f"tally.{process.pid}.json", time.time()
-    while process.poll() is None:
-        time.sleep(0.2)
-        if time.time() - (tally.stat().st_mtime if tally.is_file() else began_s) > _DEAD_S:
-            process.kill()
-            process.wait()
-            return None, tally
-    return process.returncode, tally
-
-
-def _keep_last(out: Path, deaths: int, how: str) -> None:
+def _keep_last(out: Path, how: str, number: int) -> None:
     """Keep the input that a worker died of, where it is still there."""
-    last = out / "last"
-    if not last.is_file():
+    if not (out / "last").is_file():
         raise RuntimeError(f"no input was read: see {out / 'log'}")
-    path = Path(last.read_text())
+    path = Path((out / "last").read_text())
     if path.is_file():
-        data = path.read_bytes()
-        shutil.copy(path, out / f"death{deaths}{path.suffix}")
-        (out / f"death{deaths}.trace").write_text(f"{how}, {len(data)} bytes\n")
-        tally = Tally(inputs=1, findings=Counter({how: 1}))
-        (out / f"tally.death{deaths}.json").write_text(json.dumps(vars(tally)))
+        shutil.copy(path, out / f"death{number}{path.suffix}")
+        (out / f"tally.death{number}.json").write_text(json.dumps(vars(Tally(Counter({how: 1})))))
 
 
-def _has_atheris() -> bool:
-    return importlib.util.find_spec("atheris") is not None
-
-
-_RUN = ("--out", "OUT")
-_EVALUATE = ("evaluate", "--agents", "soc50", "--episodes", "2", *_RUN)
-_TRAIN = ("train", "--start", "scratch", "--n-envs", "4", "--n-steps", "8", "--batch-size", "16", "--epochs", "1",
-          "--hidden", "8", "--curve", "1", "--steps", "64", "--decision-s", "300", "--replace", *_RUN)  # fmt: skip
-_LINES: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("robot TOML", ("range", "FILE")),
-    ("robot TOML", ("range", "FILE", "--grade", "3", "--duty", "0.5")),
-    ("route CSV", ("range", "husky", "--route", "FILE", "--risk", "0.01")),
-    ("robot TOML", ("robots", "FILE")),
-    ("robot TOML", ("routes", "incline", "--robot", "FILE")),
-    ("route CSV", ("routes", "FILE")),
-    ("route GPX", ("routes", "FILE", "--robot", "husky")),
-    ("recording CSV", ("columns", "FILE")),
-    ("recording by a mapping", ("columns", "FILE", "--out", "proposed.toml")),
-    ("recording Parquet", ("columns", "FILE")),
-    ("recording CSV", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
-    ("recording CSV.gz", ("diagnose", "FILE", "RUN", *_RUN)),
-    ("recording Parquet", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
-    ("bag MCAP", ("diagnose", "FILE", "--robot", "husky", *_RUN)),
-    ("bag ROS 1", ("diagnose", "FILE", "--robot", "jackal", *_RUN)),
-    ("robot TOML", ("diagnose", "RUN", "--robot", "FILE", *_RUN)),
-    ("mapping of columns", ("diagnose", "RUN", "--columns", "FILE", *_RUN)),
-    ("mapping of topics", ("diagnose", "BAG", "--columns", "FILE", *_RUN)),
-    ("recording CSV", ("watch", "FILE", "--robot", "husky", *_RUN)),
-    ("bag sqlite3", ("watch", "FILE", "--robot", "husky", *_RUN)),
-    ("recording CSV", ("fleet", "GARAGE", *_RUN)),
-    ("instruments TOML", (*_EVALUATE, "--instruments", "FILE")),
-    ("robot TOML", (*_EVALUATE, "--robot", "FILE")),
-    ("route GPX", (*_EVALUATE, "--route", "FILE")),
-    ("policy", ("evaluate", "--episodes", "2", "--env", "homeward/OutAndBack-v0", *_RUN, "--agents", "ppo=FOLDER")),
-    ("robot TOML", (*_TRAIN, "--robot", "FILE")),
+_EVALUATE = "evaluate --agents soc50 --episodes 2 --out OUT"
+_TRAIN = ("train --start scratch --n-envs 4 --n-steps 8 --batch-size 16 --epochs 1 --hidden 8 --curve 1 --steps 64 "
+          "--decision-s 300 --replace --out OUT")  # fmt: skip
+_LINES: tuple[tuple[str, str], ...] = (
+    ("robot TOML", "range FILE"),
+    ("robot TOML", "range FILE --grade 3 --duty 0.5"),
+    ("route CSV", "range husky --route FILE --risk 0.01"),
+    ("robot TOML", "robots FILE"),
+    ("robot TOML", "routes incline --robot FILE"),
+    ("route CSV", "routes FILE"),
+    ("route GPX", "routes FILE --robot husky"),
+    ("recording CSV", "columns FILE"),
+    ("recording by a mapping", "columns FILE --out proposed.toml"),
+    ("recording Parquet", "columns FILE"),
+    ("recording CSV", "diagnose FILE --robot husky --out OUT"),
+    ("recording CSV.gz", "diagnose FILE RUN --out OUT"),
+    ("recording Parquet", "diagnose FILE --robot husky --out OUT"),
+    ("bag MCAP", "diagnose FILE --robot husky --out OUT"),
+    ("bag ROS 1", "diagnose FILE --robot jackal --out OUT"),
+    ("robot TOML", "diagnose RUN --robot FILE --out OUT"),
+    ("mapping of columns", "diagnose RUN --columns FILE --out OUT"),
+    ("mapping of topics", "diagnose BAG --columns FILE --out OUT"),
+    ("recording CSV", "watch FILE --robot husky --out OUT"),
+    ("bag sqlite3", "watch FILE --robot husky --out OUT"),
+    ("recording CSV", "fleet GARAGE --out OUT"),
+    ("instruments TOML", f"{_EVALUATE} --instruments FILE"),
+    ("robot TOML", f"{_EVALUATE} --robot FILE"),
+    ("route GPX", f"{_EVALUATE} --route FILE"),
+    ("policy", "evaluate --episodes 2 --env homeward/OutAndBack-v0 --agents ppo=POLICY --out OUT"),
+    ("robot TOML", f"{_TRAIN} --robot FILE"),
 )
-"""Targets whose inputs FILE is made of, and the words of a command that reads it."""
+"""Targets whose inputs FILE is made of, and a command that reads it."""
 _WRONG_WORDS = 0.25
 """Share of the command lines in which a word is another, too, as users mistype."""
 _MILD = 0.4
 """Share of the command lines in whose file no more than a digit is another, so that more than the loader runs."""
 _SHOWN = 250  # commands after which the row is printed that the table has in the end
-_COMMAND_S = 6 * LONGEST_S
-"""What a command may take by the clock: one that computes has used up its processor time before."""
 
 
 class Lines:
@@ -661,10 +602,9 @@ class Lines:
 
     def __init__(self, folder: Path, rng: np.random.Generator) -> None:
         self.folder, self.rng, self.every = folder, rng, targets()
-        names = {name for name, _ in _LINES}
-        self.kinds = {name: Mutator(rng, self.every[name].seeds()) for name in names}
+        self.kinds = {name: Mutator(rng, self.every[name].seeds()) for name in dict(_LINES)}
         (folder / "run.csv").write_bytes(_recording_seeds()[0])
-        (folder / "run.bag").write_bytes(_bag_seeds("ros1")[0])
+        (folder / "run.bag").write_bytes(_log_seeds("ros1")[0])
 
     def plain(self) -> Iterator[list[str]]:
         """Every line once, on a file that is as it should be."""
@@ -676,44 +616,36 @@ class Lines:
         name, words = _LINES[int(self.rng.integers(len(_LINES)))]
         kind = self.kinds[name]
         mild = self.rng.random() < _MILD
-        data = kind.digit(kind.corpus[int(self.rng.integers(kind.fixed))]) if mild else kind.draw()
-        line = self._on(name, words, data)
-        return self._mistyped(line) if self.rng.random() < _WRONG_WORDS else line
+        line = self._on(name, words, kind.digit(kind.corpus[kind.below(kind.fixed)]) if mild else kind.draw())
+        return self._mistyped(line, kind) if self.rng.random() < _WRONG_WORDS else line
 
-    def _on(self, name: str, words: tuple[str, ...], data: bytes) -> list[str]:
+    def _on(self, name: str, words: str, data: bytes) -> list[str]:
         path = self.folder / f"input{self.every[name].suffix}"
         path.write_bytes(data)
-        where = {"FILE": path, "OUT": self.folder / "out", "RUN": self.folder / "run.csv",
-                 "BAG": self.folder / "run.bag", "GARAGE": self.folder / "garage"}  # fmt: skip
         for made in ("garage", "policy", "out"):
             shutil.rmtree(self.folder / made, ignore_errors=True)
-        if "GARAGE" in words:
-            for robot in ("one", "two"):
-                (self.folder / "garage" / robot).mkdir(parents=True)
-                (self.folder / "garage" / robot / path.name).write_bytes(data)
+        for robot in ("one", "two") if "GARAGE" in words else ():
+            (self.folder / "garage" / robot).mkdir(parents=True)
+            (self.folder / "garage" / robot / path.name).write_bytes(data)
         if name == "policy":
             _policy_folder(path).rename(self.folder / "policy")
-        return [str(where.get(word, word)).replace("=FOLDER", f"={self.folder / 'policy'}") for word in words]
+        names = {"FILE": path.name, "OUT": "out", "RUN": "run.csv", "BAG": "run.bag", "GARAGE": "garage",
+                 "POLICY": "policy"}  # fmt: skip
+        return [re.sub("[A-Z]{3,}$", lambda of: str(self.folder / names[of[0]]), word) for word in words.split()]
 
-    def _mistyped(self, line: list[str]) -> list[str]:
-        at = int(self.rng.integers(1, len(line) + 1))
-        token = _TOKENS[int(self.rng.integers(len(_TOKENS)))].decode(errors="replace").replace("\0", " ")
-        way = int(self.rng.integers(4))
-        if way == 0:
-            return [*line[:at], *line[at + 1 :]]
-        if way == 1:
-            return [*line[:at], token, *line[at:]]
-        if way == 2 or at == len(line):
-            return [*line[:at], token, *line[at + 1 :]]
-        return [*line[:at], line[at][:-1], *line[at + 1 :]]
+    def _mistyped(self, line: list[str], kind: Mutator) -> list[str]:
+        """The line with a word left out, put in, another, or a letter short."""
+        at, token = 1 + kind.below(len(line)), kind.token().decode(errors="replace").replace("\0", " ")
+        word = line[at : at + 1]
+        ways: list[list[str]] = [[], [token, *word], [token], [word[0][:-1]] if word else [token]]
+        return [*line[:at], *ways[kind.below(4)], *line[at + 1 :]]
 
 
 def _commands(args: Args) -> Tally:
     """Run commands in forks of a process that has everything loaded and compiled."""
     from homeward import __main__ as command
 
-    tally = Tally()
-    out = args.out / "commands"
+    tally, out = Tally(), args.out / "commands"
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
     with tempfile.TemporaryDirectory(dir=_FAST) as name:
@@ -726,15 +658,14 @@ def _commands(args: Args) -> Tally:
         for number in range(args.commands):
             line = lines.draw()
             end = _forked(command.run, line, folder)
-            tally += Tally(1, end.code == 0, end.code == 2, end.took_s)
+            fault = end.fault()
+            counted = f"{line[0]}: {fault}" if fault else _REFUSED if end.code else _READ
+            tally += Tally(Counter({counted: 1}), end.took_s)
             if number % _SHOWN == 0:
                 print(_row("commands", tally), flush=True)
-            if fault := end.fault():
-                fault = f"{line[0]}: {fault}"
-                tally.findings[fault] += 1
-                if tally.findings[fault] == 1:
-                    (out / f"{number}.trace").write_text(f"{' '.join(line)}\n{fault}\n{end.said}")
-                    shutil.copytree(folder, out / str(number), ignore=shutil.ignore_patterns("out"))
+            if fault and tally.ends[counted] == 1:
+                (out / f"{number}.trace").write_text(f"{' '.join(line)}\n{counted}\n{end.said}")
+                shutil.copytree(folder, out / str(number), ignore=shutil.ignore_patterns("out"))
     return tally
 
 
@@ -761,30 +692,28 @@ class End:
 
 
 def _forked(run: Run, line: list[str], folder: Path) -> End:
-    """Run a command in a child; it ends with -24 or -9 if it took too long."""
+    """Run a command in a child; its code is -24 or -9 if it took too long."""
     said, printed = folder / "said", folder / "printed"
-    child, end_s = fork(run, line, folder, said, printed, _limit), time.monotonic() + _COMMAND_S
-    while True:
-        ended, status, used = os.wait4(child, os.WNOHANG)
-        if ended:
-            break
-        if time.monotonic() > end_s:
-            os.kill(child, signal.SIGKILL)
-        time.sleep(0.002)
-    return End(os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime,
-               said.read_text(errors="replace"), printed.read_text(errors="replace"))  # fmt: skip
+    code, took_s = wait(fork(run, line, folder, said, printed, _limit), 6 * LONGEST_S)  # processor time ends before
+    return End(code, took_s, said.read_text(errors="replace"), printed.read_text(errors="replace"))
+
+
+def limit_memory() -> None:
+    """Let this process allocate no more than `MOST_BYTES` beyond what it has."""
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, resource.RLIM_INFINITY))
 
 
 def _limit() -> None:
-    _limit_memory()
+    limit_memory()
     resource.setrlimit(resource.RLIMIT_CPU, (int(LONGEST_S), int(LONGEST_S) + 1))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def _row(name: str, one: Tally) -> str:
     guided = " (coverage)" if one.guided else ""
-    found = sum(one.findings.values())
-    return f"| {name}{guided} | {one.inputs:,} | {one.read:,} | {one.refused:,} | {one.longest_s:.2f} s | {found} |"
+    inputs, read, refused, broke = one.ends.total(), one.ends[_READ], one.ends[_REFUSED], one.findings.total()
+    return f"| {name}{guided} | {inputs:,} | {read:,} | {refused:,} | {one.longest_s:.2f} s | {broke} |"
 
 
 def _table(tallies: dict[str, Tally]) -> str:

@@ -38,14 +38,14 @@ if __name__ == "__main__":  # a fork has no threads but one, and numba reads thi
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
-from benchmarks.robustness.forks import fork, warm
+from benchmarks.robustness.forks import fork, wait, warm
 from homeward.__main__ import run
 
 ROOT = Path(__file__).resolve().parents[2]
 _SMALL = 3000
 """Bytes that a file may have on the disk that is full: less than any result."""
-_PR_CAPBSET_DROP, _OVERRIDES = 24, (1, 2)
-"""Of linux/prctl.h, and CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH of linux/capability.h."""
+_CAPABILITY_VERSION, _OVERRIDES = 0x20080522, 0b110
+"""The third version, and CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH, of linux/capability.h."""
 _AGAIN = 0.3
 """Probability that a run that goes on is killed once more."""
 _TINY = [
@@ -159,45 +159,13 @@ def _recordings(folder: Path) -> list[Path]:
     return paths[:2]
 
 
-def _start(words: list[str], out: Path, **options: Any) -> subprocess.Popen[bytes]:
-    line = [sys.executable, "-m", "homeward", *words, "--out", str(out)]
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    return subprocess.Popen(line, cwd=out.parent, env=env, start_new_session=True, stdout=subprocess.DEVNULL,
-                            stderr=options.pop("stderr", subprocess.PIPE), **options)  # fmt: skip
-
-
-def _finish(words: list[str], out: Path, **options: Any) -> tuple[int, str]:
-    process = _start(words, out, **options)
-    _, said = process.communicate(timeout=_LONGEST_S)
-    return process.returncode, said.decode(errors="replace")
-
-
-def _forked(words: list[str], out: Path) -> int:
-    """Start a command in a fork; what it says is in a file beside its folder."""
-    return fork(run, [*words, "--out", str(out)], out.parent, _said(out))
-
-
-def _said(out: Path) -> Path:
-    return out.with_name(f"{out.name}.said")
-
-
-def _finish_fork(words: list[str], out: Path) -> tuple[int, str]:
-    _, status = os.waitpid(_forked(words, out), 0)
-    return os.waitstatus_to_exitcode(status), _said(out).read_text(errors="replace")
-
-
-def _kill_after(words: list[str], out: Path, after_s: float) -> bool:
-    """Start a command and kill it; False if it ended before."""
-    child, end_s = _forked(words, out), time.monotonic() + after_s
-    while time.monotonic() < end_s:
-        if os.waitpid(child, os.WNOHANG)[0]:
-            return False
-        time.sleep(0.002)
-    with contextlib.suppress(ProcessLookupError):  # before it leads a group
-        os.killpg(child, signal.SIGKILL)
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return True
+def _run(
+    words: list[str], out: Path, longest_s: float = _LONGEST_S, limit: Callable[[], object] = bool
+) -> tuple[int, str]:
+    """Run a command in a fork, killed after so long: its code, -9 if it was, and what it said."""
+    said = out.with_name(f"{out.name}.said")
+    code, _ = wait(fork(run, [*words, "--out", str(out)], out.parent, said, limit=limit), longest_s)
+    return code, said.read_text(errors="replace")
 
 
 def faults(folder: Path) -> list[str]:
@@ -254,14 +222,14 @@ def _disturb(
     outcome = Ending()
     warm(run, [*command.words, "--out", str(folder / "warm")], folder)
     began = time.monotonic()
-    code, said = _finish_fork(command.words, folder / "undisturbed")
+    code, said = _run(command.words, folder / "undisturbed")
     if code != 0:
         raise SystemExit(f"{name} ends with {code} undisturbed: {said}")
     outcome.undisturbed_s = time.monotonic() - began
     wanted = command.result(folder / "undisturbed")
     while outcome.kills < kills:
         _one_run(command, folder / f"run_{outcome.runs}", wanted, kills, outcome, rng)
-    outcome.full = _full_disk(command, folder)
+    outcome.full = _judged(*_run(command.words, folder / "full", limit=_fill), faults(folder / "full"))
     outcome.read_only = _read_only(command, folder)
     if name in _ON_CLUSTERS and ray_kills:
         outcome.workers = _workers_killed(command, folder, wanted, ray_kills, rng)
@@ -274,14 +242,14 @@ def _one_run(
     """A run that is killed, goes on, is perhaps killed again, and ends."""
     outcome.runs += 1
     while outcome.kills < kills:
-        if not _kill_after(command.words, out, rng.uniform(0.02, 1.0) * outcome.undisturbed_s):
-            break
+        if _run(command.words, out, rng.uniform(0.02, 1.0) * outcome.undisturbed_s)[0] != -signal.SIGKILL:
+            break  # it ended before
         outcome.kills += 1
         for fault in faults(out):
             outcome.faults[f"after a kill: {fault}"] += 1
         if rng.random() > _AGAIN:
             break
-    code, said = _finish_fork(command.words, out)
+    code, said = _run(command.words, out)
     if code != 0:
         outcome.faults[f"does not go on: {said.strip().splitlines()[-1:]}"] += 1
         return
@@ -294,13 +262,9 @@ def _one_run(
     shutil.rmtree(out)
 
 
-def _full_disk(command: Command, folder: Path) -> str:
-    """As on a disk with some kilobytes left."""
-    out = folder / "full"
-    code, said = _finish(
-        command.words, out, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (_SMALL, _SMALL)),
-    )  # fmt: skip
-    return _judged(code, said, faults(out))
+def _fill() -> None:
+    """Make it a disk with some kilobytes left."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (_SMALL, _SMALL))
 
 
 def _read_only(command: Command, folder: Path) -> str:
@@ -310,7 +274,7 @@ def _read_only(command: Command, folder: Path) -> str:
     before = _contents(out)
     for path in [out, *out.rglob("*")]:
         path.chmod(0o555 if path.is_dir() else 0o444)
-    code, said = _finish([*command.words, *command.other], out, preexec_fn=_without_override)
+    code, said = _run([*command.words, *command.other], out, limit=_without_override)
     changed = [] if _contents(out) == before else ["older results changed"]
     for path in [out, *out.rglob("*")]:
         path.chmod(0o755 if path.is_dir() else 0o644)
@@ -326,10 +290,12 @@ def _workers_killed(
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     node = {"num_cpus": 2, "object_store_memory": 80_000_000, "include_dashboard": False}
     cluster: Any = Cluster(initialize_head=True, head_node_args=node)
-    killed, out = 0, folder / "cluster"
+    killed, out, said = 0, folder / "cluster", folder / "cluster.said"
     try:
-        with _said(out).open("wb") as said:  # Ray says more than a pipe holds
-            process = _start([*command.words, "--cluster", cluster.address], out, stderr=said)
+        line = [sys.executable, "-m", "homeward", *command.words, "--cluster", cluster.address, "--out", str(out)]
+        with said.open("wb") as file:
+            process = subprocess.Popen(line, cwd=out.parent, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=file,
+                                       stderr=file)  # fmt: skip
         end_s = time.monotonic() + _LONGEST_S
         while process.poll() is None and time.monotonic() < end_s:
             time.sleep(rng.uniform(2.0, 4.0))  # as long as a worker takes to load and begin
@@ -342,7 +308,7 @@ def _workers_killed(
     finally:
         cluster.shutdown()
     equal = process.returncode == 0 and command.result(out) == wanted
-    last = _said(out).read_text(errors="replace").strip().splitlines()[-1:]
+    last = said.read_text(errors="replace").strip().splitlines()[-1:]
     return f"{killed} killed, {'equal' if equal else f'code {process.returncode}: {last}'}"
 
 
@@ -359,8 +325,11 @@ def _ray_workers() -> list[int]:
 def _without_override() -> None:
     """Take from root what lets it write where permissions forbid it, as they do to an ordinary user."""
     if os.geteuid() == 0:
-        for capability in _OVERRIDES:
-            ctypes.CDLL(None).prctl(_PR_CAPBSET_DROP, capability, 0, 0, 0)
+        libc, header, sets = ctypes.CDLL(None), (ctypes.c_uint32 * 2)(_CAPABILITY_VERSION, 0), (ctypes.c_uint32 * 6)()
+        libc.capget(header, sets)
+        sets[0] &= ~_OVERRIDES  # those in effect, of the first 32
+        if libc.capset(header, sets):
+            raise OSError("capset failed")
 
 
 def _contents(folder: Path) -> dict[str, bytes]:

@@ -56,13 +56,14 @@ def main(args: Args) -> Proposal | None:
         raise RecordingError(f"{args.run}: no column looks like a channel; it has {names}: write a mapping by hand")
     console = cli.Terminal()
     console.print(_table(proposal))
-    if proposal.notes:
-        console.print(f"Read with {', '.join(proposal.notes)}.")
     if proposal.left_over:
-        console.print(f"Not used: {', '.join(name + why * bool(why) for name, why in proposal.left_over.items())}")
+        console.print(f"Not used: {', '.join(name + why for name, why in proposal.left_over.items())}")
     tried, reads = _tried(proposal)
-    console.print(tried)
-    if args.out is None:
+    for line in tried:
+        console.print(line)
+    if args.out is None and reads and proposal.needless:
+        console.print("It reads so without a mapping, too: all names and units are those of channels.")
+    elif args.out is None:
         console.print(f"Write it with --out my_columns.toml:\n\n{proposal.toml()}", soft_wrap=True)
     else:
         write_whole(args.out, proposal.toml())
@@ -101,14 +102,16 @@ def _table(proposal: Proposal) -> Table:
     return table
 
 
-def _tried(proposal: Proposal) -> tuple[str, bool]:
-    """What reading the file with the proposal says, and whether it can be read."""
+def _tried(proposal: Proposal) -> tuple[list[str], bool]:
+    """What reading the file with the proposal says, line by line, and whether it can be read."""
     sources = {one.channel: Source(((one.column, one.factor),), one.offset) for one in proposal.guesses}
     try:
         recording = read_recording(proposal.path, Columns("proposed", sources, {}))
     except RecordingError as error:
-        return f"With it the file cannot be read yet: {error}", False
-    return f"With it the file reads: {len(recording)} samples over {recording.duration_s:.4g} s.", True
+        notes = [f"read with {', '.join(proposal.notes)}"] if proposal.notes else []
+        return [*notes, f"With it the file cannot be read yet: {error}"], False
+    reads = f"With it the file reads: {len(recording)} samples over {recording.duration_s:.4g} s."
+    return [*recording.notes, reads], True
 
 
 def run() -> int:

@@ -100,7 +100,7 @@ def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.flo
                 ("climb on the way out", "m"): rise[rise > 0.0].sum(),
                 ("descent on the way out", "m"): np.abs(rise[rise < 0.0]).sum(),
                 ("steepest climb", "°"): max(steepest.max(), 0.0),
-                ("steepest descent", "°"): max(-steepest.min(), 0.0),
+                ("steepest descent", "°"): max(0.0, -steepest.min()),
                 ("mean interest", ""): route.interest.mean(),
                 ("air temperature", "°C"): route.temperature_c,
                 ("wind", "m/s"): route.wind_mps,

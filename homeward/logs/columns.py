@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -109,7 +110,8 @@ def read_mapping(what: str, mapping: str | Path, folder: Traversable, known: set
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Whether an entry is a number that a float holds; a whole number of a TOML file may have any length."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def source_of(where: str, entry: Any, key: str) -> Source:
@@ -131,8 +133,8 @@ def source_of(where: str, entry: Any, key: str) -> Source:
     if not listed or not all(isinstance(name, str) for name in names):
         raise RecordingError(f"{where} needs one {key} and one factor each; {wanted}")
     offset = entry.get("offset", 0.0)
-    if not all(map(_is_number, [*factors, offset])):
-        raise RecordingError(f"{where} has a factor or offset that is not a number; {wanted}")
+    if not all(map(_is_number, [*factors, offset])) or not all(factors):
+        raise RecordingError(f"{where} has a factor or offset that is not a finite number, or a factor of 0; {wanted}")
     return Source(tuple(zip(names, map(float, factors), strict=True)), float(offset))
 
 
@@ -169,7 +171,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     name, columns, constants = str(mapping), data.get("columns"), data.get("constants", {})
     header, sample_hz = data.get("header", []), data.get("sample_hz")
     if sample_hz is not None and not _is_number(sample_hz):
-        raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not a number")
+        raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not a finite number")
     if sample_hz is not None and not 0.0 < sample_hz < 1e6:
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not between 0 and 1e6")
     if not isinstance(columns, dict) or not isinstance(constants, dict) or ("time_s" in columns) == bool(sample_hz):
@@ -189,7 +191,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
             raise RecordingError(f"{name}: {channel} is not a channel; channels: {', '.join(CHANNELS)}")
     for channel, value in constants.items():
         if not _is_number(value):
-            raise RecordingError(f"{name}: constants.{channel} = {value!r} is not a number")
+            raise RecordingError(f"{name}: constants.{channel} = {value!r} is not a finite number")
     sources, stamp = {}, None
     for channel, entry in columns.items():
         where = f"{name}: columns.{channel}"

@@ -16,7 +16,7 @@ from homeward.files import open_regular
 from homeward.logs import tables
 from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
-from homeward.logs.times import from_iso, from_time_of_day
+from homeward.logs.times import from_text
 
 SURE = ("certain", "likely", "a guess")
 """Confidence of a proposal: by name and unit; by name, with fitting values; by a weak name, values or unit alone."""
@@ -26,30 +26,33 @@ _DEGREE = np.pi / 180.0
 
 _NAMES: dict[str, tuple[str, str]] = {
     # channel: words of which one names it, all of a group joined by "+"; words that exclude it
-    "time_s": ("time timestamp stamp date datetime elapsed clock epoch t sec secs zeit zeitstempel", "rate step"),
+    "time_s": (
+        "time timestamp stamp date datetime elapsed clock epoch t sec secs zeit zeitstempel uhrzeit",
+        "rate step",
+    ),
     "wheel_left_mps": ("left+wheel left+speed left+vel left+velocity vell", "current motor amps right"),
     "wheel_right_mps": ("right+wheel right+speed right+vel right+velocity velr", "current motor amps left"),
     "motor_left_a": ("left+current left+motor left+amps curl", "speed velocity vel temp right"),
     "motor_right_a": ("right+current right+motor right+amps curr", "speed velocity vel temp left"),
     "yaw_rate_radps": (
-        "yaw+rate turn+rate gyro+z angular+z wz omega yawrate angular+velocity rotation+rate drehrate",
+        "yaw+rate turn+rate gyro+z angular+z wz omega yawrate angular+velocity rotation+rate drehrate gierrate",
         "x y",
     ),
     "speed_mps": (
         "speed velocity vel v vx groundspeed linear+x odom+x geschwindigkeit",
-        "wind angular left right fan rpm yaw set cmd",
+        "wind angular left right fan rpm yaw set cmd vin vbat vbatt vbus",
     ),
-    "grade_rad": ("grade slope incline inclination pitch gradient", "rate"),
+    "grade_rad": ("grade slope incline inclination pitch gradient neigung steigung", "rate"),
     "elevation_m": ("elevation altitude alt height ele", "rate"),
     "base_distance_m": ("base+distance distance+base distance+home home+distance", ""),
     "distance_m": ("distance dist odometer odo travelled traveled mileage", "base home"),
     "heading_rad": ("heading yaw course bearing azimuth", "rate"),
     "soc": ("soc charge+state state+charge battery+level battery+percent battery+percentage", "health"),
     "power_w": ("power watt watts pwr batt+w battery+w leistung", "factor"),
-    "voltage_v": ("voltage volt volts vbat vbatt vbus batt+v battery+v spannung", "motor"),
+    "voltage_v": ("voltage volt volts vbat vbatt vbus vin batt+v battery+v spannung", "motor"),
     "current_a": ("current amp amps ampere amperes ibat ibatt batt+a battery+a strom curr", "left right motor time"),
     "sensing_hz": ("sensing+rate sample+rate sampling+rate camera+rate sensing fps sensing+hz", ""),
-    "temperature_c": ("temperature temp ambient", "motor cpu battery cell gpu"),
+    "temperature_c": ("temperature temp ambient temperatur", "motor cpu battery cell gpu fet mosfet mos esc"),
     "payload_kg": ("payload load cargo", "cpu power"),
 }
 
@@ -122,6 +125,11 @@ class Proposal:
     guesses: tuple[Guess, ...]
     left_over: dict[str, str]
     notes: tuple[str, ...]
+
+    @property
+    def needless(self) -> bool:
+        """Whether every column has the name and the unit of its channel, so that the file reads without a mapping."""
+        return all((one.column, one.factor, one.offset) == (one.channel, 1.0, 0.0) for one in self.guesses)
 
     def toml(self) -> str:
         """The mapping file."""
@@ -202,9 +210,8 @@ def _by_program(header: list[str], table: pd.DataFrame) -> list[Guess]:
 def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
     """The channels that a column may be, by its name."""
     words, unit_words = _words(f"{name} [{unit}]" if unit else name)
-    dated = from_iso(column)
-    dated, how = (dated, "dates (ISO 8601)") if dated is not None else (from_time_of_day(column), "times of day")
-    values = (numeric(column) if dated is None else dated).to_numpy(np.float64, na_value=np.nan)
+    dated = from_text(column)
+    values = (numeric(column) if dated is None else dated[0]).to_numpy(np.float64, na_value=np.nan)
     if not np.isfinite(values).any():
         return []
     if dated is None and (guess := _by_letter(name, values, unit)) is not None:
@@ -215,7 +222,7 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
             found.append(_signed(Guess(name, channel, 1.0, 0.0, 0, "it has the channel's name"), values))
         elif any(set(group.split("+")) <= words for group in groups.split()) and not words & set(against.split()):
             if dated is not None and channel == "time_s":
-                found.append(Guess(name, channel, 1.0, 0.0, 0, how))
+                found.append(Guess(name, channel, 1.0, 0.0, 0, dated[1]))
             elif dated is None and (guess := _in_unit(name, channel, values, unit_words)) is not None:
                 found.append(guess)
     return found
@@ -311,7 +318,8 @@ def _words(name: str) -> tuple[set[str], list[str]]:
     units = [one.replace("µ", "u").replace("^-1", "").replace(".", "").lower() for one in bracket]
     whole = [word.lower() for word in re.split(r"[^a-zA-Z°%µ/]+", plain) if word]  # mA, which was split as m and A
     ends = ["/".join(lower[-2:]), *whole[::-1], *lower[::-1]] if len(lower) > 1 or len(whole) > 1 else []
-    parts = {part for word in (*lower, *whole) for part in (word, *word.split("/"))}
+    joined = [word.replace("_", "").lower() for word in re.split(r"[^a-zA-Z_]+", plain)]  # v_in is vin
+    parts = {part for word in (*lower, *whole, *joined) for part in (word, *word.split("/"))}
     return parts | {end for end in _COMPOUND for part in parts if part.endswith(end)}, [*units, *ends]
 
 

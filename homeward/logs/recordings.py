@@ -21,7 +21,7 @@ from homeward.logs import tables
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
 from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
-from homeward.logs.times import LONGEST_STEP_S, from_epoch, from_iso, from_time_of_day
+from homeward.logs.times import LONGEST_STEP_S, from_epoch, from_text
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
@@ -113,8 +113,9 @@ def _read_standard_input(columns: str | Path | Columns | None, standing: bool) -
 
 
 def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.DataFrame, list[str], float]:
-    if not all(file.is_file() for file in storage_files(path)):
-        raise RecordingError("is a pipe or device; a bag is a file")
+    if strange := [file.name for file in storage_files(path) if not file.is_file()]:
+        which = f"{strange[0]} is" if path.is_dir() else "is"
+        raise RecordingError(f"{which} a pipe or device; a bag is a file")
     if isinstance(mapping, Columns):
         raise RecordingError("a bag takes a mapping of topics, not of columns")
     try:
@@ -248,11 +249,9 @@ def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) 
             columns[name] = column
         elif name not in times:
             columns[name] = _numbers(column)
-        elif (seconds := from_iso(column)) is not None:
-            dated.append("dates (ISO 8601) as s since 1970")
-            columns[name] = _numbers(seconds)
-        elif (seconds := from_time_of_day(column)) is not None:
-            dated.append("times of day as s since midnight")
+        elif (times_read := from_text(column)) is not None:
+            seconds, how = times_read
+            dated.append(how)
             columns[name] = _numbers(seconds)
         else:
             columns[name] = _numbers(column, "neither a number nor a time such as 2024-05-01T12:00:00.1")

@@ -1,4 +1,4 @@
-"""Formats of time in recordings: seconds, counts since 1970 in s, ms, us or ns, ISO 8601, and the time of day."""
+"""Formats of time in recordings: seconds, counts since 1970 in s, ms, us or ns, dates, and the time of day."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ LONGEST_STEP_S = 30.0
 """Median time between the samples of a recording, s; a longer one is in another unit."""
 
 _TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
+_DAY_FIRST = r"^\s*(\d{1,2})\.(\d{1,2})\.(\d{4})(?=\s)"
+_COMMA = r"(:\d{2}),(?=\d)"
 _UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)
 
 
@@ -24,29 +26,37 @@ def median_step_s(time_s: Array) -> float:
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
 
 
-def from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:
-    """Seconds since 1970 of ISO 8601 texts, UTC where they name no zone; None where one is something else."""
-    if pd.api.types.is_numeric_dtype(column):
+def from_text(column: pd.Series[Any]) -> tuple[pd.Series[Any], str] | None:
+    """Seconds of texts that are times, and what they are taken for; None where one is something else.
+
+    Dates are ISO 8601 or, as German programs write them, 01.05.2024 12:00:00, UTC where they name no zone; times of day
+    are such as 12:00:00.1. Fractions of a second may follow a decimal comma.
+    """
+    if pd.api.types.is_numeric_dtype(column) or not len(column):
         return None
+    form = "ISO 8601"
+    if pd.api.types.is_string_dtype(column):
+        column = column.str.replace(_COMMA, r"\1.", regex=True)
+        if column.str.match(_DAY_FIRST).all():
+            column, form = column.str.replace(_DAY_FIRST, r"\3-\2-\1", regex=True), "day.month.year"
+    if (seconds := _from_iso(column)) is not None:
+        return seconds, f"dates ({form}) as s since 1970"
+    texts = column.astype(str)
+    if not texts.str.fullmatch(_TIME_OF_DAY).all():
+        return None
+    return pd.to_timedelta(texts, errors="coerce").dt.total_seconds(), "times of day as s since midnight"
+
+
+def _from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about texts that are no dates
             moments = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce").dt.as_unit("ns")
     except (ValueError, TypeError, OverflowError):
         return None
-    if not len(moments) or (moments.isna() & column.notna()).any() or moments.isna().all():
+    if (moments.isna() & column.notna()).any() or moments.isna().all():
         return None
     return (moments.astype("int64") * 1e-9).where(moments.notna())
-
-
-def from_time_of_day(column: pd.Series[Any]) -> pd.Series[Any] | None:
-    """Seconds since midnight of texts such as 12:00:00.1; None where one is something else."""
-    if pd.api.types.is_numeric_dtype(column) or not len(column):
-        return None
-    texts = column.astype(str)
-    if not texts.str.fullmatch(_TIME_OF_DAY).all():
-        return None
-    return pd.to_timedelta(texts, errors="coerce").dt.total_seconds()
 
 
 def is_epoch(time_s: float) -> bool:

@@ -52,6 +52,15 @@ def test_mis_set_rolling_resistance_is_a_parameter_and_not_physics(
     assert change_m is not None and np.sign(change_m) == np.sign(1.0 - factor)
 
 
+def test_power_that_changes_at_standstill_is_unknown_and_at_no_place(husky: Robot) -> None:
+    time_s = np.arange(1200) / 10.0
+    channels = {"time_s": time_s, "speed_mps": np.zeros(1200), "power_w": 120.0 + 50.0 * np.sin(time_s / 6.0)}
+    found = diagnose(Recording("run", "", channels), husky)
+    assert (found.verdict, found.where) == ("unknown_physics", ())
+    assert "no stretch of time stands out" in found.summary and "nan" not in found.summary
+    assert found.next_experiment is None
+
+
 def test_concealed_turning_is_missing_physics_located_at_turning(scrubbing: Analysis) -> None:
     diagnosis = scrubbing.diagnosis
     assert diagnosis.verdict == "missing_physics"

@@ -141,7 +141,7 @@ def test_whole_seconds_are_spread(tmp_path: Path) -> None:
     [
         ('[columns]\npower_w = "p"', "or with sample_hz instead of it"),
         ('sample_hz = 5\n[columns]\ntime_s = "t"\npower_w = "p"', "or with sample_hz instead of it"),
-        ('sample_hz = "5"\n[columns]\npower_w = "p"', "is not a number"),
+        ('sample_hz = "5"\n[columns]\npower_w = "p"', "is not a finite number"),
         ('sample_hz = -5\n[columns]\npower_w = "p"', "is not between"),
         ('sample_hz = 5\nheader = ["p", "p"]\n[columns]\npower_w = "p"', "not a list of different names"),
         ('[columns]\ntime_s = "t"\npower_w = { column = "p", whole_seconds = true }', "is for time_s only"),

@@ -474,7 +474,7 @@ WRONG: dict[str, str] = {
     "[[topics]]\nname = '/a'\nspeed = 'a'\n": "speed is not a channel",
     "[[topics]]\nname = '/a'\nspeed_mps = 3\n": "is not understood",
     "[[topics]]\nname = '/a'\nspeed_mps = 'a..b'\n": "is not a path",
-    "[[topics]]\nname = '/a'\nspeed_mps = { field = 'a', factor = 'b' }\n": "is not a number",
+    "[[topics]]\nname = '/a'\nspeed_mps = { field = 'a', factor = 'b' }\n": "is not a finite number",
     "[[topics]]\nname = '/a'\nspeed_mps = { fields = ['a', 'b'], factors = [1] }\n": "one field and one factor each",
     "[[topics]]\nname = '/a'\nstamp = 'now'\n": "choose from header, receive",
     "[[topics]]\nname = '/a'\norientation = 3\n": "is not the path of a field",

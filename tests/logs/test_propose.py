@@ -17,6 +17,7 @@ TRUTH = pd.DataFrame(
         "voltage_v": 25.0 + np.sin(np.arange(600) / 90.0),
         "current_a": 4.0 + np.sin(np.arange(600) / 40.0),
         "heading_rad": np.arange(600) / 300.0,
+        "grade_rad": 0.1 * np.sin(np.arange(600) / 50.0),
         "temperature_c": 15.0 + np.arange(600) / 200.0,
         "soc": 0.9 - np.arange(600) / 3000.0,
     }
@@ -41,6 +42,11 @@ TABLES = {
     "German": {
         "Zeit [s]": ("time_s", 1.0, 0.0), "Geschwindigkeit [km/h]": ("speed_mps", 3.6, 0.0),
         "Spannung [V]": ("voltage_v", 1.0, 0.0), "Strom [A]": ("current_a", 1.0, 0.0),
+        "Neigung [°]": ("grade_rad", 180.0 / np.pi, 0.0), "Temperatur": ("temperature_c", 1.0, 0.0),
+    },
+    "a motor controller's": {
+        "timestamp_ms": ("time_s", 1e3, 0.0), "v_in": ("voltage_v", 1.0, 0.0),
+        "speed": ("speed_mps", 1.0, 0.0), "avg_input_current": ("current_a", 1.0, 0.0),
     },
     "letters of formulas": {
         "time_s": ("time_s", 1.0, 0.0), "speed [km/h]": ("speed_mps", 3.6, 0.0), "I mA": ("current_a", 1e3, 0.0),
@@ -67,12 +73,12 @@ def test_what_is_proposed_reads_as_the_truth(tmp_path: Path, case: str) -> None:
     table = pd.DataFrame(
         {name: TRUTH[channel] * factor + offset for name, (channel, factor, offset) in columns.items()}
     )
-    table["remark"] = "ok"
+    table = table.assign(remark="ok", temp_fet=31.5, avg_motor_current=9.0)
     path, mapping = tmp_path / "run.csv", tmp_path / "map.toml"
     table.to_csv(path, index=False)
     proposal = propose(path)
     assert {one.column: one.channel for one in proposal.guesses} == {name: to[0] for name, to in columns.items()}
-    assert list(proposal.left_over) == ["remark"]
+    assert list(proposal.left_over) == ["remark", "temp_fet", "avg_motor_current"]
     mapping.write_text(proposal.toml())
     channels = read_recording(path, mapping).channels
     for channel, _, _ in columns.values():

@@ -139,6 +139,21 @@ def test_dates(table: pd.DataFrame, csv: Write, zone: str) -> None:
     assert recording.notes == ("read with dates (ISO 8601) as s since 1970",)
 
 
+@pytest.mark.parametrize(
+    ("form", "taken"),
+    [("%d.%m.%Y %H:%M:%S,%f", "dates (day.month.year) as s since 1970"),
+     ("%Y-%m-%d %H:%M:%S,%f", "dates (ISO 8601) as s since 1970"), ("%H:%M:%S,%f", "times of day as s since midnight")],
+)  # fmt: skip
+def test_times_as_german_programs_write_them(table: pd.DataFrame, csv: Write, form: str, taken: str) -> None:
+    moments = pd.Timestamp("2024-03-05 12:00:00") + pd.to_timedelta(table["time_s"], unit="s")
+    recording = read_recording(csv(table.assign(time_s=moments.dt.strftime(form))))
+    time_s = recording.channels["time_s"]
+    np.testing.assert_allclose(time_s - time_s[0], table["time_s"], atol=1e-6)
+    assert recording.notes == (f"read with {taken}",)
+    if "%d" in form:
+        assert time_s[0] == pd.Timestamp("2024-03-05 12:00:00Z").timestamp()
+
+
 def test_dates_in_a_parquet_file(table: pd.DataFrame, tmp_path: Path) -> None:
     moments = pd.Timestamp("2024-05-01 12:00:00") + pd.to_timedelta(table["time_s"], unit="s")
     table.assign(time_s=moments).to_parquet(tmp_path / "run.parquet")
@@ -222,6 +237,7 @@ def test_pipes_and_devices_are_not_read(tmp_path: Path) -> None:
     for name in ("run.csv", "run.parquet", "run.bag", "run.mcap"):
         os.mkfifo(tmp_path / name)
         assert "is a pipe or device" in refusal(tmp_path / name)
+    assert "run.mcap is a pipe or device" in refusal(tmp_path)  # of a folder, the file is named
     (tmp_path / "null.csv").symlink_to("/dev/zero")
     assert "is a pipe or device" in refusal(tmp_path / "null.csv")
     os.mkfifo(tmp_path / "map.toml")
@@ -359,7 +375,7 @@ def test_mapping_applies_factors_sums_and_constants(tmp_path: Path) -> None:
         ("[columns]\nspeed_mps = 'v'", "at least time_s"),
         ("[columns]\ntime_s = 't'\nvelocity = 'v'", "velocity is not a channel"),
         ("[columns]\ntime_s = { column = 't', scale = 2 }", "is not understood"),
-        ("[columns]\ntime_s = { column = 't', factor = 'x' }", "not a number"),
+        ("[columns]\ntime_s = { column = 't', factor = 'x' }", "not a finite number"),
         ("[columns]\ntime_s = { columns = ['a', 'b'], factors = [1.0] }", "one factor each"),
         ("[columns]\ntime_s = 't'\n[constants]\nsoc = 'full'", "constants.soc"),
         ("[columns", "not a readable TOML"),

@@ -140,8 +140,10 @@ def to_determine(
     return None if long_enough else "Record the same drive for longer, at least five minutes."
 
 
-def repeat(location: Location) -> str:
-    """The drive that tests whether a condition causes the unexplained excess."""
+def repeat(location: Location) -> str | None:
+    """The drive that tests whether a condition causes the unexplained excess; None where there is no place of it."""
+    if not location.places:
+        return None
     if all(place.condition == location.condition for place in location.places):
         return (
             f"To find out what is missing, alternate a minute with {location.condition} and a minute without, "

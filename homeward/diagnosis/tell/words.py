@@ -59,7 +59,7 @@ def _excess(evidence: Evidence) -> float | None:
     """Mean residual of the effects, or held-out error of the refit over that elsewhere, under the located condition."""
     if evidence.remains is not None:
         return float(evidence.remains.location.excess[evidence.remains.location.inside].mean())
-    if evidence.location is None:
+    if evidence.location is None or not evidence.location.inside.any():
         return None
     inside, error = evidence.location.inside, evidence.runs.observed - evidence.predictions["refit"]
     return float(error[inside].mean()) - (float(error[~inside].mean()) if (~inside).any() else 0.0)

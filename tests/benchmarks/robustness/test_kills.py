@@ -1,5 +1,6 @@
 """What a kill may leave behind is told from what it may not."""
 
+import signal
 import sys
 import time
 from pathlib import Path
@@ -38,10 +39,27 @@ def test_a_fork_is_killed_or_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         return 2
 
     monkeypatch.setattr(kills, "run", run)
-    assert kills._kill_after(["long", "60"], tmp_path / "out", 1.0)
+    assert kills._run(["long", "60"], tmp_path / "out", 1.0) == (-signal.SIGKILL, "")
     assert (tmp_path / "long").read_text() == "begun"
-    assert not kills._kill_after(["short", "0"], tmp_path / "out", 30.0)
-    assert kills._finish_fork(["short", "0"], tmp_path / "out") == (2, "refused\n")
+    assert kills._run(["short", "0"], tmp_path / "out") == (2, "refused\n")
+
+
+@pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")
+def test_disks_are_full_and_folders_forbid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def run() -> int:
+        try:
+            (tmp_path / "folder" / "file").write_bytes(bytes(2 * kills._SMALL))
+        except OSError as error:
+            print(error.strerror, file=sys.stderr)
+            return 2
+        return 0
+
+    monkeypatch.setattr(kills, "run", run)
+    (tmp_path / "folder").mkdir()
+    assert kills._run([], tmp_path / "out", limit=kills._fill) == (2, "File too large\n")
+    assert kills._run([], tmp_path / "out")[0] == 0
+    (tmp_path / "folder" / "file").chmod(0o444)
+    assert kills._run([], tmp_path / "out", limit=kills._without_override) == (2, "Permission denied\n")
 
 
 def test_pythons_that_are_found_are_of_the_versions() -> None:
