@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from benchmarks.concealed.plants.vehicles import Plant
 
 Array = NDArray[np.float64]
+_POINTS = 2000  # of a route
 
 
 @dataclass(frozen=True)
@@ -122,19 +124,26 @@ def drive(vehicle: Plant, route: Course, rng: Generator, index: int, day_s: floa
                 yaw[stop] += np.where(speed[stop] == 0.0, rng.choice([-1.0, 1.0]) * 0.6 * vehicle.max_turn_radps, 0.0)
     yaw = np.clip(yaw, -vehicle.max_turn_radps, vehicle.max_turn_radps)
     heading = np.mod(route.heading_rad + np.cumsum(yaw) * dt_s, 2.0 * np.pi)
-    course = route.heading_rad + np.concatenate([[0.0], np.cumsum(route.curvature_per_m(place[:-1]) * np.diff(place))])
-    east = np.concatenate([[0.0], np.cumsum(np.cos(course[:-1]) * np.diff(place))])
-    north = np.concatenate([[0.0], np.cumsum(np.sin(course[:-1]) * np.diff(place))])
     hz = vehicle.robot.max_sensing_hz * np.array([0.0, 0.2, 0.5, 1.0])
     since_midnight = 2.0 * np.pi * (21600.0 + day_s + time) / 86400.0  # the first drive starts at six
     swing_c = 8.0 if vehicle.outdoor else 1.5
     return Motion(
         time_s=time, speed_mps=speed, accel_mps2=np.gradient(speed, dt_s), grade_rad=grade, yaw_rate_radps=yaw,
         heading_rad=heading, place_m=place, direction=direction, distance_m=distance,
-        elevation_m=route.elevation(place), base_distance_m=np.hypot(east, north),
+        elevation_m=route.elevation(place), base_distance_m=_from_start(route, place),
         sensing_hz=_levels(rng, duration_s, dt_s, hz, 20.0, 90.0),
         temperature_c=mean_c - swing_c * np.cos(since_midnight), day_s=day_s, index=index,
     )  # fmt: skip
+
+
+def _from_start(route: Course, place_m: Array) -> Array:
+    """Straight line from the start of a route to places along it, m; a loop ends where it begins."""
+    at_m = np.linspace(0.0, route.length_m, _POINTS)
+    course = route.heading_rad + route.curvature_per_m.antiderivative()(at_m)
+    ways = np.stack([cumulative_trapezoid(of(course), at_m, initial=0.0) for of in (np.cos, np.sin)])
+    if route.loop:
+        ways -= ways[:, -1:] * at_m / route.length_m
+    return np.hypot(*(np.interp(place_m, at_m, way) for way in ways))
 
 
 def make_drives(vehicle: Plant, routes: list[Course], rng: Generator, runs_wanted: int, mean_c: float,

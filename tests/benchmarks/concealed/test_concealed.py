@@ -56,6 +56,18 @@ def test_recordings_obey_the_format(part: Part) -> None:
             assert "speed_mps" in frame or {"wheel_left_mps", "wheel_right_mps"} <= set(frame)
 
 
+def test_a_loop_ends_where_it_begins() -> None:
+    """Nowhere does the distance from its start change by more than the way driven."""
+    rng = np.random.default_rng(0)
+    route = next(route for route in iter(lambda: make_route(SCOUT, rng), None) if route.loop)
+    (run,) = make_drives(SCOUT, [route], rng, 1, 20.0)
+    assert run.distance_m[-1] > 1.5 * route.length_m
+    step_m = np.abs(np.diff(run.base_distance_m))
+    assert (step_m <= 1.5 * np.diff(run.distance_m) + 1e-9).all()
+    begins = np.flatnonzero(np.diff(run.place_m) < 0.0)
+    assert run.base_distance_m[begins].max() < 0.02 * route.length_m
+
+
 def test_nothing_hidden_is_the_papers_model() -> None:
     rng = np.random.default_rng(0)
     for vehicle in VEHICLES:
