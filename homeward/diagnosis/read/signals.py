@@ -16,6 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from homeward.diagnosis import rules
 from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.slope import slope_along
+from homeward.diagnosis.read.way import along_the_way
 from homeward.logs.channels import Array, Index, Mask
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
@@ -30,7 +31,8 @@ WINDOW_S = 0.5
 Longer ones hide the accelerations of small fast robots, shorter ones show current ripple and clock errors.
 """
 
-_REACH_S = 3.0  # at top speed
+_REACH_S = 3.0  # at top speed, along which position is compared: long against its noise
+_UNCLEAR = 0.05  # share of noise in the variance of slopes, up to which slopes met again are recognised
 _CREEPS = 0.02  # of the top speed
 ODOMETER_PARTS = 10
 """Parts of the way that must agree on the sign of an odometer's error: by chance all do with probability 2^-9."""
@@ -105,12 +107,15 @@ def signals(
     nothing = np.zeros(len(time_s))
     turning, yaw_rate = _turning(kept, time_s, robot, error)
     accel = np.gradient(speed, time_s) if len(time_s) > 1 else nothing
-    direction = _direction(kept, speed, time_s, robot)
     context = {name: kept[name] for name in _CONTEXT if name in kept} | turning
-    if "base_distance_m" in kept and len(time_s) > 1:
-        context["place_m"] = kept["base_distance_m"][0] + path_m(direction * np.abs(speed), time_s)
-    context |= {"accel_mps2": accel, "speed_mps": speed}
     grade = slope_of(kept, speed, time_s, robot, slope_late_s, error)
+    direction = np.where(speed < 0.0, -1.0, 1.0)
+    if "base_distance_m" in kept and len(time_s) > 1:
+        driven_m, reach_m = path_m(np.abs(speed), time_s), _REACH_S * robot.max_speed_mps
+        clear = grade is not None and error.get("grade_rad", 0.0) ** 2 <= _UNCLEAR * float(np.var(grade))
+        slope = grade if clear else None
+        direction, context["place_m"] = along_the_way(kept["base_distance_m"], driven_m, slope, reach_m)
+    context |= {"accel_mps2": accel, "speed_mps": speed}
     if grade is not None:
         context["grade_rad"] = grade
     run = Signals(
@@ -162,18 +167,6 @@ def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> f
     if not ((by_part > rules.SAME_ODOMETER).all() or (by_part < -rules.SAME_ODOMETER).all()):
         return 0.0
     return float(driven_m.sum() / covered_m.sum() - 1.0)
-
-
-def _direction(kept: Mapping[str, Array], speed: Array, time_s: Array, robot: Robot) -> Array:
-    """1 where the robot moves away from base and -1 where it comes back, over stretches that are
-    long against the noise of position; the sign of the speed where the distance from base is unknown."""
-    place_m = kept.get("base_distance_m")
-    if place_m is None or len(time_s) < 2:
-        return np.where(speed < 0.0, -1.0, 1.0)
-    driven_m = path_m(np.abs(speed), time_s) + 1e-9 * np.arange(len(speed))  # interpolation needs it to grow
-    reach_m = _REACH_S * robot.max_speed_mps
-    ahead, behind = (np.interp(driven_m + sign * reach_m, driven_m, place_m) for sign in (1.0, -1.0))
-    return np.where(ahead < behind, -1.0, 1.0)
 
 
 def observed_of(given: Mapping[str, Array]) -> tuple[Array, Unit]:
