@@ -1,0 +1,43 @@
+"""What a robot's file says of its own uncertainty gives intervals as wide as was measured, each error counted once."""
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+
+from homeward.companion.prior_knowledge import PriorKnowledge, known_of
+from homeward.estimation.tails import deviations
+from homeward.physics import load_robot
+from homeward.physics.uncertainty import Uncertainty
+
+NORMAL_95 = 1.6448536  # standard deviations, above which 5 % of a normal distribution lie
+
+
+def known(**sizes: Any) -> PriorKnowledge:
+    return known_of(dataclasses.replace(load_robot("husky"), uncertainty=Uncertainty(**sizes)), has_forecast=True)
+
+
+def sd_of_power(own: float, between_runs: float) -> float:
+    """Standard deviation of the power on the flat, a share, by a file whose rolling and idle power are off by `own`."""
+    covariance = ((own**2, 0.0), (0.0, own**2))
+    prior = known(fitted=("rolling", "idle_power"), covariance=covariance, between_runs=between_runs).prior
+    of_idle = known(fitted=("idle_power",), covariance=((1.0,),), between_runs=0.0).prior.gain_sd  # its share of it
+    return math.hypot((1.0 - of_idle) * prior.rolling_sd, prior.gain_sd)
+
+
+@pytest.mark.parametrize("own", [0.001, 0.03, 0.08])
+def test_the_spread_between_runs_has_the_error_of_the_file_in_it(own: float) -> None:
+    assert deviations(0.95) * sd_of_power(own, 0.1) == pytest.approx(NORMAL_95 * 0.1, rel=1e-3)
+
+
+def test_a_file_that_is_less_sure_than_runs_differ_is_as_sure_as_it_says() -> None:
+    assert sd_of_power(0.3, 0.1) > 0.2
+
+
+@pytest.mark.parametrize("way_m", [1.0, 300.0])
+def test_what_nothing_explains_widens_by_its_measured_interval(way_m: float) -> None:
+    sizes: dict[str, Any] = {"between_runs": 0.05, "unexplained": 0.4, "unexplained_m": 30.0}
+    one = known(**sizes)
+    added = math.sqrt(one.with_unexplained(way_m).model_error ** 2 - one.prior.model_error**2)
+    assert deviations(0.95) * added == pytest.approx(NORMAL_95 * Uncertainty(**sizes).unexplained_over(way_m))
