@@ -79,8 +79,8 @@ def explain(
     if location is not None and (not naming.named or scheduled):
         empirical = propose(fit, runs, block, fold, seed)
     if naming.named and empirical is not None:
-        if empirical.held_out_gain > naming.named[0].held_out_gain:
-            # A recorded channel explains more than a schedule, which is for unrecorded causes.
+        if empirical.held_out_gain > max(naming.named[0].held_out_gain, residual.by(naming)):
+            # A recorded channel explains more than what is named with a schedule, which is for unrecorded causes.
             naming = naming.nothing_named()
         else:
             empirical = None
@@ -183,8 +183,10 @@ def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> b
     it.
 
     The channel is identified before the form: an effect that only absorbs a part of another channel's influence would
-    hide it.
+    hide it. A state of charge that falls in every run may only stand for time.
     """
+    if most.channel.name == "soc":
+        return False
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     covered = {channel for term in named for channel in term.hypothesis.channels}
     by_named = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))

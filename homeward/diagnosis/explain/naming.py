@@ -15,7 +15,6 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import terms
-from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.motion import motion_gain
@@ -42,6 +41,7 @@ class Named:
     gain_ci95: tuple[float, float]
     p_value: float  # share of placebos that score as high
     rivals: tuple[Term, ...]  # effects confounded with it, best first
+    sudden: bool  # whether its size changes in steps
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,8 @@ def name_missing(
 
 def _beside(one: Named, by_motion: Callable[[], float]) -> bool:
     """Whether a further effect is more than a misfit in the form of the named ones: a schedule also fits such a misfit,
-    unless its levels are clearly apart and motion does not explain as much."""
-    if one.term.axis == "time" and not (one.term.typical and clearly_apart(one.term.schedule)):
+    unless it changes in steps and motion does not explain as much."""
+    if one.term.axis == "time" and not (one.term.typical and one.sudden):
         return False
     return one.term.axis == "steady" or by_motion() < rules.EQUIVALENT * one.held_out_gain
 
@@ -245,7 +245,8 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     if p_value > rules.FALSE_ALARM_RATE:
         return None
     term = _with_plain(bench, chosen)
-    return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, alone))
+    sudden = term.schedule is not None and bench.steps_bic(chosen) >= rules.STRONG_BIC
+    return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, alone), sudden)
 
 
 def _with_plain(bench: Bench, chosen: int) -> Term:

@@ -34,6 +34,7 @@ _DRAWS = 1999
 _SEARCHES = 39  # ten are in the upper quarter, whose mean estimates the tail within a third
 _AS_GOOD = 3  # placebos with as high a score that end a search
 _AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
+_PAST = 5  # windows from which the next residual is predicted: longer than a change is refined
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors above which windows are counted
 _RIDGE = 1e-9  # of a column's norm
 
@@ -169,9 +170,26 @@ class Bench:
         return self._error_of((), self._in_time(chosen))
 
     def score(self, share: float, independent: float, *chosen: int) -> float:
-        """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share."""
-        freedom = sum(self.candidates[one].columns.shape[1] + self.candidates[one].hidden for one in chosen)
-        return float(-independent * np.log(max(1.0 - share, 1e-300)) - freedom * np.log(independent))
+        """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share; where some
+        size changes at estimated moments, from the steps if that is more."""
+        by_share = -independent * np.log(max(1.0 - share, 1e-300)) - self._freedom(chosen) * np.log(independent)
+        terms = [self.candidates[one] for one in chosen]
+        sudden = any(term.axis == "time" and term.schedule is not None for term in terms)
+        return max(float(by_share), self.steps_bic(*chosen)) if sudden else float(by_share)
+
+    def steps_bic(self, *chosen: int) -> float:
+        """The same from the likelihoods of autoregressive residuals (intervention analysis: Box & Tiao, 1975): a step
+        stands out from their innovations, and a drift that levels follow does not."""
+        windows = len(self.target)
+        gained = self._innovation(()) - self._innovation(chosen)
+        return float(windows * gained - self._freedom(chosen) * np.log(windows))
+
+    def _freedom(self, chosen: tuple[int, ...]) -> int:
+        return sum(self.candidates[one].columns.shape[1] + self.candidates[one].hidden for one in chosen)
+
+    @cached_property
+    def _innovation(self) -> Callable[[tuple[int, ...]], float]:
+        return cache(lambda chosen: _log_innovation(self._left(chosen), self.runs.run))
 
     def delta_bic(self, *chosen: int) -> float:
         """The same, with the number of independent windows of their residual."""
@@ -277,6 +295,20 @@ class Bench:
         rivals = [one for one in self.candidates if one.schedule is not None and (one.effect, one.axis) == kind]
         small = replace(self, candidates=tuple(rivals), target=target, beside=())
         return max(small.score(small.share(one), small.independent(one), one) for one in range(len(rivals)))
+
+
+def _log_innovation(left: Array, run: Index) -> float:
+    """Log of the mean squared innovation of an autoregressive series, of one process in all runs.
+
+    >>> steps = np.repeat([0.0, 1.0, 0.0, 1.0], 50) + np.random.default_rng(0).normal(0.0, 0.01, 200)
+    >>> bool(_log_innovation(steps, np.zeros(200)) > np.log(1.0 / 200))
+    True
+    """
+    rows = np.arange(_PAST, len(left))
+    rows = rows[run[rows] == run[rows - _PAST]]
+    past = np.stack([left[rows - lag] for lag in range(1, _PAST + 1)], axis=1)
+    weights = np.linalg.lstsq(past, left[rows], rcond=None)[0]
+    return float(np.log(max(float(np.mean((left[rows] - past @ weights) ** 2)), 1e-300)))
 
 
 def _tail(scores: Array, reached: float) -> float:

@@ -18,7 +18,7 @@ EFFECT = Effect(
     kind="ancillary",
     function=radio,
     parameters=(
-        Parameter("w_per_km2", "W/km^2", 0.0, 10000.0, "power per squared distance from base"),
+        Parameter("w_per_km2", "W/km^2", 0.0, 1e7, "power per squared distance from base"),
         Parameter("reach_m", "m", 0.0, 1e6, "distance from which on it sends as hard as it can", 1e6),
     ),
     sentence="The radio needs more power far from base.",

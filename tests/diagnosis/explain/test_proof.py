@@ -93,6 +93,24 @@ def test_a_step_and_a_load_that_comes_and_goes_are_beyond_chance(fit: tuple[Refi
         assert bench.p_value(chosen, independent, 0) < 1e-4
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_steps_stand_out_from_a_drift_and_levels_that_follow_the_drift_do_not(
+    fit: tuple[Refit, Runs], noise: float
+) -> None:
+    def evidence(residual: np.ndarray) -> list[tuple[str, float]]:
+        bench = bench_of(fit, residual, "time")
+        followed = [index for index, one in enumerate(bench.candidates) if one.schedule and bench.share(index) > 0.2]
+        return [(bench.candidates[index].effect, bench.steps_bic(index)) for index in followed]
+
+    runs = fit[1]
+    drift = slow_noise(fit, 0, 0.97) + noise * np.random.default_rng(0).standard_normal(len(runs.observed))
+    of_drift = evidence(drift)
+    of_steps = evidence(drift + 12.0 * (np.floor(runs.time_s / 37.0) % 2))
+    assert of_drift
+    assert max(bic for _, bic in of_drift) < 0.0
+    assert max(bic for effect, bic in of_steps if effect == "intermittent_load") > 10.0
+
+
 def test_a_base_that_holds_a_hypothesis_leaves_nothing_for_it(fit: tuple[Refit, Runs]) -> None:
     bench = bench_of(fit, slow_noise(fit, 1), "steady")
     turning = next(index for index, one in enumerate(bench.candidates) if one.effect == "turning")

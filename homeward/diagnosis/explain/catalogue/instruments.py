@@ -12,7 +12,8 @@ from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.logs.times import median_step_s
 from homeward.physics.effects import Parameter
 
-_LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0) for sign in (1.0, -1.0))
+_LAGS_S = tuple(sign * lag for lag in (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0) for sign in (1.0, -1.0))
+_LAG_BOUNDS_S = (-5.0, 5.0)
 _FIX_S = 5.0
 
 
@@ -28,7 +29,7 @@ def _lags(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         shape = {"lag_s": lag_s}
         late = one.within(one, setting.present, shape, setting.runs)
         change = setting.parameters.predict(setting.runs, setting.theta, late) - setting.predicted
-        low, high = sorted((0.5 * lag_s, 1.5 * lag_s))
+        low, high = np.clip(sorted((0.5 * lag_s, 1.5 * lag_s)), *_LAG_BOUNDS_S)
         yield Term(one, change[:, None] / lag_s, np.array([low]), np.array([high]), 1, shape)
 
 
@@ -119,7 +120,7 @@ HYPOTHESES = (
     Hypothesis(
         Instrument(
             "clock_lag",
-            (Parameter("lag_s", "s", -5.0, 5.0, "time by which the power reading is late"),),
+            (Parameter("lag_s", "s", *_LAG_BOUNDS_S, "time by which the power reading is late"),),
             "The clocks of power and motion disagree: a fault of an instrument, not physics.",
             "reading(t) = power(t - lag)",
             "unsynchronised loggers",
