@@ -232,7 +232,10 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     off = tuple(one for one in evidence.measured if one.group in known)
     capacity = evidence.capacity
     if capacity is not None and capacity.off:
-        off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J"))
+        usable = FittedGroup(
+            USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J", capacity.rivals
+        )  # fmt: skip
+        off = (*off, usable)
     if evidence.blocks < rules.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.witnessed:

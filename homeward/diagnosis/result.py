@@ -27,13 +27,17 @@ class RecordingInfo:
 
 @dataclass(frozen=True)
 class FittedGroup:
-    """An identifiable group of parameters; `assumed` is None where the robot file has no value."""
+    """An identifiable group of parameters; `assumed` is None where the robot file has no value.
+
+    `confused_with` holds effects that explain the recordings as well, with the value that was assumed.
+    """
 
     group: str
     assumed: float | None
     fitted: float
     ci95: tuple[float, float]
     unit: str
+    confused_with: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

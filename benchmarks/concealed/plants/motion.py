@@ -140,10 +140,11 @@ def _from_start(route: Course, place_m: Array) -> Array:
     """Straight line from the start of a route to places along it, m; a loop ends where it begins."""
     at_m = np.linspace(0.0, route.length_m, _POINTS)
     course = route.heading_rad + route.curvature_per_m.antiderivative()(at_m)
-    ways = np.stack([cumulative_trapezoid(of(course), at_m, initial=0.0) for of in (np.cos, np.sin)])
+    ways = np.stack([cumulative_trapezoid(one, at_m, initial=0) for one in (np.cos(course), np.sin(course))])
     if route.loop:
         ways -= ways[:, -1:] * at_m / route.length_m
-    return np.hypot(*(np.interp(place_m, at_m, way) for way in ways))
+    east_m, north_m = (np.interp(place_m, at_m, way) for way in ways)
+    return np.asarray(np.hypot(east_m, north_m))
 
 
 def make_drives(vehicle: Plant, routes: list[Course], rng: Generator, runs_wanted: int, mean_c: float,

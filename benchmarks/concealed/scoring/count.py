@@ -12,10 +12,9 @@ import numpy as np
 from benchmarks.concealed.plants.cases import NEEDS
 from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS
 from benchmarks.concealed.plants.instruments import NOISES
-from benchmarks.concealed.scoring.outcome import Interval, LaterError, Outcome
+from benchmarks.concealed.scoring.outcome import USABLE_ENERGY, Interval, LaterError, Outcome
 from homeward.agents.evaluation.statistics import wilson
 
-USABLE_ENERGY = "usable energy"
 NAMES_GRADE = re.compile(r"grade|elevation|slope|altitude|hills?\b", re.IGNORECASE)
 NOT_SAID = ("wind", "intermittent_load")
 """Effects that a robot file cannot say: weather, and a rhythm without its beat."""
@@ -50,8 +49,9 @@ class Table:
 
 
 def named(outcome: Outcome) -> list[list[str]]:
-    """Classes that were named; a battery that holds the same too little in all drives is aged or smaller."""
-    return [*outcome.classes, *([["ageing"]] if USABLE_ENERGY in outcome.off else [])]
+    """Classes that were named; a battery that holds the same too little in all drives is aged, or what is said
+    beside that."""
+    return [*outcome.classes, *([outcome.capacity] if outcome.capacity else [])]
 
 
 def found_first(outcome: Outcome) -> bool:

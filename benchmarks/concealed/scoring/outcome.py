@@ -21,6 +21,8 @@ from homeward.commands import diagnose
 from homeward.diagnosis import RecordingError
 from homeward.physics import Robot, load_robot
 
+USABLE_ENERGY = "usable energy"
+
 
 class Interval(TypedDict):
     """A 95 % interval and the true value."""
@@ -57,6 +59,7 @@ class Outcome:
     summary: str = ""
     classes: list[list[str]] = field(default_factory=list)  # missing_physics: effect, then what it is confused with
     off: list[str] = field(default_factory=list)
+    capacity: list[str] = field(default_factory=list)  # what a usable energy that is off may be
     holds: list[str] = field(default_factory=list)  # effects in corrected.toml
     later: list[LaterError] = field(default_factory=list)
     intervals: list[Interval] = field(default_factory=list)
@@ -117,6 +120,9 @@ def read_diagnosis(outcome: Outcome, diagnosis: dict[str, Any], case: Case) -> N
     missing, off = diagnosis["missing_physics"], diagnosis["parameters_off"]
     outcome.classes = [[entry["effect"], *entry["confused_with"]] for entry in missing]
     outcome.off = [entry["group"] for entry in off]
+    outcome.capacity = [
+        one for entry in off if entry["group"] == USABLE_ENERGY for one in ("ageing", *entry["confused_with"])
+    ]
     if case.part != "coverage":
         return
     for entry in missing:

@@ -40,6 +40,7 @@ CHECKS: Mapping[str, str] = {
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _COST_OF_A_CHANGE = 3  # parameters per estimated change point (Zhang & Siegmund, 2007)
 _PIECES = 4  # of a rising function
+_SUDDEN = ("standing", "once", "repeatedly")
 _PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
 
 Numbers = Mapping[str, float]
@@ -305,6 +306,12 @@ class Hypothesis:
     def physical(self) -> bool:
         """Whether it is of the robot or its surroundings, and no fault of an instrument."""
         return self.entry.kind != "instrument"
+
+    @property
+    def is_sudden(self) -> bool:
+        """Whether it changes from one moment to the next where no channel shows it: what is switched, loaded or
+        breaks, but neither ground nor weather."""
+        return self.changes in _SUDDEN
 
     @property
     def of_current(self) -> bool:

@@ -228,12 +228,16 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
 
 def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: int) -> Named | None:
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
-    physical, explained = bench.candidates[chosen].hypothesis.physical, share * bench.squared_error(chosen)
-    least = rules.SMALLEST_GAIN_TO_NAME if physical else rules.SMALLEST_GAIN_OF_A_FAULT
+    hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
+    least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
     of_refit = explained / max(bench.refit_error, 1e-300)
     if delta_bic < rules.STRONG_BIC or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
         return None
     if explained < meter_error(bench.runs):
+        return None
+    scheduled = bench.candidates[chosen].schedule is not None
+    sudden = scheduled and bench.steps_bic(chosen) >= rules.STRONG_BIC
+    if scheduled and hypothesis.is_sudden and not sudden:
         return None
     if explained <= bench.channel_error * _followed(bench, chosen):
         return None  # errors of the channels explain as much
@@ -245,7 +249,6 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     if p_value > rules.FALSE_ALARM_RATE:
         return None
     term = _with_plain(bench, chosen)
-    sudden = term.schedule is not None and bench.steps_bic(chosen) >= rules.STRONG_BIC
     return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, alone), sudden)
 
 

@@ -8,7 +8,7 @@ than on random signs of blocks (wild cluster bootstrap).
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -65,6 +65,7 @@ class Capacity:
     fitted_j: float  # one for all runs
     ci95: tuple[float, float]
     off: bool  # significantly differs from assumed, and is the same in all runs
+    rivals: tuple[str, ...] = ()  # losses inside a battery as the file has it that explain the charge as well
 
 
 def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[Witnessed, ...]]:
@@ -194,10 +195,11 @@ def _gauge(
     capacity = Capacity(
         robot.usable_energy_j, float(robot.usable_energy_j / rate), (float(low), float(high)), bool(off)
     )
-    both = (_lost(fit, runs, channel, drawn), _fading(channel, runs, drawn))
+    losses = _Losses(fit, runs, channel, drawn)
+    both = (losses.found(), _fading(channel, runs, drawn))
     found = sorted((one for one in both if one is not None), key=lambda one: -_gained(one.proof))
     if not found:
-        return capacity, None
+        return dataclasses.replace(capacity, rivals=losses.instead(float(rate)) if off else ()), None
     best = found[0]
     alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.RIVAL_SHARE * _gained(best.proof))
     best = dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
@@ -233,59 +235,97 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     ]
 
 
-def _lost(fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> Witnessed | None:
-    """An effect of the battery that makes the charge fall faster at some loads or temperatures than at others."""
-    setting = Setting.of(fit, runs)
-    robot = fit.parameters.nominal
+class _Losses:
+    """Effects of the battery that make the charge fall faster at some loads or temperatures than at others."""
 
-    def fallen(one: Hypothesis, shape: Numbers, size: float) -> Array:
-        return channel.summed(_loss_w(one, shape, size, runs, robot) / robot.usable_energy_j)[:, None]
+    def __init__(self, fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> None:
+        self.runs, self.channel, self.drawn, self.robot = runs, channel, drawn, fit.parameters.nominal
+        setting = Setting.of(fit, runs)
+        self.tried = [
+            (one, shape, self._fallen(one, shape, TINY) / TINY)
+            for one in CATALOGUE.values()
+            if lost_inside(one.entry) and one.steady is not None and not one.missing(runs)
+            for shape in one.shapes(setting)
+        ]
 
-    tried = [
-        (one, shape, fallen(one, shape, TINY) / TINY)
-        for one in CATALOGUE.values()
-        if lost_inside(one.entry) and one.steady is not None and not one.missing(runs)
-        for shape in one.shapes(setting)
-    ]
-    proofs = [(channel.proof(drawn, added, [other for *_, other in tried]), one, shape) for one, shape, added in tried]
-    proven = [(proof, one, shape) for proof, one, shape in proofs if proof is not None]
-    if not proven:
-        return None
-    proof, one, shape = max(proven, key=lambda found: _gained(found[0]))
-    switch = one.entry.switch
+    def found(self) -> Witnessed | None:
+        """The loss that explains most beside a capacity, if one is proven."""
+        tried = [added for *_, added in self.tried]
+        proofs = [(self.channel.proof(self.drawn, added, tried), one, shape) for one, shape, added in self.tried]
+        proven = [(proof, one, shape) for proof, one, shape in proofs if proof is not None]
+        if not proven:
+            return None
+        proof, one, shape = max(proven, key=lambda found: _gained(found[0]))
+        switch = one.entry.switch
+        rate, per_size = _fit(np.column_stack([self.drawn, self._fallen(one, shape, TINY) / TINY]), self.channel.target)
+        size = self._size(one, shape, per_size / max(float(rate), 1e-9), self._left_beside_capacity)
+        lost_w = self._loss_w(one, shape, size)
+        if not _matters(lost_w, self.runs):
+            return None
+        step = 1e-3 * max(size, TINY) * (-1.0 if 1.001 * size > switch.high else 1.0)
+        at = self._fallen(one, shape, size)
+        design, slope = self.drawn + at, (self._fallen(one, shape, size + step) - at) / step
+        residual = self._left_beside_capacity(at)
+        wide = 1.96 * float(standard_errors(np.column_stack([design, slope]), residual, self.channel.block)[-1])
+        alike = (other.id for share, other, _ in proven if _gained(share) > rules.CONFUSABLE_SHARE * _gained(proof))
+        units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
+        others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
+        value = Value(size, (max(size - wide, 0.0), size + wide), switch.unit)
+        rivals = tuple(rival for rival in dict.fromkeys(alike) if rival != one.id)
+        sentence = "The state of charge falls faster than the energy drawn implies where it is at work."
+        return Witnessed(one, {switch.name: value, **others}, lost_w, proof, rivals, sentence)
 
-    def left(size: float) -> float:
-        design = drawn + fallen(one, shape, size)
-        return float(np.sum((channel.target - design @ _fit(design, channel.target)) ** 2))
+    def instead(self, rate: float) -> tuple[str, ...]:
+        """Losses that explain a charge which falls `rate` times as fast as the file's capacity implies, as well as a
+        smaller capacity does; a voltage that was recorded would have shown a resistance."""
+        left = self.channel.target - rate * self.drawn[:, 0]
+        most = rules.EQUAL * float(left @ left)
+        known = (
+            {battery.INTERNAL_RESISTANCE.id} if (self.runs.context.get("voltage_v", np.zeros(1)) > 0.0).any() else ()
+        )
+        found = []
+        for one, shape, added in self.tried:
+            (per_size,) = _fit(added, self.channel.target - self.drawn[:, 0])
+            if one.id in known or per_size <= 0.0:
+                continue
+            at = self._fallen(one, shape, self._size(one, shape, float(per_size), self._left_beside_file))
+            if float(np.sum(self._left_beside_file(at) ** 2)) <= most:
+                found.append(one.id)
+        return tuple(dict.fromkeys(found))
 
-    # Sizes are often far below their bound: search up to a multiple of the linear estimate.
-    rate, per_size = _fit(np.column_stack([drawn, fallen(one, shape, TINY) / TINY]), channel.target)
-    most = float(np.clip(_SEARCHED * per_size / max(float(rate), 1e-9), TINY * switch.high, switch.high))
-    size = float(minimize_scalar(left, bounds=(0.0, most), method="bounded").x)
-    lost_w = _loss_w(one, shape, size, runs, robot)
-    if not _matters(lost_w, runs):
-        return None
-    step = 1e-3 * max(size, TINY) * (-1.0 if 1.001 * size > switch.high else 1.0)
-    at = fallen(one, shape, size)
-    design, slope = drawn + at, (fallen(one, shape, size + step) - at) / step
-    residual = channel.target - design @ _fit(design, channel.target)
-    wide = 1.96 * float(standard_errors(np.column_stack([design, slope]), residual, channel.block)[-1])
-    alike = (other.id for share, other, _ in proven if _gained(share) > rules.CONFUSABLE_SHARE * _gained(proof))
-    units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
-    others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
-    value = Value(size, (max(size - wide, 0.0), size + wide), switch.unit)
-    return Witnessed(one, {switch.name: value, **others}, lost_w, proof,
-                     tuple(rival for rival in dict.fromkeys(alike) if rival != one.id),
-                     "The state of charge falls faster than the energy drawn implies where it is at work.")  # fmt: skip
+    def _size(self, one: Hypothesis, shape: Numbers, about: float, left: Callable[[Array], Array]) -> float:
+        """Size with the least squared residual `left`: searched up to a multiple of the linear estimate, as sizes are
+        often far below their bound."""
+        high = one.entry.switch.high
+        most = float(np.clip(_SEARCHED * about, TINY * high, high))
 
+        def error(size: float) -> float:
+            return float(np.sum(left(self._fallen(one, shape, size)) ** 2))
 
-def _loss_w(one: Hypothesis, shape: Numbers, size: float, runs: Runs, robot: Robot) -> Array:
-    """What an effect of this size adds to the recorded power, W, shape (windows,)."""
-    with_it = dataclasses.replace(robot, effects={one.id: {**shape, one.entry.switch.name: size}})
-    conditions = SimpleNamespace(temperature_c=runs.context.get("temperature_c", np.full(len(runs.observed), 20.0)))
-    function = getattr(one.entry, "function")  # noqa: B009  an instrument has none
-    added = function(with_it.record().view(np.recarray)[0], None, conditions, np.maximum(runs.observed, 0.0))
-    return np.nan_to_num(np.asarray(added, dtype=np.float64))
+        return float(minimize_scalar(error, bounds=(0.0, most), method="bounded").x)
+
+    def _left_beside_capacity(self, fallen: Array) -> Array:
+        """Residual of the charge with a loss, its capacity fitted."""
+        design = self.drawn + fallen
+        return np.asarray(self.channel.target - design @ _fit(design, self.channel.target))
+
+    def _left_beside_file(self, fallen: Array) -> Array:
+        """The same with the file's capacity."""
+        return np.asarray(self.channel.target - self.drawn[:, 0] - fallen[:, 0])
+
+    def _fallen(self, one: Hypothesis, shape: Numbers, size: float) -> Array:
+        """Fall of the charge by a loss, shape (known windows, 1)."""
+        return self.channel.summed(self._loss_w(one, shape, size) / self.robot.usable_energy_j)[:, None]
+
+    def _loss_w(self, one: Hypothesis, shape: Numbers, size: float) -> Array:
+        """What an effect of this size adds to the recorded power, W, shape (windows,)."""
+        with_it = dataclasses.replace(self.robot, effects={one.id: {**shape, one.entry.switch.name: size}})
+        mild_c = np.full(len(self.runs.observed), 20.0)
+        conditions = SimpleNamespace(temperature_c=self.runs.context.get("temperature_c", mild_c))
+        function = getattr(one.entry, "function")  # noqa: B009  an instrument has none
+        drawn_w = np.maximum(self.runs.observed, 0.0)
+        added = function(with_it.record().view(np.recarray)[0], None, conditions, drawn_w)
+        return np.nan_to_num(np.asarray(added, dtype=np.float64))
 
 
 def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:

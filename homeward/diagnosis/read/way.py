@@ -62,7 +62,7 @@ def _turns_back(driven_m: Array, base_m: Array, slope: Array, peaks_m: Array, re
 
     def sides(of: Array, shift_m: float) -> Array:
         found = np.stack([np.interp(peaks_m[1] + shift_m + sign * away_m, driven_m, of) for sign in (-1.0, 1.0)])
-        return found - found.mean()  # a slope sensor may be tilted
+        return np.asarray(found - found.mean())  # a slope sensor may be tilted
 
     shifts_m = np.linspace(-0.5, 0.5, _SHIFTS) * reach_m
     shifted = [sides(base_m, shift_m) for shift_m in shifts_m.tolist()]

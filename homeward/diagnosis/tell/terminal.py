@@ -35,7 +35,8 @@ def show(analysis: Analysis, console: Console) -> None:
         console.print("parameters off", style="bold", highlight=False)
     for off in diagnosis.parameters_off:
         fitted = f"{number(off.fitted)} {off.unit} (95 %: {interval(off.ci95)})"
-        say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed", indent=2)
+        alike = f"; or as much is lost by {' or '.join(off.confused_with)}" if off.confused_with else ""
+        say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed{alike}", indent=2)
     for product in diagnosis.products:
         value = f"{number(product.value.value)} {product.value.unit} (95 %: {interval(product.value.ci95)})"
         say(console, f"{product.name}: {value}, only identifiable together", indent=2)

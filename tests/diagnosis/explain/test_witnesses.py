@@ -211,6 +211,29 @@ def test_a_loss_that_grows_with_the_load_is_found_by_the_gauge_with_what_it_look
     assert {found.hypothesis.id, *found.rivals} == alike
 
 
+def test_only_where_the_load_varies_a_smaller_battery_is_told_from_a_loss_inside(
+    short_drive: Drive, small: Robot
+) -> None:
+    varied = short_drive(small)
+    rng = np.random.default_rng(0)
+    even = [
+        dataclasses.replace(run, channels={**run.channels, "power_w": 150.0 + rng.standard_normal(len(run))})
+        for run in varied
+    ]
+    cold = [
+        dataclasses.replace(run, channels={**run.channels, "temperature_c": np.full(len(run), 4.0)}) for run in varied
+    ]
+    for runs, rivals in ((even, ("internal_resistance",)), (varied, ()), (cold, ("cold_battery",))):
+        capacity, found, _ = shown(with_charge(runs, small, (0.12,) * 4), small)
+        assert capacity is not None and capacity.off and found == ()
+        assert capacity.fitted_j == pytest.approx(0.88 * small.usable_energy_j, rel=0.02)
+        assert capacity.rivals == rivals
+    diagnosis = diagnose(with_charge(cold, small, (0.12,) * 4), small)
+    assert diagnosis.parameters_off[-1].confused_with == ("cold_battery",)
+    assert "(or as much is lost by cold_battery)" in diagnosis.summary
+    assert Diagnosis.from_json(diagnosis.to_json()) == diagnosis
+
+
 @pytest.mark.xfail(
     strict=True, raises=AssertionError, reason="the gauge does not count what effects of the file lose in the battery"
 )
