@@ -170,12 +170,12 @@ class Bench:
         return self._error_of((), self._in_time(chosen))
 
     def score(self, share: float, independent: float, *chosen: int) -> float:
-        """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share; where some
-        size changes at estimated moments, from the steps if that is more."""
-        by_share = -independent * np.log(max(1.0 - share, 1e-300)) - self._freedom(chosen) * np.log(independent)
-        terms = [self.candidates[one] for one in chosen]
-        sudden = any(term.axis == "time" and term.schedule is not None for term in terms)
-        return max(float(by_share), self.steps_bic(*chosen)) if sudden else float(by_share)
+        """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share; for one whose
+        size changes at estimated moments from its steps, if that is more."""
+        by_share = float(-independent * np.log(max(1.0 - share, 1e-300)) - self._freedom(chosen) * np.log(independent))
+        first = self.candidates[chosen[0]]
+        scheduled = len(chosen) == 1 and first.axis == "time" and first.schedule is not None
+        return max(by_share, self.steps_bic(*chosen)) if scheduled else by_share
 
     def steps_bic(self, *chosen: int) -> float:
         """The same from the likelihoods of autoregressive residuals (intervention analysis: Box & Tiao, 1975): a step
