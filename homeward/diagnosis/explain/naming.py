@@ -162,12 +162,12 @@ def _rank(bench: Bench) -> tuple[Ranked, ...]:
 
 def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     """Validated hypotheses: first that with the lowest BIC, alone or as the stronger half of the best pair; then the
-    pair, where each half is significant only beside the other; then the next best alone."""
+    pair, where each half is significant only beside the other; then the next best alone, by BIC or by their steps."""
     if not bench.candidates:
         return
     shares = bench.shares
     most = _best_forms(bench, shares)
-    likely = max(most, key=bench.delta_bic)
+    likely = max(most, key=bench.held_out_bic)
     independent = bench.independent(likely)  # the same for all, so that shares decide the order
     alone = np.array([bench.score(share, independent, index) for index, share in enumerate(shares.tolist())])
     order = _best_forms(bench, alone)
@@ -186,7 +186,9 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
         halves = [proven(bench.with_base(other), one) for one, other in (pair, pair[::-1])]
         if all(halves):
             yield tuple(one for one in halves if one)
-    yield from ((found,) for index in order[:_TRIED] if (found := proven(bench, index)))
+    in_steps = sorted(filter(bench.is_in_steps, most), key=bench.innovations_bic, reverse=True)
+    further = dict.fromkeys([*order[:_TRIED], *in_steps[:_TRIED]])
+    yield from ((found,) for index in further if (found := proven(bench, index)))
 
 
 def _best_forms(bench: Bench, scores: Array) -> list[int]:
@@ -235,9 +237,8 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
         return None
     if explained < meter_error(bench.runs):
         return None
-    scheduled = bench.candidates[chosen].schedule is not None
-    sudden = scheduled and bench.steps_bic(chosen) >= rules.STRONG_BIC
-    if scheduled and hypothesis.is_sudden and not sudden:
+    sudden = bench.is_in_steps(chosen)
+    if bench.candidates[chosen].schedule is not None and hypothesis.is_sudden and not sudden:
         return None
     if explained <= bench.channel_error * _followed(bench, chosen):
         return None  # errors of the channels explain as much
@@ -248,8 +249,10 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     p_value = bench.p_value(chosen, independent, seed)
     if p_value > rules.FALSE_ALARM_RATE:
         return None
-    term = _with_plain(bench, chosen)
-    return Named(term, delta_bic, share, interval, p_value, _rivals(bench, chosen, alone), sudden)
+    if bench.held_out_bic(chosen) < rules.STRONG_BIC:  # the steps prove it: rivals by the same evidence
+        alone = np.array([bench.innovations_bic(index) for index in range(len(bench.candidates))])
+    rivals = _rivals(bench, chosen, alone)
+    return Named(_with_plain(bench, chosen), delta_bic, share, interval, p_value, rivals, sudden)
 
 
 def _with_plain(bench: Bench, chosen: int) -> Term:

@@ -20,6 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.fit.fitted import Fitted, bounded
@@ -170,19 +171,32 @@ class Bench:
         return self._error_of((), self._in_time(chosen))
 
     def score(self, share: float, independent: float, *chosen: int) -> float:
-        """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share; for one whose
-        size changes at estimated moments from its steps, if that is more."""
-        by_share = float(-independent * np.log(max(1.0 - share, 1e-300)) - self._freedom(chosen) * np.log(independent))
-        first = self.candidates[chosen[0]]
-        scheduled = len(chosen) == 1 and first.axis == "time" and first.schedule is not None
-        return max(by_share, self.steps_bic(*chosen)) if scheduled else by_share
+        """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share."""
+        return float(-independent * np.log(max(1.0 - share, 1e-300)) - self._freedom(chosen) * np.log(independent))
 
-    def steps_bic(self, *chosen: int) -> float:
-        """The same from the likelihoods of autoregressive residuals (intervention analysis: Box & Tiao, 1975): a step
-        stands out from their innovations, and a drift that levels follow does not."""
+    def held_out_bic(self, *chosen: int) -> float:
+        """The same, with the number of independent windows of their residual."""
+        share = self.share(*chosen)
+        independent = self.independent(*chosen) if -np.log(max(1.0 - share, 1e-300)) > _WORTH_A_LOOK else 2.0
+        return self.score(share, independent, *chosen)
+
+    def innovations_bic(self, chosen: int) -> float:
+        """The same from the likelihoods of autoregressive residuals (intervention analysis: Box & Tiao, 1975): steps
+        stand out from their innovations, and a drift that levels follow does not."""
         windows = len(self.target)
-        gained = self._innovation(()) - self._innovation(chosen)
-        return float(windows * gained - self._freedom(chosen) * np.log(windows))
+        gained = self._innovation(()) - self._innovation((chosen,))
+        return float(windows * gained - self._freedom((chosen,)) * np.log(windows))
+
+    def is_in_steps(self, chosen: int) -> bool:
+        """Whether its size changes at moments that stand out, and the residual is no drift that levels follow."""
+        one = self.candidates[chosen]
+        in_time = one.axis == "time" and one.schedule is not None
+        return in_time and self.innovations_bic(chosen) >= rules.STRONG_BIC
+
+    def delta_bic(self, chosen: int) -> float:
+        """Evidence for one hypothesis: from the held-out share or, of one in steps, from the innovations if more."""
+        by_share = self.held_out_bic(chosen)
+        return max(by_share, self.innovations_bic(chosen)) if self.is_in_steps(chosen) else by_share
 
     def _freedom(self, chosen: tuple[int, ...]) -> int:
         return sum(self.candidates[one].columns.shape[1] + self.candidates[one].hidden for one in chosen)
@@ -190,12 +204,6 @@ class Bench:
     @cached_property
     def _innovation(self) -> Callable[[tuple[int, ...]], float]:
         return cache(lambda chosen: _log_innovation(self._left(chosen), self.runs.run))
-
-    def delta_bic(self, *chosen: int) -> float:
-        """The same, with the number of independent windows of their residual."""
-        share = self.share(*chosen)
-        independent = self.independent(*chosen) if -np.log(max(1.0 - share, 1e-300)) > _WORTH_A_LOOK else 2.0
-        return self.score(share, independent, *chosen)
 
     def independent(self, *chosen: int) -> float:
         """Number of independent windows, from the autocorrelation time of the residual of these hypotheses.
@@ -294,7 +302,10 @@ class Bench:
         kind = (term.effect, term.axis)
         rivals = [one for one in self.candidates if one.schedule is not None and (one.effect, one.axis) == kind]
         small = replace(self, candidates=tuple(rivals), target=target, beside=())
-        return max(small.score(small.share(one), small.independent(one), one) for one in range(len(rivals)))
+        return max(
+            max(small.score(small.share(one), small.independent(one), one), small.innovations_bic(one))
+            for one in range(len(rivals))
+        )
 
 
 def _log_innovation(left: Array, run: Index) -> float:

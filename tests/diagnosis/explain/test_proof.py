@@ -100,7 +100,7 @@ def test_steps_stand_out_from_a_drift_and_levels_that_follow_the_drift_do_not(
     def evidence(residual: np.ndarray) -> list[tuple[str, float]]:
         bench = bench_of(fit, residual, "time")
         followed = [index for index, one in enumerate(bench.candidates) if one.schedule and bench.share(index) > 0.2]
-        return [(bench.candidates[index].effect, bench.steps_bic(index)) for index in followed]
+        return [(bench.candidates[index].effect, bench.innovations_bic(index)) for index in followed]
 
     runs = fit[1]
     drift = slow_noise(fit, 0, 0.97) + noise * np.random.default_rng(0).standard_normal(len(runs.observed))
