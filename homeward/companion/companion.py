@@ -49,7 +49,7 @@ _UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
 battery, or stuck: monitors that go by voltage are off by some per cent."""
 _STANDS_WINDOWS = 3
 """Windows in a row in which a robot stands by its speed and drives by its power, until that is said."""
-_SCHEMA = 1
+_SCHEMA = 1  # of a saved state; one of another schema is refused
 
 
 class Companion:
