@@ -35,7 +35,7 @@ from homeward.physics.jit import announce_first_compilation
 Action = tuple[float, float, str]
 """Speed (m/s, 0 where it stops), sensing rate (Hz), and `stop`, `go` or `return`; no `go` once a return is final."""
 
-_MOST_BYTES = 100_000_000
+_MOST_BYTES = 100_000_000  # of an unpacked state; chosen: bounds the memory that a damaged text may take
 _SOON = 1e-6
 """Share of a decision by which a reading may come too early to end it: times are rounded."""
 

@@ -24,9 +24,9 @@ from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
+from benchmarks.speed import SIZES
 from homeward import cli
 
-SIZES = (4096, 256, 16)
 SETTINGS = (
     {"difficulty": "known"},
     {"difficulty": "uncertain", "instruments": "exact", "weather": "still"},  # as before
@@ -34,8 +34,8 @@ SETTINGS = (
     {"difficulty": "uncertain", "instruments": "gauge"},
     {"difficulty": "harsh"},
 )
-_DECISIONS = 200_000
-_RUNS = 5
+_DECISIONS = 200_000  # a timing; chosen: a tenth of a second or so at millions a second
+_RUNS = 5  # timings of each in turn, of which the median counts; chosen
 _STEPPER = """
 import json, sys, time
 import numba, numpy as np

@@ -42,10 +42,11 @@ from homeward.physics import EFFECTS, Robot, load_robot, replay
 from homeward.synthetic import record
 
 SIZES = (4096, 256, 16)
+"""Missions side by side. Chosen: a large batch to a small one, by factors of 16."""
 TARGETS = {"no effects": (1.5, 4.0, 5.0), "3 effects": (1.3, 3.0, 4.0), "all effects": (0.6, 2.0, 3.0)}
 THREE = ("turning", "wind", "internal_resistance")
-PAIRS = 9
-PPO_STEPS = 65_536
+PAIRS = 9  # timings of both in turn, of which the median counts; chosen
+PPO_STEPS = 65_536  # of our learner in a timing, of its peer a quarter; chosen
 QUIET = 0.95
 """Share of the cores from which a machine counts as quiet: the rest is what the system itself takes."""
 
@@ -180,7 +181,7 @@ class Load:
 
 
 LOADS = (Load(), Load(1), Load(2), Load(4), Load(torch="between steps"), Load(torch="beside"), Load(2, "between steps"))
-SLICE_S, SLICES = 0.2, 15
+SLICE_S, SLICES = 0.2, 15  # of each way of stepping in turn, so that all meet the same drifts of the machine; chosen
 
 
 def threads_table() -> Table:

@@ -26,7 +26,7 @@ _FORECAST_SINE = 0.01
 _FORECAST_INTEREST = 0.3
 """Standard deviation of the forecast's error of the interest, as a share: chosen so that the forecast ranks stretches
 rightly as a rule, and does not say what there is to find."""
-_KEYS = 2.0**53
+_KEYS = 2.0**53  # as many keys as `random` has values (53 bits)
 _PER_COUNT = 1.0 / np.maximum(np.arange(MAX_PLACES + 1), 1)
 """Inverse of a number of places, as there is no time for hundreds of divisions at each start; that of none is 1."""
 

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 _SLACK = 0.1
 """Share of a decision's way at top speed by which a robot may be elsewhere than its command took it: beyond that, it is
 taken to have driven evenly, as fast as its positions say."""
-_STANDING_MPS = 1e-6
+_STANDING_MPS = 1e-6  # chosen: above 0, as the kernel divides by speed, and no way in a decision
 _BORDER = 1e-6
 """Share of a place within which a robot is taken to be on its border."""
 _PLENTY = 1e3  # full batteries: what the robot has left is read, not worked out

@@ -28,6 +28,7 @@ from homeward.envs.state import (
 )
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, optimal_speed
 from homeward.physics.allowed import Bounds
+from homeward.physics.uncertainty import MOST_ERROR
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")
@@ -40,11 +41,11 @@ as a rule three of two hundred. With one, a policy that chooses at random ends i
 eight it never comes to know what a return is worth: stable-baselines3's PPO had learned to stand still after 0.3 M
 decisions of OutAndBack, and with three to come home (0.4 M, 96 % of 200 unseen missions; one seed of training each, at
 commit b39fd99, which had other features). `benchmarks/agents/plain_ppo.py` measures what it comes to today."""
-_MOST_HALF, _MOST_ERROR = 0.6, 0.5
-"""Half of the widest range of a robot's number that is drawn from its file, and the largest error of an instrument."""
+_MOST_HALF = 0.6
+"""Half of the widest range of a robot's number that is drawn from its file."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
-_PATROL_PLACES = 4
+_PATROL_PLACES = 4  # between the two posts; chosen: a decision passes one at cruise speed
 _DECISIONS = 200
 """Decisions in which a robot that senses nothing drives its battery empty, unless `decision_s` says otherwise."""
 _FEWEST_DECISIONS, _MOST_DECISIONS = 5, 20_000
@@ -334,7 +335,7 @@ def _by_file(
         payload=around(0.0, "mass", difficulty.payload),
     )
     if own_s is not None:
-        read = {name: value if name == "soc_lag_s" else min(value, _MOST_ERROR) for name, value in sure.instruments}
+        read = {name: value if name == "soc_lag_s" else min(value, MOST_ERROR) for name, value in sure.instruments}
         reading_s = dict(sure.instruments).get("reading_s", own_s)
         read.pop("reading_s", None)
         if "power_noise" in read:

@@ -26,7 +26,7 @@ Args = TypeVar("Args")
 INTERRUPTED = 130
 """Exit code after Ctrl-C: 128 and the number of the signal, as shells have it."""
 
-_ANY_WIDTH = 10_000
+_ANY_WIDTH = 10_000  # columns; chosen: wider than any table
 _LONGEST = 2000
 """Characters of a message; what quotes a file may quote much of it."""
 

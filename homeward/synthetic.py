@@ -11,7 +11,9 @@ from homeward.physics import Robot, replay
 Array = NDArray[np.float64]
 
 STEP_S = 0.1
+"""Time between samples. Chosen: robots are logged at about 10 Hz."""
 SAMPLES = 4800
+"""Eight minutes. Chosen: each level of speed, grade and sensing comes several times."""
 RESOLUTION = {"time_s": 1, "speed_mps": 3, "yaw_rate_radps": 3, "grade_rad": 3, "sensing_hz": 0, "power_w": 1}
 """Decimals that the sensors give."""
 

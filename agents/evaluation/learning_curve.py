@@ -15,6 +15,7 @@ from homeward.envs.options import Options
 from homeward.files import write_whole
 
 EPISODES = 500
+"""Of a point of a curve. Chosen: a share of them is known to 4.4 percentage points or better (95 %)."""
 SEED = 1_000_003
 """Seed of the episodes of curves: neither those of training nor, unless asked for, those of an evaluation."""
 

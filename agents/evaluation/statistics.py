@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 RESAMPLES = 9999
+"""Of a bootstrap. Chosen: the share beyond an end of a 95 % interval is then 2.5 % with a standard error of 0.16 %."""
 _CHUNK = 4_000_000
 """Numbers that a bootstrap holds at once."""
 

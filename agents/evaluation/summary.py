@@ -31,6 +31,7 @@ from homeward.agents.evaluation.statistics import (
 from homeward.envs.options import Options
 
 SCHEMA = 1
+"""Of the format of evaluation.json."""
 _FEWER = 1999
 """Resamples of what takes longer than means."""
 _THRESHOLDS = 101

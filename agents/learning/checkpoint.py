@@ -26,8 +26,9 @@ from homeward.agents.trained.policy_file import Layer
 from homeward.agents.trained.run_folder import CHECKPOINT, PREVIOUS, write_checkpoint
 
 SCHEMA = 3
+"""Of the format of checkpoints; one of another schema is refused."""
 _HEADER = "homeward"
-_MOST_HEADER_BYTES = 1_000_000
+_MOST_HEADER_BYTES = 1_000_000  # chosen: names and shapes of some dozen tensors take kilobytes
 _LARGEST = 1e6
 """Of a weight: far beyond any that training comes to, and not so large that its square is no number."""
 

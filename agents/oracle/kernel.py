@@ -16,7 +16,7 @@ from homeward.physics.jit import compiled
 
 _HAIR_M = 1e-6
 """Way of a roll that stays where it is."""
-_NONE = -1e300
+_NONE = -1e300  # score of what was not reached: below any, and finite
 CELLS = 16
 """Cells of energy, and of backlog, around a plan."""
 

@@ -54,16 +54,18 @@ _FLEETING = (
 
 # Logits of the first policies: other choices are to be tried now and then, but so that the trials do not cost much.
 _CRUISE, _NO_SENSING, _STOP, _GO, _RETURN = 4.0, 3.0, -3.0, 2.0, -2.2
-_NO_SENSING_ON_SURVEYS = 1.0
+_NO_SENSING_ON_SURVEYS = 1.0  # less than elsewhere: a survey scores by sensing
 _AGAIN = 12.0
 """Of the share of the decisions that make a return final. Without it, one that is tried is hardly ever followed by the
 others, and nobody learns what a return is good for."""
 _CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 4.0, 6.0, -3.0, 10.0, 12.0
+"""The same where the first policy is the rule; `_RETURN_BY_RULE` is of the spare energy, negated. Chosen: greater, so
+that the rule is followed."""
 _SENSE, _WORTH = 2.5, 4.0
 """On surveys by the rule: of the pace's sensing rate, and of none by `worth`."""
 _STOP_ON_SURVEYS = (-4.0, 4.0, 5.0, -20.0)
 """Of a stop for the radio: at all times, by `full`, by `to_send` and on the way home."""
-_ANY = 1e-6
+_ANY = 1e-6  # keeps divisors above 0; chosen
 
 
 class BeliefInputs:

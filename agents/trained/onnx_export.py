@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import onnx
 
 _CHECKED = 2000
+"""Observations on which the exported network must act as the policy does. Chosen."""
 _ALMOST = 1e-4
 """Difference of two outputs of the network below which either action is right: runtimes add up in another order."""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, Policy
 from homeward.agents.trained.inputs import BeliefInputs, inputs_from
-from homeward.agents.trained.policy_file import PolicyFileError
+from homeward.agents.trained.policy_file import MOST_BYTES, PolicyFileError
 from homeward.envs.actions import encode_actions
 from homeward.envs.features import NAMES
 from homeward.envs.options import Known, Options, known_of
@@ -21,7 +21,6 @@ from homeward.installed import advice
 from homeward.physics import Robot, load_robot
 
 INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
-_MOST_BYTES = 100_000_000
 
 
 class OnnxPolicy(Policy):
@@ -89,7 +88,7 @@ def _open(path: Path) -> Any:
     threads = onnxruntime.SessionOptions()
     threads.intra_op_num_threads = 1  # for one mission, more would only wait for each other
     try:
-        return onnxruntime.InferenceSession(read_bytes(path, _MOST_BYTES), threads, providers=["CPUExecutionProvider"])
+        return onnxruntime.InferenceSession(read_bytes(path, MOST_BYTES), threads, providers=["CPUExecutionProvider"])
     except OSError as error:
         raise PolicyFileError(f"cannot read {path}: {error.strerror}; give a file that onnx_export wrote") from None
     except Exception as error:  # onnxruntime has no class of its own for them

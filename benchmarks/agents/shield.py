@@ -41,6 +41,7 @@ from homeward.parallel import ClusterError, run_tasks
 MOST_STRANDED = 0.01
 """Share of the planner's episodes that may strand where its score is what others are compared with."""
 _DEVIATIONS_MORE = 12
+"""Standard deviations, one by one, by which the planner's reserve is raised until few enough strand. Chosen."""
 _COMPARED = "OutAndBack"
 """Mission whose scores are compared with the planner's: nothing but the turn counts there."""
 RECKLESS: dict[str, Callable[[Known], Policy]] = {

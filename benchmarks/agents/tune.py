@@ -50,14 +50,17 @@ from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
 from homeward.parallel import ClusterError, run_tasks
 
 ROUNDS = 3
+"""Of choosing a pace and the reserves for it in turn, unless the pace stays before. Chosen: bounds the time."""
 CANDIDATES = [
     Pace(rate, interest, full)
     for rate, interest, full in itertools.product((0.5, 0.75, 1.0), (0.0, 0.4, 0.5, 0.6, 0.8), (0.5, 0.7, 0.9, 0.95))
 ]
 SHARES = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.32)
+"""Reserves of rules, shares of the usable energy."""
 DEVIATIONS = (0.0, 1.0, 2.0, 3.0, 3.5, 4.0, 5.0, 6.0)
+"""Reserves of rules and planner, standard deviations of the margin."""
 DECISION_RISKS = (1e-4, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-9)
-"""Reserves of rules and planner, and risks of the shield: as many of each."""
+"""Risks of the shield, of each decision. As many of each of the three are tried; which, is chosen."""
 RULES: dict[str, tuple[Callable[..., Policy], tuple[float, ...]]] = {
     "dmax": (DmaxRule, SHARES),
     "dmax_mapped": (MappedDmaxRule, SHARES),

@@ -27,7 +27,8 @@ from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.rules import FALSE_ALARM_RATE
 from homeward.physics import load_robot, replay
 
-LEVELS = (0.01, 0.1, 0.5)
+LEVELS = (FALSE_ALARM_RATE, 0.1, 0.5)
+"""Significance levels at which p-values are looked at: the diagnosis's own, and two more for their distribution."""
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from benchmarks.kept import Kept
 from benchmarks.on_the_robot.range_drives import PARTS, Site, sites
 from benchmarks.tables import span, table
 from homeward import cli
+from homeward.agents.evaluation.statistics import RESAMPLES
 from homeward.companion import CompanionError
 from homeward.datasets import DatasetError
 from homeward.diagnosis import Recording, analyse, read_recording
@@ -44,8 +45,6 @@ from homeward.watch.predictions import Watched, rest_of
 from homeward.watch.replay import watch
 
 Array = NDArray[np.float64]
-
-_RESAMPLES = 9999
 
 
 @dataclass(frozen=True)
@@ -148,7 +147,7 @@ def coverage(scores: list[dict[str, Any]], by: tuple[str, ...], name: str, seed:
     for one in scores:
         groups.setdefault(tuple(one[field] for field in by), []).append(float(one[name]))
     sums = np.array([(sum(values), len(values)) for values in groups.values()])
-    drawn = np.random.default_rng(seed).integers(0, len(sums), (_RESAMPLES, len(sums)))
+    drawn = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
     means = sums[drawn].sum(axis=1)
     low, high = np.quantile(means[:, 0] / means[:, 1], (0.025, 0.975))
     return float(sums[:, 0].sum() / sums[:, 1].sum()), float(low), float(high)

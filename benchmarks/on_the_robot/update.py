@@ -23,8 +23,8 @@ from benchmarks.tables import table
 from homeward import cli
 from homeward.companion import Companion, CompanionError
 
-_STEP_S = 0.1
-_SIDE_M, _SPEED_MPS, _POWER_W = 1000.0, 1.0, 160.0
+_STEP_S = 0.1  # 10 Hz; chosen: robots are logged at about that
+_SIDE_M, _SPEED_MPS, _POWER_W = 1000.0, 1.0, 160.0  # chosen: a Husky consumes 159 W at 1 m/s on the level
 
 
 @dataclass(frozen=True)

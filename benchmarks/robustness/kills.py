@@ -52,7 +52,7 @@ _TINY = [
     "--start", "scratch", "--n-envs", "32", "--n-steps", "16", "--batch-size", "128", "--epochs", "2", "--hidden", "16",
     "--curve", "2", "--steps", "2048", "--decision-s", "120", "--checkpoints", "4", "--env", "homeward/OutAndBack-v0",
 ]  # fmt: skip
-_LONGEST_S = 600.0
+_LONGEST_S = 600.0  # of a command; chosen: what takes longer hangs
 _ON_CLUSTERS = ("sweep", "fleet")
 _ENDS = {".html": b"</html>", ".png": b"IEND\xaeB`\x82"}
 

@@ -21,7 +21,7 @@ import tyro
 
 ROOT = Path(__file__).resolve().parents[2]
 VERSIONS = ("3.11", "3.12", "3.13")
-_LONGEST_S = 1800.0
+_LONGEST_S = 1800.0  # of a command, such as an installation; chosen: what takes longer hangs
 
 _README = """
 import doctest, pathlib, sys

@@ -13,6 +13,7 @@ from homeward.envs.conditions.draws import GRADE, POWER, SOC, SPEED, normal
 from homeward.files import read_toml
 from homeward.physics.allowed import Bounds
 from homeward.physics.jit import inline
+from homeward.physics.uncertainty import MOST_ERROR, MOST_LAG_S
 
 
 class InstrumentError(ValueError):
@@ -53,7 +54,7 @@ class Instruments:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            bounds = Bounds(0.0, _MOST_LAG_S if field.name == "soc_lag_s" else _MOST_SHARE)
+            bounds = Bounds(0.0, MOST_LAG_S if field.name == "soc_lag_s" else MOST_ERROR)
             if isinstance(value, bool) or not isinstance(value, int | float) or not bounds.hold(value):
                 raise InstrumentError(f"{field.name} = {value!r} is not allowed; give a number in {bounds}")
 
@@ -62,8 +63,6 @@ class Instruments:
         """Variance of a reading of the state of charge: its noise, and a twelfth of the square of a step."""
         return self.soc_noise**2 + self.soc_step**2 / 12.0
 
-
-_MOST_SHARE, _MOST_LAG_S = 0.5, 3600.0
 
 INSTRUMENTS: dict[str, Instruments] = {
     # What a simulator knows.

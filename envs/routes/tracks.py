@@ -35,7 +35,7 @@ from homeward.installed import advice
 Array = NDArray[np.float64]
 
 SPACING_M = 5.0  # least, between points: nearer ones differ by the receiver's noise
-GRID_M = 5.0
+GRID_M = 5.0  # of the smoothed profile; as fine as the points may be (SPACING_M)
 MEDIAN_M = 50.0  # of the running median, against spikes
 SIGMA_M = 25.0  # of the Gaussian, against noise; docs/logs_and_routes.md has the ascent that comes out
 LEAST_RISE_M = 2.0  # smaller ones are noise; chosen on two tracks of known ascent, see the same page

@@ -21,6 +21,7 @@ Box = tuple[float, float, float, float]
 """Left, top, width and height."""
 
 WIDTH, HEIGHT = 960, 540
+"""Pixels of the picture: a quarter of Full HD, 16 to 9."""
 _FINE = 2  # drawn pixels per pixel of the picture
 
 

@@ -24,10 +24,10 @@ STATE_COLOURS: dict[str, Colour] = {
 }
 
 _TITLES = {"OutAndBack": "Out and back", "Survey": "Survey", "Patrol": "Patrol"}
-_MARGIN, _GAP = 12.0, 8.0
-_TOP, _MIDDLE, _BOTTOM = 52.0, 436.0, 528.0
-_SPLIT = 676.0
-_INTEREST_TOP = 330.0
+_MARGIN, _GAP = 12.0, 8.0  # around and between panels; these and the next in pixels, chosen by eye
+_TOP, _MIDDLE, _BOTTOM = 52.0, 436.0, 528.0  # y of the panels' top, of the dials' top and bottom
+_SPLIT = 676.0  # x between the route and the battery
+_INTEREST_TOP = 330.0  # y of the panel of a survey's interest
 
 
 def draw(canvas: Canvas, scene: Scene) -> None:

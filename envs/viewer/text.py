@@ -5,7 +5,7 @@ from __future__ import annotations
 from homeward import quantities
 from homeward.envs.viewer.scene import Scene
 
-_WIDTH = 60
+_WIDTH = 60  # characters of a bar; chosen: a line with its note stays within a terminal
 
 
 def describe(scene: Scene) -> str:

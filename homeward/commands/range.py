@@ -23,6 +23,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homeward import Robot, RobotError, cli, load_robot, quantities
+from homeward.companion.companion import RISK
 from homeward.companion.readings import CompanionError
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
@@ -50,7 +51,7 @@ class Args:
     """Sensing rate, Hz."""
     route: str | None = None
     """Track (.gpx, .fit, .csv) or profile to drive there and back instead, with what is not known of robot and day."""
-    risk: float = 1e-3
+    risk: float = RISK
     """Risk of not getting home that is accepted: the point of no return of --route goes by it."""
     plot: Path | None = None
     """Picture to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed; of a route the energy

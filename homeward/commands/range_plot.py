@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 if TYPE_CHECKING:
     from homeward.commands.range import Mission
 
-_SPEEDS = 60
+_SPEEDS = 60  # points along the speed axis; chosen: the curve looks smooth
 _COLOURS = (
     "#0072b2",
     "#56b4e9",

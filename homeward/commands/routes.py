@@ -27,7 +27,7 @@ from homeward.envs.state import MAX_PLACES
 from homeward.files import write_whole
 from homeward.physics import d_max, optimal_speed
 
-_FINEST_M = 0.01
+_FINEST_M = 0.01  # place length asked for; chosen: so fine that each route is cut as finely as it may be
 
 
 @dataclass(frozen=True)

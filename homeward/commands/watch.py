@@ -29,6 +29,7 @@ from rich.table import Table
 
 from homeward import cli, installed, quantities
 from homeward.companion import CompanionError
+from homeward.companion.companion import RISK
 from homeward.diagnosis.tell.report import check_writable, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.physics import RobotError, load_robot
@@ -54,7 +55,7 @@ class Args:
     """State of charge at the start, 0 to 1; as recorded, or full, if left out."""
     cutoff_v: float | None = None
     """Voltage at which the battery is cut off, V."""
-    risk: float = 1e-3
+    risk: float = RISK
     """Risk of not getting home that is accepted: the point of no return goes by it."""
     speed: float = 0.0
     """Times as fast as it was recorded that a terminal shows it; 0: as fast as it goes."""

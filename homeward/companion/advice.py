@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from homeward import quantities
 from homeward.estimation.tails import deviations
 
-_COVERED = 0.9
+_COVERED = 0.9  # probability of the interval that is shown; chosen, and said wherever it is shown
 
 
 class Spread(NamedTuple):

@@ -49,7 +49,9 @@ _UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
 battery, or stuck: monitors that go by voltage are off by some per cent."""
 _STANDS_WINDOWS = 3
 """Windows in a row in which a robot stands by its speed and drives by its power, until that is said."""
-_SCHEMA = 1
+RISK = 1e-3
+"""Risk of not getting home that is accepted unless said otherwise. Chosen: one mission in a thousand."""
+_SCHEMA = 1  # of a saved state; one of another schema is refused
 
 
 class Companion:
@@ -96,7 +98,7 @@ class Companion:
         *,
         home: Position | str | None = None,
         route: RouteLike | None = None,
-        risk: float = 1e-3,
+        risk: float = RISK,
         soc: float | None = None,
         forecast_mps: tuple[float, float] | None = None,
         cutoff_v: float | None = None,

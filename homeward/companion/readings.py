@@ -46,9 +46,12 @@ POSITION_M = 5.0
 """Error of a position: the accuracy of a receiver of satellites under open sky, 4.9 m (van Diggelen and Enge,
 Proceedings of ION GNSS+ 2015)."""
 _SOC_SLACK = 0.02
+"""Share of a battery by which a reading may be below 0 or above 1. Chosen: a gauge may be off by that at its ends, one
+in per cent is far beyond."""
 _HELD = 3.0
 """Usual times between readings of an instrument for which its last value holds."""
 _LEAST_HOLD_S = 0.5
+"""Time for which a value holds, and after which a silence is said, however often readings come. Chosen."""
 _JUMPS = 5
 """Positions in a row that are too far away until the robot is taken to be there."""
 _STILL_M, _DRIVEN_M = 0.2, 20.0

@@ -39,7 +39,7 @@ class Step(NamedTuple):
     reckoned_m: float  # driven since a position was read
 
 
-_MOST_CRUMBS = 1024
+_MOST_CRUMBS = 1024  # points of the trail; chosen: a saved state stays at some tens of kilobytes
 OFF_ROUTE_M = 50.0
 """Distance from the route from which it is said. Chosen: ten times the error of a position."""
 

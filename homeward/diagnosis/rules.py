@@ -14,6 +14,9 @@ PLACEBOS = 19
 FEWEST_BLOCKS = 16
 """Independent stretches. With fewer, too few distinct sign patterns exist for a test at the stated level."""
 
+NORMAL_95 = 1.96
+"""Standard errors of half a 95 % interval: the 0.975 quantile of the normal distribution."""
+
 # --- Effect size: what may be named -----------------------------------------------------------------------------------
 
 SMALLEST_GAIN = 0.05

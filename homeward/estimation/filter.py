@@ -82,7 +82,7 @@ _ADAPT = 0.15
 _UNEVEN = 0.3
 """Error of the rolling of one place on the way home, over the standard deviation of a change of the ground."""
 _ROLLS = 0.01  # energy over that of rolling on the flat below which it rolled by itself
-_UNKNOWN = -1
+_UNKNOWN = -1  # of whether the robot coasts: neither 0 nor 1
 _LEAST_CHANCE = 1e-3  # of that: a slope may have been misread
 _DOUBT = 9.0  # squared standard deviations from which a state of charge counts less, and errors say no more of gusts
 _LEAST_ERROR = 1e-5  # of a state of charge: single precision and what sums leave

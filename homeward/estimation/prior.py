@@ -51,6 +51,7 @@ class Prior(NamedTuple):
 
 
 STATES = 12
+"""Numbers of a hypothesis: those of the next line."""
 GAIN, ROLLING, WEIGHT, EAST, NORTH, GUST_EAST, GUST_NORTH, OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY = range(STATES)
 """State of a hypothesis. Energies are metered ones without the meter's offset, over the file's usable energy.
 
@@ -66,6 +67,8 @@ USED        energy used so far
 PER_CAPACITY            1 over the battery's capacity
 """
 _RING = 8
+"""Hypotheses of a wind that the forecast missed, all around. Chosen: neighbours are 3.4 m/s apart (chord of a circle of
+`missed_mps`), about three of their standard deviations."""
 _AROUND, _SHARE, _APART = 6, 0.6, 1.6
 """Of the forecast's hypotheses: how many lie around the one in the middle, their probability, and how far away they are
 in standard deviations, so that winds that the same readings explain are not all in one."""

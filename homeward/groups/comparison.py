@@ -22,6 +22,7 @@ from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
 
 SCHEMA = 1
+"""Of the format of the comparison as JSON."""
 LEVEL = 0.05
 """Family-wise significance level: probability of any false positive where no group differs."""
 

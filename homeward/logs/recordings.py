@@ -29,7 +29,7 @@ _SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _STRAY_SHARE = 0.01  # largest share of impossible values that count as glitches; more are a wrong unit
 _BATCH_ROWS = 2**16  # of a Parquet file at a time
 _MOST_BROKEN = 0.1  # largest share of broken lines; more mean that the mapping is for other files
-_LONGEST_RUN_S = 3 * 86400.0
+_LONGEST_RUN_S = 3 * 86400.0  # three days; chosen: longer ones are times in another unit
 _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of two channels
     ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
     ("speed_mps", "the wheel speeds", {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}),

@@ -26,7 +26,7 @@ MOST_BYTES = 2**30
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".txt")
 """Endings of their names."""
 
-_LONGEST_LINE = 2**20
+_LONGEST_LINE = 2**20  # bytes; chosen: a line of a recording has some hundred, and this bounds memory
 _PIECE = 200_000  # rows at a time
 _SNIFFED = 2**16  # bytes from which encoding, separator and decimal sign are inferred
 _SEPARATORS = (",", ";", "\t", "|")

@@ -13,7 +13,7 @@ from homeward.physics.jit import announce_first_compilation, compiled
 from homeward.physics.kernel import Conditions, advance, demand, full_charge
 from homeward.physics.robot import Robot
 
-_SPEED_GRID = 201
+_SPEED_GRID = 201  # chosen: a step is half a per cent of the span of speeds, and the optimum is flat
 _LONGEST_MEMORY_S = 1e6  # ten of the slowest time constants that an effect can have
 _SPEEDS = Bounds(0.0, np.inf, open_low=True, open_high=True)
 _DUTIES = Bounds(0.0, 1.0, open_low=True)

@@ -38,7 +38,7 @@ _POSITIVE = Bounds(0.0, 1e6, open_low=True)
 _NOT_NEGATIVE = Bounds(0.0, 1e6)
 _SPEED = Bounds(0.0, 100.0, open_low=True)
 _LOSS = Bounds(0.0, 1.0, open_high=True)
-_LEAST_HEALTH = 0.01
+_LEAST_HEALTH = 0.01  # share of the rated energy; chosen: less is a slip of the units of the fade
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 
-_MOST_NUMBERS = 64
+_MOST_NUMBERS = 64  # chosen: more than the 32 parameters of all effects with those of a robot
 _OF = ("energy", "charge")
+MOST_ERROR, MOST_LAG_S = 0.5, 3600.0
+"""Most that an instrument's error, a share, and the lag of a state of charge may be. Chosen: with more it tells nothing
+of what it reads."""
 _INSTRUMENTS: dict[str, float] = {
-    "power_gain": 0.5, "power_noise": 10.0, "reading_s": 3600.0, "soc_step": 0.5, "soc_noise": 0.5, "soc_lag_s": 3600.0,
-    "speed_noise": 0.5, "grade_noise": 0.5,
+    "power_gain": MOST_ERROR, "power_noise": 10.0, "reading_s": 3600.0, "soc_step": MOST_ERROR, "soc_noise": MOST_ERROR,
+    "soc_lag_s": MOST_LAG_S, "speed_noise": MOST_ERROR, "grade_noise": MOST_ERROR,
 }  # fmt: skip
 """Sizes of the instruments' errors, standard deviations unless `homeward.envs.conditions.instruments` says otherwise,
 and the most that each may be; `reading_s` is the time between the readings of power that have its noise."""

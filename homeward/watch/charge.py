@@ -16,7 +16,7 @@ from homeward.estimation.tails import scale_of
 from homeward.physics import Robot
 from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
-_LEAST_WAY_M = 1e-3
+_LEAST_WAY_M = 1e-3  # least way left; chosen: at its end a millimetre is as good as none
 
 
 def watch_charge(run: Signals, robot: Robot) -> Watched:

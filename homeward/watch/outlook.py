@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 _POINTS = 60
 """Points of the picture on the way there and back."""
-_QUANTILES = (0.05, 0.5, 0.95)
+_QUANTILES = (0.05, 0.5, 0.95)  # median and the 90 % interval that the companion shows
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 WINDOWS = 40
 """Readings that the estimator takes in of a recording at least."""
 LEAST_WINDOW_S = 2.0
+"""Shortest time over which readings are summed up. Chosen."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion import Advice, Companion, CompanionError
+from homeward.companion.companion import RISK
 from homeward.diagnosis.fit.usable import fault_of
 from homeward.diagnosis.read.signals import Signals, signals, speed_of, steps_s
 from homeward.estimation import WAY_DTYPE, Prior
@@ -99,7 +100,7 @@ def watch(
     *,
     soc: float | None = None,
     prior: Prior | None = None,
-    risk: float = 1e-3,
+    risk: float = RISK,
     cutoff_v: float | None = None,
     show: Callable[[Advice, float, float], None] | None = None,
 ) -> Watched:

@@ -19,7 +19,7 @@ from benchmarks.concealed.plants.instruments import NOISES
 from benchmarks.concealed.plants.motion import Array, Motion
 from benchmarks.concealed.plants.vehicles import Plant
 
-STEP_S = 1.0
+STEP_S = 1.0  # of the load on a cell; chosen
 START = 0.95  # state of charge, as in the chain
 START_C, CHANGE_C = (-18.0, 22.0), (-8.0, 8.0)  # of the air where cold matters, in each drive
 ENERGY_CELL, POWER_CELL = "OKane2022", "Ecker2015"

@@ -16,9 +16,9 @@ import pybamm
 from scipy.interpolate import PchipInterpolator
 
 from benchmarks.concealed.plants.motion import Array
+from benchmarks.concealed.plants.vehicles import KELVIN
 
-KELVIN = 273.15
-ROOM_C = 25.0
+ROOM_C = 25.0  # at which the rated energy is measured; chosen
 RATES = (0.05, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 """At which the energy of a cell is measured, multiples of its capacity per hour."""
 

@@ -16,7 +16,14 @@ from scipy.signal import lfilter
 
 from benchmarks.concealed.plants.chain import Mechanism, Work
 from benchmarks.concealed.plants.motion import Array, Motion
-from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Plant, peak_power_w, rolling_power_w, typical_power_w
+from benchmarks.concealed.plants.vehicles import (
+    GRAVITY_MPS2,
+    KELVIN,
+    Plant,
+    peak_power_w,
+    rolling_power_w,
+    typical_power_w,
+)
 
 Draw = Callable[[Plant, Generator, int], Mechanism]
 GAS_CONSTANT_J_PER_MOL_K = 8.314462618  # CODATA 2018
@@ -312,7 +319,7 @@ def cold_battery(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
     def change(work: Work, _: Generator) -> None:
         load = work.power_w / typical_power_w(vehicle)
-        cell_k = 273.15 + work.run.temperature_c + warming_k * first_order(load, work.run.dt_s, 1200.0)
+        cell_k = KELVIN + work.run.temperature_c + warming_k * first_order(load, work.run.dt_s, 1200.0)
         cold = np.exp(activation_j_per_mol / GAS_CONSTANT_J_PER_MOL_K * (1.0 / cell_k - 1.0 / ROOM_K))
         _discharge(work, ohm * cold, 0.2 * ohm * float(cold.mean()), 30.0)
 

@@ -20,9 +20,9 @@ from benchmarks.concealed.plants.rover_scenarios import Build, Scenario
 from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Plant
 from homeward.physics import Robot
 
-CALIBRATION_MPS = (0.3, 0.6, 0.9)
-CALIBRATION_S = 6.0
-SHORT_S = 10.0
+CALIBRATION_MPS = (0.3, 0.6, 0.9)  # steady drives; chosen: over the range of speeds that the scenarios have
+CALIBRATION_S = 6.0  # of each, after settling; chosen
+SHORT_S = 10.0  # of a trip for tests; chosen: they are to be quick
 LISTED: tuple[tuple[Build, int, tuple[str, ...]], ...] = (
     (hidden.turning, 4, tuple(NOISES)), (hidden.inertia, 3, tuple(NOISES)), (hidden.slip, 2, tuple(NOISES)),
     (hidden.surface, 3, tuple(NOISES)), (hidden.payload, 1, tuple(NOISES)), (hidden.payload_on_hills, 1, tuple(NOISES)),

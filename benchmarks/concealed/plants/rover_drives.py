@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.concealed.plants.motion import Array
 
-TICKS_PER_S = 50
+TICKS_PER_S = 50  # of commands; chosen
 YAW_RADPS2 = 0.3  # most change of the yaw rate
 Command = tuple[Array, Array]
 """Speed, m/s, and yaw rate, rad/s, of shape (n,) at 50 Hz."""

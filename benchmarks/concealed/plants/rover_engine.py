@@ -14,16 +14,18 @@ import mujoco
 import numpy as np
 
 from benchmarks.concealed.plants.motion import Array
+from benchmarks.concealed.plants.rover_drives import TICKS_PER_S
+from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2
 
-TRACK_M = 0.55
-WHEEL_RADIUS_M = 0.165
-WHEELS_KG = 10.0
+TRACK_M = 0.55  # as rover.xml has it, and the manual of a Husky
+WHEEL_RADIUS_M = 0.165  # as rover.xml has it, and husky_description
+WHEELS_KG = 10.0  # all four, as rover.xml has them
 THRUST_N_PER_A = 21.2  # as the preset husky has it
-STEP_S = 0.1
-_TICK_S = 0.02
-_SETTLING_S = 6.0
+STEP_S = 0.1  # between samples of a recording; chosen: five ticks
+_TICK_S = 1.0 / TICKS_PER_S
+_SETTLING_S = 6.0  # before a recording: half of it speeding up, half at the first speed; chosen
 _SPREAD = 1.8  # a skid-steered robot turns more slowly than its wheels would have it, by about this factor
-_HEADING_GAIN_HZ = 2.0
+_HEADING_GAIN_HZ = 2.0  # yaw rate over the error of heading; chosen: half a second to correct one
 
 Brake = Callable[[Array, float], Array]
 """Torque of friction in the four wheels, N m, for their speeds, m/s, and the yaw rate that is asked for, rad/s."""
@@ -167,7 +169,7 @@ class _Cart:
             friction[:2] = ground.sliding
             friction[3:] = ground.rolling * WHEEL_RADIUS_M
         slope = float(np.interp(self.data.qpos[0], *self.knots))
-        self.model.opt.gravity[:] = -9.80665 * np.sin(slope), 0.0, -9.80665 * np.cos(slope)
+        self.model.opt.gravity[:] = -GRAVITY_MPS2 * np.sin(slope), 0.0, -GRAVITY_MPS2 * np.cos(slope)
         return float(np.arcsin(np.sin(slope) * np.cos(self.heading_rad)))
 
     def _read(self, grade_rad: float) -> tuple[float, ...]:

@@ -11,10 +11,10 @@ from benchmarks.concealed.plants.motion import Array
 from benchmarks.concealed.plants.rover_drives import Command, Leg, command, cruise, on_the_spot, stop_and_go, tour
 from benchmarks.concealed.plants.rover_engine import Brake, Ground, Rover, Trip, World
 
-RUN_S = 120.0
-BRAKE_NM = 2.0
-CHATTER_MPS = (0.46, 0.54)
-CHATTER_NM = 0.6
+RUN_S = 120.0  # of most drives; chosen
+BRAKE_NM = 2.0  # of a wheel that brakes in left bends; chosen: 12 N at its rim
+CHATTER_MPS = (0.46, 0.54)  # speeds at the rim between which wheels chatter; chosen: within what is driven
+CHATTER_NM = 0.6  # of each wheel then; chosen: 15 N at the rims of all four
 CONTROL_MPS = 0.02  # change of speed in a run that hides nothing, not even inertia
 
 _HILLS = ((6.0, 0.0), (12.0, 1.0), (22.0, 1.0), (28.0, 0.0), (30.0, 0.0), (36.0, -1.0), (46.0, -1.0), (52.0, 0.0))

@@ -8,6 +8,7 @@ from typing import Literal
 from homeward.physics import Robot
 
 GRAVITY_MPS2 = 9.80665  # standard gravity, CGPM 1901
+KELVIN = 273.15  # 0 °C in kelvin, by definition
 
 
 @dataclass(frozen=True)

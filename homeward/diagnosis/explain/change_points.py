@@ -28,12 +28,12 @@ STANDSTILL_MPS = 0.05
 
 _AROUND_S = 4.0  # largest error of an estimated moment
 _SHORTEST = 4  # windows in a block, on average
-_MOST_BLOCKS = 3000
-_FEWEST_BLOCKS = 8
+_MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
+_FEWEST_BLOCKS = 8  # by time or place; chosen: fewer are not searched
 SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
-_MOST_LEVELS = 4
-_PLACES = 150
-_KNOTS = (6, 12, 24)
+_MOST_LEVELS = 4  # of a schedule; chosen
+_PLACES = 150  # blocks along the way; chosen
+_KNOTS = (6, 12, 24)  # hats of the profiles; chosen: coarse to fine by factors of two
 _SAME = 0.02  # share of windows in which two schedules may differ and count as the same
 
 

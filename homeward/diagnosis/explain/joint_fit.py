@@ -19,7 +19,7 @@ from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Value
 from homeward.logs.channels import Array, Index, Mask
 
-_ITERATIONS = 6
+_ITERATIONS = 6  # most Gauss-Newton steps: a fit ends where the error no longer falls; chosen
 _PASSES = 3  # of fitting to loads that depend on what is fitted
 _HALVED = (1.0, 0.5, 0.25, 0.125)  # shares of a step
 _SMALL_STEP = 1e-3  # of a parameter, for derivatives

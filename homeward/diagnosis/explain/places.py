@@ -14,7 +14,7 @@ from homeward.diagnosis.result import Place
 from homeward.logs.channels import Array, Mask
 
 WHOLE_RUN = "all of the run"
-_PAUSE_S = 2.0
+_PAUSE_S = 2.0  # over which a stretch goes on: the least duration of a level (fit.folds)
 _DECIMALS = 6  # of a value: means of what is zero differ by rounding
 
 

@@ -74,7 +74,7 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             if cosine > rules.CONFOUNDED and scales > rules.CONFOUNDED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[index] * problem.to_group[index]), known.names.index(name)
-                wide = 1.96 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
+                wide = rules.NORMAL_95 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
                 unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
                 found.append(_product((group.symbol, name), assumed * float(model.values[number]), wide, unit))
     return found
@@ -95,7 +95,7 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])
         error = float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
         names = tuple(dict.fromkeys(kept.names[at] for pair in pairs for at in pair))
-        found.append(_product(names, mean, 1.96 * error, runs.unit, "mean power"))
+        found.append(_product(names, mean, rules.NORMAL_95 * error, runs.unit, "mean power"))
     return found
 
 
@@ -193,12 +193,15 @@ class Open:
                 if one in groups and other in groups:
                     continue
                 value = numbers[0][one] * numbers[0][other] ** sign
-                wide = 1.96 * value * float(np.hypot(error.get(one, 0.0), error.get(other, 0.0)))
+                wide = rules.NORMAL_95 * value * float(np.hypot(error.get(one, 0.0), error.get(other, 0.0)))
                 unit = f"({units.get(one, '1')}){'' if sign > 0 else '/'}({units.get(other, '1')})".replace("(1)", "")
                 found.append(_product((one, other), value, wide, unit, together))
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
-            wide = 1.96 * sum(powers[0][name] * error.get(name, 0.0) for name in pair) + rules.PRODUCT_SPREAD * value
+            wide = (
+                rules.NORMAL_95 * sum(powers[0][name] * error.get(name, 0.0) for name in pair)
+                + rules.PRODUCT_SPREAD * value
+            )
             found.append(_product(pair, value, wide, runs.unit, "mean power"))
         return tuple(found)
 

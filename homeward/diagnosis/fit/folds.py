@@ -12,12 +12,12 @@ from homeward.logs.channels import Array, Index
 
 _SHORTEST = 10  # windows
 _STRETCH = 4  # windows: two seconds, the least duration of a level
-_MOST_BLOCKS = 2000
+_MOST_BLOCKS = 2000  # about; chosen: signs of so many in 8,000 draws (residual_test) take 128 MB
 _CORRELATION_TIMES = 3.0  # blocks are this many correlation times long
-_MOST_FOLDS = 10
+_MOST_FOLDS = 10  # of whole runs; chosen: the usual ten
 _LONGEST_LAG = 400  # windows
 _MOST_CORRELATED = 0.9  # largest correlation over a lag: above it is drift, not noise
-_BLOCK_FOLDS = 5
+_BLOCK_FOLDS = 5  # of the blocks of one or two runs; chosen
 FEWEST_RUNS = 3
 """Runs from which whole runs are held out."""
 

@@ -13,9 +13,9 @@ from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Arm
 from homeward.logs.channels import Array, Index, Mask
 
-_DRAWS = 2000
+_DRAWS = 2000  # chosen: 50 of them lie beyond either end of a 95 % interval
 _FEWEST_FOR_TREES = 60  # twice the smallest leaf: a split
-_MOST_FOR_TREES = 20_000
+_MOST_FOR_TREES = 20_000  # windows; chosen: bounds the time, of more a sample is drawn
 
 
 @dataclass(frozen=True)

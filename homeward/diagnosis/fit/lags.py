@@ -22,12 +22,12 @@ _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel
 _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
 _MOST_RUNS = 5  # in the search: all have the same sensor
 _MOST_SEARCHED = 20_000  # samples of each run: half an hour at 10 Hz
-_COARSE_DRIFT_S = 0.5
+_COARSE_DRIFT_S = 0.5  # step of the first search; chosen: Gauss-Newton finds the drift from the nearest
 _GROUNDS = 12  # knots along the way
 _STRETCH_S = 10.0  # longer than a change of speed: errors of stretches count as independent
-_FEWEST_STRETCHES = 12
+_FEWEST_STRETCHES = 12  # two minutes; chosen: errors clustered by fewer are too small (see `rules.CLEAR_DRIFT`)
 _MOST_SAMPLES = 200_000  # over hours of driving a drift is not linear
-_ITERATIONS = 4
+_ITERATIONS = 4  # Gauss-Newton steps from the best of the coarse drifts; chosen
 
 
 def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:

@@ -25,7 +25,7 @@ from homeward.physics import Robot
 
 Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]
 
-_ITERATIONS = 12
+_ITERATIONS = 12  # most Gauss-Newton steps: a fit ends where the error no longer falls; chosen
 _WEAK_PRIOR = 1e-5  # of a column's norm: an unidentifiable parameter stays at its assumed value
 _RESTS_ON = {"rolling": "speed_mps", "drag": "speed_mps", "mass": "grade_rad"}
 

@@ -92,7 +92,7 @@ def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Arr
     return smoothest, gain, np.clip((rolls / smoothest - 1.0) / gain, 0.0, 1.0)
 
 
-_ENDS = (0.05, 0.95)
+_ENDS = (0.05, 0.95)  # quantiles; chosen: a twentieth of what was driven is left out at each end
 
 
 def _numbers(model: Corrected, index: int) -> dict[str, float]:

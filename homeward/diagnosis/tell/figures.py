@@ -13,6 +13,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
@@ -23,7 +24,7 @@ from homeward.logs.channels import Array, Index
 
 _MOST_RUNS = 12  # in the time plot
 _MOST_POINTS = 2000  # of a line
-_MOST_DOTS = 800
+_MOST_DOTS = 800  # windows drawn behind the means; chosen
 _SHOWN_S = 120.0  # of a long run at first
 _INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#9aa5b1", "#c92a2a", "#0b7285"
 _LINES: Mapping[str, Mapping[str, Any]] = {
@@ -192,7 +193,7 @@ def _condition_figure(
         x=_rounded(bins["centre"]), y=_rounded(bins["mean"]), name="mean, 95 %",
         mode="markers" if in_time else "lines+markers",
         line={"color": colour, "width": 2.5}, marker={"size": 7, "color": colour},
-        error_y={"type": "data", "array": _rounded(1.96 * bins["error"]), "color": colour, "thickness": 1.5},
+        error_y={"type": "data", "array": _rounded(rules.NORMAL_95 * bins["error"]), "color": colour, "thickness": 1.5},
     )  # fmt: skip
     if in_time:
         ends = np.array([(values[shown.bin == one][0], values[shown.bin == one][-1]) for one in bins.index])

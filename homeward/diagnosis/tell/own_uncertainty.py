@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.uncertainty import Joint
 from homeward.diagnosis.fit.folds import correlation_windows
@@ -17,14 +18,12 @@ from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.tell.corrected import rounded
 from homeward.logs.channels import Array, Index
 from homeward.logs.times import median_step_s
-from homeward.physics.uncertainty import Uncertainty
+from homeward.physics.uncertainty import MOST_ERROR, Uncertainty
 
 FittedTo = Literal["nothing", "others", "all"]
 
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
-_NORMAL = 1.96
 _COVERED = 0.95  # below the upper end of a 90 % interval
-_MOST_INSTRUMENT = 0.5
 _STAYS = 0.5  # share of the samples with the charge of the one before, above which it is shown in steps
 _FEWEST_STANDING = 50  # samples to estimate the noise of power
 
@@ -119,7 +118,7 @@ def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tupl
         names, matrix = _shares(evidence.joint, effects=holds == "corrected")
     capacity = evidence.capacity
     if capacity is not None:
-        sd = (capacity.ci95[1] - capacity.ci95[0]) / (2.0 * _NORMAL * capacity.fitted_j)
+        sd = (capacity.ci95[1] - capacity.ci95[0]) / (2.0 * rules.NORMAL_95 * capacity.fitted_j)
         names = [*names, "capacity"]
         matrix = np.pad(matrix, (0, 1))
         matrix[-1, -1] = sd**2
@@ -155,5 +154,5 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
         found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
         found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(one) for one in charges]))
     return tuple(
-        (name, rounded(value if name == "reading_s" else min(value, _MOST_INSTRUMENT))) for name, value in found.items()
+        (name, rounded(value if name == "reading_s" else min(value, MOST_ERROR))) for name, value in found.items()
     )

@@ -5,7 +5,7 @@ Methods, the first that a bag allows:
 1. `orientation` of an IMU whose driver fills it in: how far the robot's forward axis points up,
    `sin(grade) = 2 (x z - w y)` for the quaternion x, y, z, w, averaged over `_ORIENTATION_S`.
 2. `acceleration` of an IMU: an accelerometer measures the slope plus the robot's own acceleration,
-   `sin(grade) = (a_x - dv/dt) / g`, averaged over `_ACCELERATION_S`, with the speed from the odometry.
+   `sin(grade) = (a_x - dv/dt) / g`, averaged over `ACCELERATION_S`, with the speed from the odometry.
 3. Orientation of the odometry, where it is not planar.
 
 An IMU that is not mounted level adds a constant. It is not removed: a route need not be level on average either.
@@ -19,7 +19,7 @@ from homeward.logs.channels import Array
 
 GRAVITY_MPS2 = 9.80665  # standard gravity
 _ORIENTATION_S = 1.0  # means over so long: chosen above the pitching of a robot on its wheels
-_ACCELERATION_S = 2.0  # the same of an accelerometer, which is noisier
+ACCELERATION_S = 2.0  # the same of an accelerometer, which is noisier
 PLANAR = 1e-4  # sine of a slope below which a pose has none
 _UNIT = 0.05  # how far from 1 the length of a quaternion may be
 
@@ -61,8 +61,8 @@ def from_acceleration(time_s: Array, forward_mps2: Array, motion_s: Array, speed
     """
     if not np.any(forward_mps2) or len(motion_s) < 2:
         return None
-    own = np.gradient(_smoothed(motion_s, speed_mps, 0.5 * _ACCELERATION_S), motion_s)
-    force = _smoothed(time_s, forward_mps2 - np.interp(time_s, motion_s, own), _ACCELERATION_S)
+    own = np.gradient(_smoothed(motion_s, speed_mps, 0.5 * ACCELERATION_S), motion_s)
+    force = _smoothed(time_s, forward_mps2 - np.interp(time_s, motion_s, own), ACCELERATION_S)
     return np.arcsin(np.clip(force / GRAVITY_MPS2, -1.0, 1.0))
 
 

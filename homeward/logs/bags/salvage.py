@@ -28,8 +28,8 @@ else:
 Record = Connection | tuple[int, int, bytes]  # of a message: id of its connection, time of receipt in ns, content
 
 _ROS1_MAGIC, _MCAP_MAGIC = b"#ROSBAG V2.0\n", b"\x89MCAP0\r\n"
-_ROS1_MESSAGE, _ROS1_CHUNK, _ROS1_CONNECTION = 2, 5, 7
-_MCAP_SCHEMA, _MCAP_CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK = 3, 4, 5, 6
+_ROS1_MESSAGE, _ROS1_CHUNK, _ROS1_CONNECTION = 2, 5, 7  # op codes, wiki.ros.org/Bags/Format/2.0
+_MCAP_SCHEMA, _MCAP_CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK = 3, 4, 5, 6  # op codes, mcap.dev/spec
 _FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL,
             "omgidl": MessageDefinitionFormat.IDL}  # fmt: skip
 _UNPACKERS: dict[str, Any] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompressor}

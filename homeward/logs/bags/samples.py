@@ -18,7 +18,7 @@ from homeward.logs.bags.messages import UnknownType, WrongField, decoder, getter
 from homeward.logs.channels import Array
 from homeward.logs.columns import RecordingError
 
-_CLOCKS_DIFFER_S = 5.0
+_CLOCKS_DIFFER_S = 5.0  # chosen: transport delays a message by less, another clock is off by far more
 _LATEST_NS = np.iinfo(np.int64).max  # of a time of receipt, which a damaged record exceeds
 
 

@@ -44,8 +44,6 @@ _MOST = 1000
 """Values of a channel that are kept until there is motion."""
 _LEAST_SIGNS = 50
 """Readings while driving from which the sign of a current is determined."""
-_ACCELERATION_S = 2.0
-"""Time over which an accelerometer and the robot's own acceleration are averaged, as for bags."""
 _SILENT, _LEAST_SILENT_S = 5.0, 2.0
 """Usual times between messages, and the least time, after which a topic is said to be silent."""
 _SAID_S = 60.0
@@ -298,10 +296,10 @@ class Listener:
         if not math.isfinite(forward_mps2 + speed):
             return math.nan
         self._past.append((time_s, forward_mps2, speed))
-        while time_s - self._past[0][0] > _ACCELERATION_S:
+        while time_s - self._past[0][0] > grade.ACCELERATION_S:
             self._past.popleft()
         passed_s = time_s - self._past[0][0]
-        if passed_s < 0.5 * _ACCELERATION_S:
+        if passed_s < 0.5 * grade.ACCELERATION_S:
             return math.nan
         own = (speed - self._past[0][2]) / passed_s
         sine = (float(np.mean([one[1] for one in self._past])) - own) / grade.GRAVITY_MPS2

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-_SLACK_M = 2.0
-_TOP_SPEEDS = 2.0
+_SLACK_M = 2.0  # poses so near are in one frame, however soon they follow; chosen
+_TOP_SPEEDS = 2.0  # speed over the top speed that a robot may have had meanwhile; chosen
 
 
 class Odometry:

@@ -17,7 +17,7 @@ from homeward.physics import Robot
 from homeward.watch.live import LiveView, kind_of
 from homeward.watch.ros2.node import PERIOD_S, Node
 
-_SAVED_S = 60.0
+_SAVED_S = 60.0  # between saved states; chosen: a crash loses a minute at most
 _PRINTED_S = 60.0
 """Time between lines where the output is no terminal."""
 _WAITS_S = 5.0

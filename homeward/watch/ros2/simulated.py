@@ -26,7 +26,7 @@ from homeward.companion import CompanionError
 from homeward.physics import Robot, RobotError, ancillary_power, load_robot, model
 from homeward.watch.ros2.idl import message, struct_of
 
-_VOLTAGE_V = 25.0
+_VOLTAGE_V = 25.0  # chosen: near a Husky's 24 V and a Jackal's 25.6 V; readers multiply it by the current
 _TOPICS = {
     "/battery_state": "sensor_msgs/msg/BatteryState", "/odom": "nav_msgs/msg/Odometry", "/imu": "sensor_msgs/msg/Imu",
 }  # fmt: skip
