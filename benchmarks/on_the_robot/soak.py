@@ -2,7 +2,7 @@
 
 `python benchmarks/on_the_robot/soak.py --minutes 60` starts a simulated robot in another process, which publishes
 battery state, odometry and IMU at 20 Hz on the loopback interface alone, and listens to it as `homeward watch --ros2`
-does. It prints what docs/on_the_robot.md quotes: resident memory after a tenth, half and all of the time, messages,
+does. It prints what docs/ros2.md quotes: resident memory after a tenth, half and all of the time, messages,
 time of a step.
 """
 

@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from homeward.agents.learning.settings import PPOSettings
 
 
@@ -20,6 +22,16 @@ def test_every_environment_variable_is_documented(root: Path) -> None:
     named = {name for file in sources for name in re.findall(r"HOMEWARD_[A-Z]+", file.read_text("utf-8"))}
     assert {"HOMEWARD_CACHE", "HOMEWARD_DATA"} <= named
     assert {name for name in named if f"| `{name}` |" not in page_of(root, "help.md")} == set()
+
+
+def test_the_first_example_on_the_robot_prints_what_the_page_shows(
+    root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (root / "docs" / "on_the_robot.md").read_text("utf-8")
+    first = re.search(r"^```python\n(.+?)^```\n\n```\n(.+?)^```$", page, re.MULTILINE | re.DOTALL)
+    assert first is not None
+    exec(first[1], {})
+    assert capsys.readouterr().out == first[2]
 
 
 def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> None:

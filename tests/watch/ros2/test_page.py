@@ -1,4 +1,4 @@
-"""What docs/on_the_robot.md shows of ROS 2 is what there is."""
+"""What docs/ros2.md shows is what there is."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ from homeward.watch.ros2.advising import messages
 
 @pytest.fixture(scope="module")
 def page(root: Path) -> str:
-    return (root / "docs" / "on_the_robot.md").read_text("utf-8")
+    return (root / "docs" / "ros2.md").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
