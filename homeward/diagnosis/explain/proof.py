@@ -31,7 +31,8 @@ from homeward.logs.channels import Array, Index, Mask
 FOLDS = 5
 """Of blocks or stretches, over which hypotheses are compared."""
 
-_DRAWS = 1999
+DRAWS = 1999
+"""Residuals with random signs: the least p-value is then 0.0005, a twentieth of FALSE_ALARM_RATE."""
 _SEARCHES = 39  # ten are in the upper quarter, whose mean estimates the tail within a third
 _AS_GOOD = 3  # placebos with as high a score that end a search
 _AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
@@ -252,7 +253,7 @@ class Bench:
         term = self.candidates[chosen]
         if term.schedule is None:
             reached = self.score(self.share(chosen), independent, chosen)
-            return float((1 + np.sum(self._best_of_noise(independent, rng) >= reached)) / (_DRAWS + 1))
+            return float((1 + np.sum(self._best_of_noise(independent, rng) >= reached)) / (DRAWS + 1))
         reached = self._searched(term, self.target)
         scores: list[float] = []
         for placebo in self._placebos(chosen, rng):
@@ -266,13 +267,13 @@ class Bench:
         """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
         splits, everything = self._by_block, self._by_block[0].columns
         moments = per_block(everything[:, :-1] * self.target[:, None], self.block)
-        signs = rng.choice([-1.0, 1.0], (_DRAWS, len(moments)))
+        signs = rng.choice([-1.0, 1.0], (DRAWS, len(moments)))
         held = np.arange(len(moments)) % FOLDS == np.arange(FOLDS)[:, None]
         tested = [signs[:, one] @ moments[one] for one in held]
         fitted = [signs[:, ~one] @ moments[~one] for one in held]
 
         def errors(chosen: tuple[int, ...]) -> Array:
-            total = np.zeros(_DRAWS)
+            total = np.zeros(DRAWS)
             for split, to, on in zip(splits, fitted, tested, strict=True):
                 columns = self._chosen(split, chosen)
                 weights = _ridge(split.fitted[np.ix_(columns, columns)], to[:, columns].T)
@@ -281,7 +282,7 @@ class Bench:
             return np.maximum(total, 1e-300)
 
         without = np.log(errors(()))
-        best = np.full(_DRAWS, -np.inf)
+        best = np.full(DRAWS, -np.inf)
         for index, term in enumerate(self.candidates):
             if term.schedule is None and index not in self.beside:
                 ratio = without - np.log(errors((index,)))

@@ -20,7 +20,7 @@ from scipy.stats import binom, norm, spearmanr
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import CATALOGUE, battery, instruments
 from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term
-from homeward.diagnosis.explain.proof import FOLDS
+from homeward.diagnosis.explain.proof import DRAWS, FOLDS
 from homeward.diagnosis.fit.folds import FEWEST_RUNS, per_block
 from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.refit import Refit, standard_errors
@@ -34,7 +34,6 @@ from homeward.physics.metered import lost_inside
 USABLE_ENERGY = "usable energy"
 """Name of the parameter identified from the state of charge."""
 
-_DRAWS = 1999
 _GAP = 1.5  # windows
 _SEARCHED = 3.0  # upper end of the search, over the linear estimate
 
@@ -129,9 +128,9 @@ class _Reading:
         sums = per_block(own * left[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
         sums = sums[:, spread > 0.0] / spread[spread > 0.0]
-        signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], (_DRAWS, len(sums)))
+        signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], (DRAWS, len(sums)))
         reached = float(np.abs(sums.sum(axis=0))[: added.shape[1]].max(initial=0.0))
-        return float((1 + np.sum(np.abs(signs @ sums).max(axis=1, initial=0.0) >= reached)) / (_DRAWS + 1))
+        return float((1 + np.sum(np.abs(signs @ sums).max(axis=1, initial=0.0) >= reached)) / (DRAWS + 1))
 
 
 def _gained(proof: Proof) -> float:
@@ -160,7 +159,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     channel = _Reading(np.where(known, voltage_v + in_file_ohm * current_a, np.nan), runs, block, seed)
     base, drawn = channel.summed(current_a)[:, None], -channel.within(current_a)[:, None]
     found, errors = channel.fit(np.column_stack([base, drawn]))
-    ohm, wide = float(found[-1]), 1.96 * float(errors[-1])
+    ohm, wide = float(found[-1]), rules.NORMAL_95 * float(errors[-1])
     lost_w = max(ohm, 0.0) * current_a**2
     proof = channel.proof(base, drawn) if _matters(lost_w, runs) else None
     if proof is None or in_file_ohm + ohm > entry.switch.high:
@@ -191,7 +190,7 @@ def _gauge(
     if rate <= 0.0:
         return None, None
     off = abs(rate - 1.0) > max(rules.GAUGE_ERROR, float(norm.ppf(1.0 - rules.FALSE_ALARM_RATE / 2.0)) * error)
-    low, high = (robot.usable_energy_j / max(rate + sign * 1.96 * error, 1e-9) for sign in (1.0, -1.0))
+    low, high = (robot.usable_energy_j / max(rate + sign * rules.NORMAL_95 * error, 1e-9) for sign in (1.0, -1.0))
     capacity = Capacity(
         robot.usable_energy_j, float(robot.usable_energy_j / rate), (float(low), float(high)), bool(off)
     )
@@ -266,7 +265,9 @@ class _Losses:
         at = self._fallen(one, shape, size)
         design, slope = self.drawn + at, (self._fallen(one, shape, size + step) - at) / step
         residual = self._left_beside_capacity(at)
-        wide = 1.96 * float(standard_errors(np.column_stack([design, slope]), residual, self.channel.block)[-1])
+        wide = rules.NORMAL_95 * float(
+            standard_errors(np.column_stack([design, slope]), residual, self.channel.block)[-1]
+        )
         alike = (other.id for share, other, _ in proven if _gained(share) > rules.CONFUSABLE_SHARE * _gained(proof))
         units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
         others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
@@ -339,7 +340,7 @@ def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
     proof = channel.proof(drawn, per_run[:, 1:]) if shrinks else None
     if proof is None:
         return None
-    ends = 1.0 - 1.0 / np.maximum(rate[-1] + 1.96 * errors[-1] * np.array([-1.0, 1.0]), 1e-9)
+    ends = 1.0 - 1.0 / np.maximum(rate[-1] + rules.NORMAL_95 * errors[-1] * np.array([-1.0, 1.0]), 1e-9)
     lost = np.zeros(len(runs.signals))
     lost[numbers] = np.clip(1.0 - 1.0 / np.maximum(rate, 1e-9), 0.0, None)
     last = Value(float(lost[numbers[-1]]), (max(float(ends[0]), 0.0), float(ends[1])), "1")
