@@ -161,7 +161,9 @@ class _Residual:
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming, by_motion) else naming.nothing_named()), location
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
-        if by_motion < rules.EQUIVALENT * first.held_out_gain and by_place < rules.BY_PLACE * first.held_out_gain:
+        by_named = max(first.held_out_gain, self.by(naming))  # motion may be the cause of others that are named
+        better = 1.0 - by_named < rules.CLEARLY_BETTER * (1.0 - by_motion)
+        if (better or by_motion < rules.EQUIVALENT * by_named) and by_place < rules.BY_PLACE * by_named:
             return naming, location
         again = self.naming(varying=False)
         if self.by(again) >= rules.SIMPLER * first.held_out_gain:

@@ -264,8 +264,10 @@ def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
 def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
     found: list[Unknown] = []
     for index, term in enumerate(terms):
+        # Bounds of a column that is linear near one size only, such as a lag, do not hold where it is replayed.
+        lows, highs = (term.low, term.high) if term.linear else term.hypothesis.limits(len(term.low))
         for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
-            low, high = float(term.low[column]), float(term.high[column])
+            low, high = float(lows[column]), float(highs[column])
             found.append(Unknown(term.effect, name, unit, low, high, index, column))
         for other in () if term.linear else term.hypothesis.searched:
             if other.name in term.shape:

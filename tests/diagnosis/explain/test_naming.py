@@ -182,6 +182,17 @@ def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(lag_s: float, 
     assert analysis.corrected.effects == husky.effects
 
 
+def test_a_late_power_clock_is_named_beside_inertia_however_late_it_seems_alone(
+    short_drive: Drive, husky: Robot
+) -> None:
+    hidden = short_drive(husky, effects={"inertia": {"mass_factor": 2.5}})
+    runs = with_power(hidden, lambda of: np.interp(of["time_s"] - 1.2, of["time_s"], of["power_w"]))
+    late, inertia = diagnose(runs, husky).missing_physics
+    assert (late.effect, inertia.effect) == ("clock_lag", "inertia")
+    assert late.parameters["lag_s"].value == pytest.approx(1.2, abs=0.1)
+    assert inertia.parameters["mass_factor"].value == pytest.approx(2.5, rel=0.1)
+
+
 def test_a_meter_that_soon_reads_too_much_was_right_before(short_drive: Drive, husky: Robot) -> None:
     """However long a fault lasts, the robot is as it was read before it began."""
     recordings = []
@@ -344,4 +355,31 @@ def test_a_size_at_the_bound_of_what_is_physical_is_not_at_work(short_drive: Dri
     term = next(one for one in CATALOGUE["turning"].forms(setting, False) if not one.flexible)
     block = cut_blocks(runs.run)
     assert fit_model(fit, [term], runs, block).all_at_work()
-    assert not fit_model(fit, [dataclasses.replace(term, high=np.array([0.1]))], runs, block).all_at_work()
+    least = dataclasses.replace(term.hypothesis, bounds=(0.0, 0.1))
+    bounded = dataclasses.replace(term, hypothesis=least, high=np.array([0.1]))
+    assert not fit_model(fit, [bounded], runs, block).all_at_work()
+
+
+@pytest.mark.parametrize(
+    ("watts", "effect", "size", "amount"),
+    [
+        (20.0, "breakaway", "start_j", 60.0),
+        (20.0, "turning", "scrub", 0.1),
+        (30.0, "turning", "scrub", 0.1),
+        (25.0, "inertia", "mass_factor", 1.5),
+    ],
+)
+def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
+    watts: float, effect: str, size: str, amount: float, drive: Drive, husky: Robot
+) -> None:
+    """Motion, which causes the one, does not explain the other."""
+    runs = drive(husky, runs=3, minutes=4.0, effects={effect: {size: amount}})
+    since_s = (150.0, 100.0, 100.0)
+    told = [
+        with_power([run], lambda of, on_s=on_s: of["power_w"] + watts * (of["time_s"] > on_s))[0]  # type: ignore[misc]
+        for run, on_s in zip(runs, since_s, strict=True)
+    ]
+    device, motion = diagnose(told, husky).missing_physics
+    assert device.effect == "standby"
+    assert device.parameters["power_w"].value == pytest.approx(watts, rel=0.15)
+    assert motion.effect == effect
