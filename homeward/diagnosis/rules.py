@@ -20,9 +20,9 @@ NORMAL_95 = 1.96
 # --- Effect size: what may be named -----------------------------------------------------------------------------------
 
 SMALLEST_GAIN = 0.05
-"""Share of the refit's held-out squared error that a dependence on a channel, a replay with an effect, or an effect in
-another channel than power must explain, and by which a refit must lower that of the robot file. Chosen:
-a smaller share lowers the held-out RMSE by less than 3 % (1 - sqrt(0.95))."""
+"""Share of the refit's held-out squared error that a dependence on a channel, a replay with an effect, a schedule
+beside other effects, or an effect in another channel than power must explain, and by which a refit must lower that of
+the robot file. Chosen: a smaller share lowers the held-out RMSE by less than 3 % (1 - sqrt(0.95))."""
 
 SMALLEST_GAIN_TO_NAME = 0.1
 """Share of the residual's squared error that an effect must explain to be named: a smaller one may be a misfit in the

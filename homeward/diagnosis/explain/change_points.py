@@ -31,9 +31,7 @@ _SHORTEST = 4  # windows in a block, on average
 _MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
 _FEWEST_BLOCKS = 8  # by time or place; chosen: fewer are not searched
 SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
-MOST_LEVELS = 4
-"""Of a schedule. Chosen."""
-
+_MOST_LEVELS = 4  # of a schedule; chosen
 _PLACES = 150  # blocks along the way; chosen
 _KNOTS = (6, 12, 24)  # hats of the profiles; chosen: coarse to fine by factors of two
 _SAME = 0.02  # share of windows in which two schedules may differ and count as the same
@@ -114,20 +112,14 @@ def place_of(runs: Runs) -> Array | None:
 
 
 def search(
-    axis: Axis,
-    shape: Array,
-    residual: Array,
-    runs: Runs,
-    signed: bool,
-    shares: Sequence[float] = SHARES,
-    most_levels: int = MOST_LEVELS,
+    axis: Axis, shape: Array, residual: Array, runs: Runs, signed: bool, shares: Sequence[float] = SHARES
 ) -> list[Schedule]:
     """Find when, or where on the way from base, the size of a shape changes: schedules of few changes to many.
 
     The number of changes is chosen later, by BIC with the autocorrelation of each residual.
     The size multiplies `shape`, (windows,), of a `residual` of the same shape. Unless `signed`, the lowest size counts
-    as none. A change must explain such `shares` of the squared residual, the largest first; stretches have one of
-    `most_levels` sizes at most. By place nothing is found where no place is revisited.
+    as none. A change must explain such `shares` of the squared residual, the largest first. By place nothing is found
+    where no place is revisited.
     """
     if axis == "time":
         parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
@@ -149,7 +141,7 @@ def search(
     for share in shares:
         penalty = share * whole
         sizes = [_sizes(m, w, penalty) for m, w in zip(moments, weights, strict=True)]
-        level_of_block, levels = _cluster(np.concatenate(sizes), np.concatenate(weights), penalty, signed, most_levels)
+        level_of_block, levels = _cluster(np.concatenate(sizes), np.concatenate(weights), penalty, signed)
         if levels < 2:
             continue
         level = np.zeros(len(residual), dtype=np.intp)
@@ -188,14 +180,14 @@ def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
     return size
 
 
-def _cluster(size: Array, weight: Array, penalty: float, signed: bool, most: int) -> tuple[Index, int]:
+def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[Index, int]:
     """Level of each block and the number of levels: sorted sizes, cut where the gain exceeds the penalty."""
     distinct, which, times = np.unique(size, return_inverse=True, return_counts=True)
     mean = float(np.average(size, weights=weight))
     left = float((weight * (size - mean) ** 2).sum())
     level, levels = np.zeros(len(size), dtype=np.intp), 1
     explained = 0.0
-    for count, groups in enumerate(_groups(distinct, times, min(most, len(distinct))), start=2):
+    for count, groups in enumerate(_groups(distinct, times, min(_MOST_LEVELS, len(distinct))), start=2):
         number = groups[which]
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())

@@ -40,8 +40,7 @@ CHECKS: Mapping[str, str] = {
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _COST_OF_A_CHANGE = 3  # parameters per estimated change point (Zhang & Siegmund, 2007)
 _PIECES = 4  # of a rising function
-_SWITCHED = ("once", "repeatedly")
-_SUDDEN = ("standing", *_SWITCHED)
+_SUDDEN = ("standing", "once", "repeatedly")
 _PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
 
 Numbers = Mapping[str, float]
@@ -183,6 +182,8 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         for schedule in one.search(
             axis, load, setting.residual, runs, np.ones(len(load), np.bool_), change_points.SHARES
         ):
+            if one.changes == "repeatedly" and schedule.levels > 2:
+                continue  # a switched load is on or off: more levels would fit a drift
             if axis == "time" and one.by_place and met_again and schedule.changes > one.most_changes:
                 continue  # the ground of a place does not change
             typical = axis == "place" or change_points.may_change(one.changes, schedule, runs)
@@ -307,11 +308,6 @@ class Hypothesis:
         return self.entry.kind != "instrument"
 
     @property
-    def most_levels(self) -> int:
-        """Sizes that it may have in turn: what is switched is on or off, as more levels would fit a drift."""
-        return 2 if self.changes in _SWITCHED else change_points.MOST_LEVELS
-
-    @property
     def is_sudden(self) -> bool:
         """Whether it changes from one moment to the next where no channel shows it: what is switched, loaded or
         breaks, but neither ground nor weather."""
@@ -354,9 +350,7 @@ class Hypothesis:
         Other windows have the level of those before them. A unit of size adds `load`, shape (windows,), where the
         effect is at work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        found = change_points.search(
-            axis, load * chosen, residual * chosen, runs, self.signed, shares, self.most_levels
-        )
+        found = change_points.search(axis, load * chosen, residual * chosen, runs, self.signed, shares)
         # An effect that begins once was absent before, however long it lasts.
         return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
 

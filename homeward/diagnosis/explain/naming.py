@@ -233,7 +233,9 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
     of_refit = explained / max(bench.refit_error, 1e-300)
-    if delta_bic < rules.STRONG_BIC or share < least or of_refit < rules.SMALLEST_GAIN_BESIDE:
+    in_time = bench.candidates[chosen].axis == "time"
+    least_of_refit = rules.SMALLEST_GAIN if in_time else rules.SMALLEST_GAIN_BESIDE
+    if delta_bic < rules.STRONG_BIC or share < least or of_refit < least_of_refit:
         return None
     if explained < meter_error(bench.runs):
         return None

@@ -101,10 +101,10 @@ class Bench:
     @cached_property
     def _searches(self) -> list[tuple[list[int], list[float]]]:
         """Hypotheses that share a search, as effects of one load do, and its penalties, the largest first."""
-        found: dict[tuple[bool, int, str, bytes], tuple[list[int], set[float]]] = {}
+        found: dict[tuple[bool, str, bytes], tuple[list[int], set[float]]] = {}
         for index, term in enumerate(self.candidates):
             if term.schedule is not None and term.load is not None:
-                key = term.hypothesis.signed, term.hypothesis.most_levels, term.axis, term.load.tobytes()
+                key = term.hypothesis.signed, term.axis, term.load.tobytes()
                 searched, shares = found.setdefault(key, ([], set()))
                 searched.append(index)
                 shares.add(term.schedule.share)

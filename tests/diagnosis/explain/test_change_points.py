@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homeward.diagnosis.explain.change_points import Schedule, _groups, _refined, clearly_apart, search
-from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.explain.change_points import Schedule, _groups, _refined, clearly_apart
 
 VALUES = st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=7, unique=True)
 
@@ -44,17 +43,3 @@ def test_what_begins_once_was_not_there_before() -> None:
     usual_later = Schedule("time", np.repeat([1, 0, 2], [3, 9, 4]), 3, 2, 5.0, (0.1,))
     assert usual_later.from_the_first().level.tolist() == [0] * 3 + [1] * 9 + [2] * 4
     assert clearly_apart(usual_later) and not clearly_apart(None)
-
-
-def test_of_two_levels_at_most_the_best_two_are_found() -> None:
-    """Also where a third would explain more, such as the inrush of each start."""
-    time_s = 0.5 * np.arange(1200)
-    on = time_s % 60.0 < 25.0
-    inrush = time_s % 60.0 < 4.0
-    left = 1.0 * on + 1.5 * inrush + 0.05 * np.random.default_rng(0).normal(size=time_s.size)
-    whole = np.ones(time_s.size)
-    runs = Runs([], [], "W", np.zeros(time_s.size, np.intp), time_s, 0.5 * whole, left, {"speed_mps": whole})
-    assert min(one.levels for one in search("time", whole, left, runs, signed=False)) == 3
-    two = search("time", whole, left, runs, signed=False, most_levels=2)
-    assert {one.levels for one in two} == {2}
-    assert max(float(np.mean((one.level > 0) == on)) for one in two) > 0.9
