@@ -88,7 +88,7 @@ def release(root: Path, version: str) -> None:
         f"dist/ and site/ hold homeward {version}. Now:\n"
         f"  git commit --all --message 'Release {version}' && git tag --message 'homeward {version}' v{version}\n"
         "  git push --follow-tags\n"
-        "  python -m twine upload dist/*"
+        "  .venv/bin/python -m twine upload dist/*"
     )
 
 
