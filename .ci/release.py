@@ -22,7 +22,7 @@ PLACES = {
     "CITATION.cff": rf"^version: {VERSION}$",
     "CHANGELOG.md": rf"^## {VERSION} \(([\w-]+)\)$",
 }
-"""Where the version stands; in the changelog the first heading counts, with its date."""
+"""Where the version stands; in the changelog the first heading counts, with its date: it may be ahead of the others."""
 
 
 class ReleaseError(RuntimeError):
@@ -38,20 +38,24 @@ def stands(root: Path, name: str) -> re.Match[str]:
 
 
 def check(root: Path, version: str) -> None:
-    """Refuse what is no version, a tree with changes, versions that disagree, and what is released already."""
+    """Refuse what is no version or released already, a tree with changes, and versions that disagree."""
     if not re.fullmatch(VERSION, version):
         raise ReleaseError(
             f"VERSION = {version!r} is not allowed; give three numbers, as in make release VERSION=1.2.3"
         )
     if _run(root, "git", "status", "--porcelain"):
         raise ReleaseError("the tree has changes; commit or stash them first")
-    said = {name: stands(root, name)[1] for name in PLACES}
+    said = {name: stands(root, name)[1] for name in PLACES if name != "CHANGELOG.md"}
     if len(set(said.values())) > 1:
         raise ReleaseError(f"versions disagree: {', '.join(f'{name} {one}' for name, one in said.items())}")
-    if (dated := stands(root, "CHANGELOG.md"))[2] != UNRELEASED:
-        raise ReleaseError(f"CHANGELOG.md says nothing since {dated[1]}; begin it with ## {version} ({UNRELEASED})")
-    if _numbers(version) < _numbers(dated[1]):
-        raise ReleaseError(f"VERSION = {version} is older than {dated[1]}")
+    latest = stands(root, "CHANGELOG.md")
+    for released in re.findall(rf"^## {VERSION} \(\d", latest.string, re.MULTILINE):
+        if _numbers(version) <= _numbers(released):
+            raise ReleaseError(f"VERSION = {version} is not later than {released}, which is released")
+    if latest[2] != UNRELEASED:
+        raise ReleaseError(f"CHANGELOG.md says nothing since {latest[1]}; begin it with ## {version} ({UNRELEASED})")
+    if _numbers(version) < _numbers(latest[1]):
+        raise ReleaseError(f"VERSION = {version} is older than {latest[1]}")
 
 
 def set_version(root: Path, version: str, date: datetime.date) -> None:
@@ -88,7 +92,7 @@ def release(root: Path, version: str) -> None:
         f"dist/ and site/ hold homeward {version}. Now:\n"
         f"  git commit --all --message 'Release {version}' && git tag --message 'homeward {version}' v{version}\n"
         "  git push --follow-tags\n"
-        "  python -m twine upload dist/*"
+        "  .venv/bin/python -m twine upload dist/*"
     )
 
 

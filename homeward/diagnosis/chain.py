@@ -192,7 +192,8 @@ def _without_meter_faults(runs: Runs, corrected: Corrected | None) -> Runs:
 def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
     """Estimate of each group, fitted beside those that are held; held and confounded groups have none."""
     known = []
-    effects = tuple(one.effect for one in determined.model.terms) if isinstance(determined, Corrected) else ()
+    terms = determined.model.terms if isinstance(determined, Corrected) else ()
+    effects = tuple(one.effect.replace("_", " ") for one in terms)
     rows = zip(
         estimates(named, runs, block), estimates(determined, runs, block), determined.groups.held.tolist(), strict=True
     )

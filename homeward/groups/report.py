@@ -78,7 +78,7 @@ def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
     runs = [(place[one.group], one.values[quantity]) for one in comparison.runs if one.values.get(quantity) is not None]
     figure = go.Figure()
     figure.add_scatter(
-        x=[x + 0.15 for x, _ in runs], y=[y for _, y in runs], mode="markers", name="runs", marker={"color": "#9aa5b1"}
+        x=[x + 0.15 for x, _ in runs], y=[y for _, y in runs], mode="markers", name="runs", marker={"color": "#7b8794"}
     )
     figure.add_scatter(
         x=[place[one.group] for one in levels], y=[one.value for one in levels], mode="markers", name="mean, 95 %",

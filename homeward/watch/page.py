@@ -10,7 +10,7 @@ from markupsafe import Markup
 from plotly.subplots import make_subplots
 
 from homeward import quantities
-from homeward.diagnosis.tell.notation import CLEAR, labels, page, templates
+from homeward.diagnosis.tell.notation import PLAIN, labels, page, templates
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.predictions import Watched
@@ -78,11 +78,11 @@ def figure(runs: Sequence[Watched]) -> Markup:
                 x=one.left_m.round(1), y=(values / 1000.0).round(4), mode="lines", name=name,
                 line={"color": colour, "width": 1.6}, showlegend=first, legendgroup=name, row=row, col=1,
             )  # fmt: skip
-        made.update_yaxes(title_text=_RESTS[one.unit], rangemode="tozero", row=row, col=1)
-        made.update_xaxes(title_text="way left, m", autorange="reversed", row=row, col=1)
+        made.update_yaxes(title_text=_RESTS[one.unit], rangemode="tozero", fixedrange=True, row=row, col=1)
+        made.update_xaxes(title_text="way left, m", autorange="reversed", fixedrange=True, row=row, col=1)
     made.update_layout(
-        height=90 + 260 * len(shown), margin={"l": 60, "r": 15, "t": 30, "b": 45}, template="plotly_white",
-        legend={"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"}, **CLEAR,
+        height=90 + 260 * len(shown), margin={"l": 60, "r": 15, "t": 30, "b": 45}, dragmode=False,
+        legend={"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"}, **PLAIN,
     )  # fmt: skip
     made.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
     return Markup(made.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}))

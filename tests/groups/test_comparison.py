@@ -221,6 +221,7 @@ def test_groups_from_the_command_line(
     assert difference["value"] == pytest.approx(3.0, abs=0.3) and difference["named"] and difference["p_holm"] < 0.05
     page = (out / "groups.html").read_text()
     assert "Groups differ" in page and "figure-group-0" in page and "http" not in page.split("</script>")[-1]
+    assert '"dragmode":false' in page, "a finger that scrolls would zoom, and no key would undo it"
 
 
 def test_a_standing_robot_without_groups(

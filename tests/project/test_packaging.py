@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from importlib.metadata import entry_points
@@ -27,15 +28,22 @@ def project() -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def wheel_names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
-    """Files of a wheel built from a copy of the sources with the setuptools that is installed."""
-    folder = tmp_path_factory.mktemp("wheel")
-    source = folder / "source"
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what a wheel and a source distribution are built from."""
+    source = tmp_path_factory.mktemp("built") / "source"
     source.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE", *SCRIPTS):
-        shutil.copy(ROOT / name, source)
-    for top in SOURCES.values():
+    for path in ROOT.iterdir():
+        if path.is_file():
+            shutil.copy(path, source)
+    for top in (*SOURCES.values(), ROOT / "tests"):
         shutil.copytree(top, source / top.name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    return source
+
+
+@pytest.fixture(scope="module")
+def wheel_names(sources: Path) -> set[str]:
+    """Files of a wheel built with the setuptools that is installed."""
+    folder, source = sources.parent, sources
     subprocess.run(
         [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, source],
         check=True,
@@ -83,6 +91,17 @@ def test_scripts_are_subcommands_too(name: str) -> None:
 
 def test_wheel_holds_the_files_of_the_packages_and_nothing_else(wheel_names: set[str]) -> None:
     assert {name for name in wheel_names if ".dist-info/" not in name} == set(files_of_packages())
+
+
+def test_source_distribution_holds_the_packages_and_none_of_the_tests(sources: Path) -> None:
+    code = f"from setuptools import build_meta; build_meta.build_sdist({str(sources.parent)!r})"
+    subprocess.run([sys.executable, "-c", code], cwd=sources, check=True, capture_output=True)
+    (packed,) = sources.parent.glob("*.tar.gz")
+    with tarfile.open(packed) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {str(path.relative_to(ROOT)) for path in files_of_packages().values()} <= names
+    assert {"CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "constraints.txt"} <= names
+    assert not [name for name in names if name.startswith("tests")]
 
 
 def test_version_is_that_of_the_project(project: dict[str, Any]) -> None:

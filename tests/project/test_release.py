@@ -28,31 +28,57 @@ def git(folder: Path, *command: str) -> None:
 
 @pytest.fixture
 def tree(release: ModuleType, root: Path, tmp_path: Path) -> Path:
-    """A repository of the files that say the version."""
+    """A repository of the files that say the version, with a next one begun."""
     for name in release.PLACES:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         shutil.copy(root / name, tmp_path / name)
+    begin(tmp_path, "97.0.0")
     git(tmp_path, "init", "--quiet")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "--quiet", "--message", "all")
     return tmp_path
 
 
-def test_one_version_stands_everywhere(release: ModuleType, root: Path) -> None:
-    assert len({release.stands(root, name)[1] for name in release.PLACES}) == 1
+def begin(tree: Path, version: str) -> None:
+    path = tree / "CHANGELOG.md"
+    path.write_text(path.read_text("utf-8").replace("\n## ", f"\n## {version} (unreleased)\n\n## ", 1), "utf-8")
+
+
+def test_one_version_stands_everywhere_until_the_changelog_begins_the_next(release: ModuleType, root: Path) -> None:
+    said = {name: release.stands(root, name) for name in release.PLACES}
+    latest = said.pop("CHANGELOG.md")
+    (version,) = {one[1] for one in said.values()}
+    assert latest[1] == version or latest[2] == release.UNRELEASED
 
 
 def test_the_version_is_set_everywhere_and_dated(release: ModuleType, tree: Path) -> None:
     now = release.stands(tree, "pyproject.toml")[1]
-    later = f"{int(now.split('.')[0]) + 1}.0.0"
+    later = "98.0.0"
     release.check(tree, later)
     release.set_version(tree, later, DATE)
     assert {release.stands(tree, name)[1] for name in release.PLACES} == {later}
     assert release.stands(tree, "CHANGELOG.md")[2] == "2031-02-03"
     assert (tree / "CITATION.cff").read_text("utf-8").count("date-released: 2031-02-03\n") == 1
     git(tree, "commit", "--quiet", "--all", "--message", "release")
-    with pytest.raises(release.ReleaseError, match=f"says nothing since {later}"):
-        release.check(tree, later)
+    for released in (later, now):
+        with pytest.raises(release.ReleaseError, match=f"is not later than {later}, which is released"):
+            release.check(tree, released)
+
+
+def test_a_release_follows_another_as_the_refusal_says(release: ModuleType, tree: Path) -> None:
+    release.set_version(tree, "98.0.0", DATE)
+    git(tree, "commit", "--quiet", "--all", "--message", "release")
+    with pytest.raises(
+        release.ReleaseError, match=r"says nothing since 98.0.0; begin it with ## 99.0.0 \(unreleased\)"
+    ):
+        release.check(tree, "99.0.0")
+    begin(tree, "99.0.0")
+    git(tree, "commit", "--quiet", "--all", "--message", "next")
+    release.check(tree, "99.0.0")
+    release.set_version(tree, "99.0.0", DATE)
+    assert {release.stands(tree, name)[1] for name in release.PLACES} == {"99.0.0"}
+    assert "\n## 98.0.0 (2031-02-03)\n" in (tree / "CHANGELOG.md").read_text("utf-8")
+    assert (tree / "CITATION.cff").read_text("utf-8").count("date-released: ") == 1
 
 
 @pytest.mark.parametrize("version", ["", "1.2", "v1.2.3", "1.2.3rc1"])
@@ -62,8 +88,8 @@ def test_what_is_no_version_is_refused(version: str, release: ModuleType, tree: 
 
 
 def test_an_older_version_is_refused(release: ModuleType, tree: Path) -> None:
-    with pytest.raises(release.ReleaseError, match="is older than"):
-        release.check(tree, "0.0.1")
+    with pytest.raises(release.ReleaseError, match=r"is older than 97\.0\.0"):
+        release.check(tree, "96.0.0")
 
 
 def test_a_tree_with_changes_is_refused(release: ModuleType, tree: Path) -> None:

@@ -162,6 +162,7 @@ def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: py
     page = (tmp_path / "out" / "watch.html").read_text("utf-8")
     assert "run0.csv" in page and "run1.csv" in page and "plotly" in page and "http-equiv" not in page
     assert "<li>run1.csv: read with cells separated by semicolons</li>" in page
+    assert '"dragmode":false' in page, "a finger that scrolls would zoom, and no key would undo it"
     moments = pd.read_csv(tmp_path / "out" / "watch.csv")
     assert set(moments["run"]) == set(map(str, paths)) and (moments["low_j"] < moments["high_j"]).all()
 

@@ -42,7 +42,8 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
                 bad &= ~_of_starts(bad, channels, robot)
             if bad.any():
                 channels[name] = np.where(bad, np.nan, channels[name])
-                notes.append(f"{int(bad.sum())} spikes of {name}, each of one sample, are left out")
+                spikes = "1 spike" if bad.sum() == 1 else f"{int(bad.sum())} spikes"
+                notes.append(f"{spikes} of {name}, one sample long, left out")
     silent = _silent(channels, robot)
     if silent.any():
         for name in channels.keys() & set(_DRAWN):

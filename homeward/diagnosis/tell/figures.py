@@ -19,14 +19,14 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.tell.notation import CLEAR
+from homeward.diagnosis.tell.notation import PLAIN
 from homeward.logs.channels import Array, Index
 
 _MOST_RUNS = 12  # in the time plot
 _MOST_POINTS = 2000  # of a line
 _MOST_DOTS = 800  # windows drawn behind the means; chosen
 _SHOWN_S = 120.0  # of a long run at first
-_INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#9aa5b1", "#c92a2a", "#0b7285"
+_INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#7b8794", "#c92a2a", "#0b7285"
 _LINES: Mapping[str, Mapping[str, Any]] = {
     "recorded": {"color": _INK, "width": 1.2},
     "nominal": {"color": _NOMINAL, "width": 1.6},
@@ -72,7 +72,7 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[di
     figure.update_xaxes(title_text="time in the run, s", row=len(panels))
     measured = "power, W" if runs.unit == "W" else "current, A"
     figure.update_yaxes(title_text=measured, range=[choices[0]["low"], choices[0]["high"]], fixedrange=True)
-    return embedded(figure, "time", top=34), choices
+    return embedded(figure, "time", top=34, zooms=True), choices
 
 
 def _limits(values: NDArray[np.floating], beyond: float = 0.0, margin: float = 0.04) -> tuple[float, float]:
@@ -208,8 +208,8 @@ def _condition_figure(
     unit = f", {shown.channel.unit}" if shown.channel.unit else ""
     label = "time, runs end to end, s" if in_time else f"{shown.channel.label}{unit}".replace("^2", "²")
     figure.update_layout(showlegend=False)
-    figure.update_xaxes(title_text=label, fixedrange=True)
-    figure.update_yaxes(title_text=f"recorded minus simulated, {runs.unit}", range=limits, fixedrange=True)
+    figure.update_xaxes(title_text=label)
+    figure.update_yaxes(title_text=f"recorded minus simulated, {runs.unit}", range=limits)
     return embedded(figure, name)
 
 
@@ -235,12 +235,13 @@ def _means(values: Array, residual: Array, number: Index, block: Index) -> pd.Da
     return bins.sort_values("centre")
 
 
-def embedded(figure: go.Figure, name: str, top: int = 8) -> Markup:
-    """A figure as a part of a page that has plotly.js in it already."""
+def embedded(figure: go.Figure, name: str, top: int = 8, zooms: bool = False) -> Markup:
+    """A figure as a part of a page that has plotly.js in it already; one that `zooms` needs buttons for it, too."""
+    if not zooms:
+        figure.update_xaxes(fixedrange=True).update_yaxes(fixedrange=True)
     figure.update_layout(
-        template="plotly_white", margin={"l": 58, "r": 10, "t": top, "b": 46}, dragmode="zoom", **CLEAR,
-        font={"family": "system-ui, sans-serif", "size": 13, "color": _INK}, hovermode="x unified",
-        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"},
+        margin={"l": 58, "r": 10, "t": top, "b": 46}, dragmode="zoom" if zooms else False, hovermode="x unified",
+        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"}, **PLAIN,
     )  # fmt: skip
     figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
     text = figure.to_html(

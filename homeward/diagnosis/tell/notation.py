@@ -23,8 +23,15 @@ ARMS: Mapping[str, str] = {
 }
 """The arms of the comparison in the order in which they are shown, in words."""
 
-CLEAR = {"paper_bgcolor": "rgba(0, 0, 0, 0)", "plot_bgcolor": "rgba(0, 0, 0, 0)"}
-"""Layout of a figure with a transparent background, for light and dark pages."""
+_SIGNS = {"Gamma": "Γ", "theta": "θ", "eta3": "η₃", "^2": "²", "^3": "³", "degC": "°C", " - ": " − "}
+
+PLAIN = {
+    "template": "plotly_white",
+    "paper_bgcolor": "rgba(0, 0, 0, 0)",
+    "plot_bgcolor": "rgba(0, 0, 0, 0)",
+    "font": {"family": "system-ui, sans-serif", "size": 13, "color": "#1f2933"},
+}
+"""Layout of a figure in the font of its page, with a transparent background: pages are light or dark."""
 
 
 def templates(autoescape: bool = True, package: str = "homeward.diagnosis.tell") -> Environment:
@@ -96,7 +103,7 @@ def typeset(text: str) -> str:
     >>> typeset("c / Gamma, N s^2/m^2")
     'c / Γ, N s²/m²'
     """
-    for plain, sign in (("Gamma", "Γ"), ("theta", "θ"), ("^2", "²"), ("^3", "³"), ("degC", "°C"), (" - ", " − ")):
+    for plain, sign in _SIGNS.items():
         text = text.replace(plain, sign)
     return text
 

@@ -21,7 +21,6 @@
   document.getElementById("closer").onclick = () => zoom(0.5);
   document.getElementById("wider").onclick = () => zoom(2);
   document.getElementById("whole").onclick = () => view(0, Number(run().length));
-  // A finger on a plot scrolls the page; only a mouse draws the range to zoom into.
-  if (matchMedia("(pointer: coarse)").matches)
-    for (const plot of document.querySelectorAll(".plotly-graph-div")) Plotly.relayout(plot, {dragmode: false});
+  // A finger on the plot scrolls the page; only a mouse draws the range to zoom into.
+  if (matchMedia("(pointer: coarse)").matches) Plotly.relayout(time, {dragmode: false});
 })();
