@@ -97,8 +97,7 @@ REVISITED = 1.8
 """Distance driven over the extent of the way, from which place differs from time. Chosen: most of it there and back."""
 
 CLEARLY_BETTER = 0.6
-"""Ratio of held-out squared errors of trees and named effects, either way, below which one is clearly better: as
-EQUIVALENT."""
+"""Squared error on held-out runs, trees over named effects, below which trees are clearly better: as EQUIVALENT."""
 
 SMALLEST_GAIN_BESIDE = 0.01
 """Share of the refit's held-out squared error that a further effect must explain beside those that are named: a

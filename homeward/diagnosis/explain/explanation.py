@@ -162,8 +162,7 @@ class _Residual:
             return (naming if self._is_adequate(naming, by_motion) else naming.nothing_named()), location
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
         by_named = max(first.held_out_gain, self.by(naming))  # motion may be the cause of others that are named
-        better = 1.0 - by_named < rules.CLEARLY_BETTER * (1.0 - by_motion)
-        if (better or by_motion < rules.EQUIVALENT * by_named) and by_place < rules.BY_PLACE * by_named:
+        if by_motion < rules.EQUIVALENT * by_named and by_place < rules.BY_PLACE * by_named:
             return naming, location
         again = self.naming(varying=False)
         if self.by(again) >= rules.SIMPLER * first.held_out_gain:

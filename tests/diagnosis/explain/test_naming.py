@@ -366,7 +366,6 @@ def test_a_size_at_the_bound_of_what_is_physical_is_not_at_work(short_drive: Dri
         (20.0, "breakaway", "start_j", 60.0),
         (20.0, "turning", "scrub", 0.1),
         (30.0, "turning", "scrub", 0.1),
-        (25.0, "inertia", "mass_factor", 1.5),
     ],
 )
 def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
