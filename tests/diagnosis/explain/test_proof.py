@@ -111,6 +111,24 @@ def test_steps_stand_out_from_a_drift_and_levels_that_follow_the_drift_do_not(
     assert max(bic for effect, bic in of_steps if effect == "intermittent_load") > 10.0
 
 
+def test_hypotheses_of_one_load_with_one_schedule_explain_as_much_of_what_was_held_out(
+    drive: Drive, husky: Robot
+) -> None:
+    """Levels that several penalties find are searched in each fold too, whichever of them a hypothesis has."""
+    recordings = drive(husky, minutes=4.0, effects={"inertia": {"mass_factor": 1.5}})
+    runs = average(usable_runs(recordings, husky)[0])
+    on = runs.time_s > 100.0 + 50.0 * (runs.run == 0)
+    runs = dataclasses.replace(runs, observed=runs.observed + 25.0 * on)
+    refitted = refit(runs, husky)
+    bench = bench_of((refitted, runs), runs.observed - refitted.predicted, "time")
+    shares = {
+        one.effect: bench.share(index)
+        for index, one in enumerate(bench.candidates)
+        if one.schedule is not None and one.schedule.levels == 2 and np.mean((one.schedule.level > 0) == on) > 0.98
+    }
+    assert shares["standby"] == pytest.approx(shares["sensor_offset"], abs=0.02)
+
+
 def test_a_base_that_holds_a_hypothesis_leaves_nothing_for_it(fit: tuple[Refit, Runs]) -> None:
     bench = bench_of(fit, slow_noise(fit, 1), "steady")
     turning = next(index for index, one in enumerate(bench.candidates) if one.effect == "turning")
