@@ -306,9 +306,11 @@ class _Losses:
         return float(minimize_scalar(error, bounds=(0.0, most), method="bounded").x)
 
     def _left_beside_capacity(self, fallen: Array) -> Array:
-        """Residual of the charge with a loss, its capacity fitted."""
+        """Residual of the charge with a loss, its capacity fitted: at most that of the file, as a larger one together
+        with a larger loss fits a loss of any form."""
         design = self.drawn + fallen
-        return np.asarray(self.channel.target - design @ _fit(design, self.channel.target))
+        rate = np.maximum(_fit(design, self.channel.target), 1.0)
+        return np.asarray(self.channel.target - design @ rate)
 
     def _left_beside_file(self, fallen: Array) -> Array:
         """The same with the file's capacity."""

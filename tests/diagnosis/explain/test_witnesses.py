@@ -288,3 +288,13 @@ def test_a_meter_that_reads_more_from_some_run_on_is_no_battery_that_loses_less(
         for at, run in enumerate(with_charge(drive(husky, runs=4), husky, [0.0] * 4))
     ]
     assert [one.effect for one in diagnose(runs, husky).missing_physics] == ["sensor_gain"]
+
+
+@pytest.mark.parametrize("excess", [0.15, 0.25, 0.4])
+def test_a_loss_of_another_form_is_no_larger_than_the_charge_shows(excess: float, drive: Drive, small: Robot) -> None:
+    """Only high power loses; a capacity beyond the file's with a loss of nearly all energy would fit that as well."""
+    runs = drawn_faster(drive(small), small, excess, reference_w=100.0)
+    (found,) = shown(runs, small)[1]
+    power_w = np.concatenate([run.channels["power_w"] for run in runs])
+    true = np.mean(power_w * np.maximum(power_w / 100.0, 1.0) ** excess) / np.mean(power_w) - 1.0
+    assert np.mean(found.contribution) / np.mean(power_w) == pytest.approx(true, abs=0.02)
