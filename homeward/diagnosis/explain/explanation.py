@@ -12,7 +12,7 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.explain.motion import explained, motion_gain, place_gain, trees_beat
+from homeward.diagnosis.explain.motion import explained, largest_by_motion, motion_gain, place_gain, trees_beat
 from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate, where_at_work
@@ -157,24 +157,31 @@ class _Residual:
         by_its_channel = self.most.found and self.most.channel.name in first.term.hypothesis.channels
         if unexplained(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.HALF:
             return naming.nothing_named(), where
-        by_motion = self.by_motion()
         if first.term.axis != "time":
-            return (naming if self._is_adequate(naming, by_motion) else naming.nothing_named()), location
+            return (naming if self._is_adequate(naming) else naming.nothing_named()), location
         by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
         by_named = max(first.held_out_gain, self.by(naming))  # motion may be the cause of others that are named
-        if by_motion < rules.EQUIVALENT * by_named and by_place < rules.BY_PLACE * by_named:
+        by_motion = largest_by_motion(self.fit, self.runs, self.block, self.seed)
+        if by_motion < by_named and by_place < rules.BY_PLACE * by_named:
             return naming, location
         again = self.naming(varying=False)
         if self.by(again) >= rules.SIMPLER * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where
 
-    def _is_adequate(self, naming: Naming, by_motion: float) -> bool:
-        """Whether the named effects, or the first alone, explain most of what motion and its history do."""
-        share = self.by(naming)
+    def _is_adequate(self, naming: Naming) -> bool:
+        """Whether the named effects, or the first alone, explain most of what motion and its history do, and motion
+        does not explain most of the rest on other runs."""
+        if naming.corrected is None:
+            return True
+        share, by_motion = self.by(naming), self.by_motion()
+        if share <= 1.0 - rules.SMALLEST_GAIN_TO_NAME:
+            rest = motion_gain(naming.corrected, self.runs, self.by_run, self.seed)
+            if rest >= rules.OF_MOTION:
+                return False
         if naming.named[0].held_out_gain >= rules.SIMPLER * by_motion or share >= rules.EQUIVALENT * by_motion:
             return True
-        if naming.corrected is None or share < rules.HALF * by_motion:
+        if share < rules.HALF * by_motion:
             return False
         return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.CLEARLY_BETTER)
 

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import lfilter
 
+from homeward.diagnosis import rules
 from homeward.diagnosis.fit.fitted import Fitted
-from homeward.diagnosis.fit.folds import FEWEST_RUNS
+from homeward.diagnosis.fit.folds import FEWEST_RUNS, cut_folds
 from homeward.diagnosis.fit.held_out import black_box, held_out
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index, Mask
@@ -37,6 +38,17 @@ def motion_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
     """Share of a model's squared error, held out by fold, that trees on the motion and its history explain."""
     after = _by_trees(fit, runs, fold, seed, MOTION, _history(fit, runs))
     return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
+
+
+def largest_by_motion(fit: Fitted, runs: Runs, block: Index, seed: int) -> float:
+    """Held-out gain of a schedule up to which motion accounts for it, so that no unrecorded cause is needed.
+
+    Motion that causes a load does so in every run: where there are enough runs, whole ones are held out, and motion
+    that explains half as much is the cause. Within a run, the history of the motion also encodes time: in fewer runs
+    stretches are held out, cut from each `block`, (windows,), and motion must explain nearly as much.
+    """
+    fold, by = cut_folds(runs, block)
+    return motion_gain(fit, runs, fold, seed) / (rules.OF_MOTION if by == "run" else rules.EQUIVALENT)
 
 
 def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:

@@ -6,7 +6,7 @@ zero, lower the Bayesian information criterion, and score higher than placebos s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import combinations
@@ -15,9 +15,10 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import terms
+from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
-from homeward.diagnosis.explain.motion import motion_gain
+from homeward.diagnosis.explain.motion import largest_by_motion
 from homeward.diagnosis.explain.proof import FOLDS, Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.explain.witnesses import not_contradicted
@@ -100,7 +101,7 @@ def name_missing(
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, seed):
-            if corrected is not None and not all(_beside(one, by_motion) for one in found):
+            if corrected is not None and not all(_beside(one, named, by_motion) for one in found):
                 continue
             found, fitted = _fitted(material, (*named, *found), runs, block)
             found = found[len(named) :]
@@ -110,18 +111,20 @@ def name_missing(
             break  # no candidate passes with a significant size in the joint replay
         named += found
         corrected = fitted
-        by_motion = cache(partial(motion_gain, fitted, runs, fold, seed))
+        by_motion = cache(partial(largest_by_motion, fitted, runs, block, seed))
         setting = corrected.model.setting(runs, corrected.theta, corrected.values)
         setting = replace(setting, residual=runs.observed - corrected.predicted)
     return Naming(tuple(named), corrected, ranking, absorbed)
 
 
-def _beside(one: Named, by_motion: Callable[[], float]) -> bool:
+def _beside(one: Named, named: Sequence[Named], by_motion: Callable[[], float]) -> bool:
     """Whether a further effect is more than a misfit in the form of the named ones: a schedule also fits such a misfit,
-    unless it changes in steps and motion does not explain as much."""
-    if one.term.axis == "time" and not (one.term.typical and one.sudden):
-        return False
-    return one.term.axis == "steady" or by_motion() < rules.EQUIVALENT * one.held_out_gain
+    unless it changes in steps, beside another schedule clear ones, and motion does not account for it."""
+    if one.term.axis == "time":
+        clear = clearly_apart(one.term.schedule) or all(other.term.axis != "time" for other in named)
+        if not (one.term.typical and one.sudden and clear):
+            return False
+    return one.term.axis == "steady" or by_motion() < one.held_out_gain
 
 
 def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> tuple[tuple[Named, ...], Corrected]:
@@ -233,8 +236,8 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
     of_refit = explained / max(bench.refit_error, 1e-300)
-    in_time = bench.candidates[chosen].axis == "time"
-    least_of_refit = rules.SMALLEST_GAIN if in_time else rules.SMALLEST_GAIN_BESIDE
+    loose = bench.candidates[chosen].axis == "time" and not clearly_apart(bench.candidates[chosen].schedule)
+    least_of_refit = rules.SMALLEST_GAIN if loose else rules.SMALLEST_GAIN_BESIDE
     if delta_bic < rules.STRONG_BIC or share < least or of_refit < least_of_refit:
         return None
     if explained < meter_error(bench.runs):

@@ -1,0 +1,39 @@
+"""Motion accounts for a load that it switches, and not for one that a clock switches."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+
+from homeward import Robot
+from homeward.diagnosis import Recording
+from homeward.diagnosis.explain.motion import largest_by_motion
+from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.refit import refit
+from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.usable import usable_runs
+
+On = Callable[[int, Mapping[str, np.ndarray]], np.ndarray]
+
+
+@pytest.mark.parametrize(
+    ("on", "by_motion"),
+    [
+        (lambda run, of: np.full(len(of["time_s"]), run >= 2), False),
+        (lambda run, of: (run == 1) & (of["time_s"] > 60.0) | (run > 1), False),
+        (lambda run, of: of["speed_mps"] > 0.5, True),
+    ],
+    ids=["from a run on", "from a moment on", "at speed"],
+)
+def test_motion_accounts_for_a_load_that_it_switches(
+    on: On, by_motion: bool, short_drive: Callable[..., list[Recording]], husky: Robot
+) -> None:
+    """Boosted trees know the minute of a run by the history of its motion, and nothing of another run's."""
+    recordings = []
+    for number, run in enumerate(short_drive(husky)):
+        power_w = run.channels["power_w"] + 40.0 * on(number, run.channels)
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
+    runs = average(usable_runs(recordings, husky)[0])
+    gained = largest_by_motion(refit(runs, husky), runs, cut_blocks(runs.run), seed=0)
+    assert gained > 1.0 if by_motion else gained < 0.5
