@@ -1,4 +1,4 @@
-"""README.md as a package index shows it: its relative links lead to files of this version at `Source` of `[project.urls]`.
+"""README.md as a package index shows it: its links lead to files of this version at `[project.urls]`'s `Source`.
 
 All else stands in pyproject.toml. While that names no `Source`, links stay relative, and `make release` says so.
 """
