@@ -33,7 +33,6 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 
 _REACH_S = 3.0  # at top speed, along which position is compared: long against its noise
 _UNCLEAR = 0.05  # share of noise in the variance of slopes, up to which slopes met again are recognised
-_CREEPS = 0.02  # of the top speed
 ODOMETER_PARTS = 10
 """Parts of the way that must agree on the sign of an odometer's error: by chance all do with probability 2^-9."""
 
@@ -101,7 +100,9 @@ def signals(
     scale = _odometer_scale(kept, speed, time_s)
     recorded = speed / (1.0 + scale)
     speed = _without_noise("speed_mps", recorded, time_s, error)
-    speed = _at_rest(recorded, speed, max(_CREEPS * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0)))
+    speed = _at_rest(
+        recorded, speed, max(rules.STANDSTILL_SHARE * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0))
+    )
     filled = [name for name in _FILLED if name in kept and np.isnan(kept[name]).any()]
     kept |= {name: _interpolated(kept[name], time_s) for name in filled}
     nothing = np.zeros(len(time_s))
