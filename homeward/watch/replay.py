@@ -20,7 +20,7 @@ from homeward.estimation import WAY_DTYPE, Prior
 from homeward.estimation.drive import modelled_driving
 from homeward.logs.recordings import Recording
 from homeward.physics import Robot, d_max, optimal_speed, replay
-from homeward.physics.metered import at_terminals
+from homeward.physics.terminal_power import at_terminals
 from homeward.watch.charge import watch_charge
 from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 

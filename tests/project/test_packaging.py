@@ -120,7 +120,7 @@ def test_links_of_the_readme_are_absolute_where_the_project_has_an_address(
     said = email.message_from_string((folder / "METADATA").read_text("utf-8"))
     assert said["Description-Content-Type"] == "text/markdown"
     links, own = (
-        re.findall(r"\]\((.*?)\)", text) for text in (said.get_payload(), (ROOT / "README.md").read_text("utf-8"))
+        re.findall(r"\]\((.*?)\)", text) for text in (str(said.get_payload()), (ROOT / "README.md").read_text("utf-8"))
     )
     if address is None:
         assert links == own

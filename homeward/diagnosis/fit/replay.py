@@ -12,7 +12,7 @@ from homeward.logs.channels import STANDSTILL_MPS, Array, Index
 from homeward.logs.times import median_step_s
 from homeward.physics import Robot, replay
 from homeward.physics.effects import payload
-from homeward.physics.metered import at_terminals
+from homeward.physics.terminal_power import at_terminals
 
 _MOST_WINDOWS = 100_000  # beyond it the windows get longer
 _MOST_LOADS = 5  # payload levels at which a run is replayed

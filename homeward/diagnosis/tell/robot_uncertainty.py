@@ -34,8 +34,8 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     The unexplained part is the residual of the file on windows that it was not fitted to. With one run, the spread
     between runs is unknown and left out.
     """
-    evidence, handed = analysis.evidence, analysis.diagnosis.file
-    if evidence is None or handed is None:
+    evidence, file = analysis.evidence, analysis.diagnosis.file
+    if evidence is None or file is None:
         return None
     runs = evidence.runs
     predicted = evidence.predictions.get("file", evidence.predictions.get("nominal"))
@@ -49,9 +49,9 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     if runs.unit == "A":  # of the wheels, which also draw charge on the spot
         mean_mps = float(np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals])))
     correlated_m = 0.5 * rest_windows * float(np.median(runs.duration_s)) * mean_mps
-    fitted, covariance = _fitted(evidence, handed.holds)
+    fitted, covariance = _fitted(evidence, file.holds)
     fitted_to: FittedTo = "others" if evidence.held_out_by == "run" else "all"
-    if handed.holds == "nominal":
+    if file.holds == "nominal":
         fitted_to = "nothing"
     at_rest = [one.fitted or one.assumed or 0.0 for one in evidence.estimates if one.group.name == "rest_current"]
     count = len(runs.signals)
