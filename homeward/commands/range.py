@@ -30,9 +30,10 @@ from homeward.files import write_whole
 from homeward.physics import d_max, model, optimal_speed, replay
 
 _CYCLES = 100
-"""Drives and stops of the mission that a robot with effects is followed through."""
+"""Drives and stops of the mission that a robot with effects is followed through. Chosen: one then takes 1 % of the
+battery."""
 _PLACES = 160.0
-"""Places of a route on a d_max, over which slopes are averaged."""
+"""Places of a route on a d_max, over which slopes are averaged. Chosen: hills of 1 % of a charge are resolved."""
 
 
 @dataclass(frozen=True)

@@ -34,16 +34,18 @@ from homeward.physics import Robot, d_max, load_robot, optimal_speed
 _WINDOWS = 200.0
 """Readings that the estimator takes in while the battery lasts at cruise, as decisions of the environments."""
 _LONGEST_PLACES, _PLACES = 160.0, 128
-"""Places of a d_max, and how many are kept: the way home of a robot that is to come home is shorter than 0.8 d_max."""
+"""Places of a d_max, and how many are kept: the way home of a robot that is to come home is shorter than 0.8 d_max.
+Chosen: a place is then 0.6 % of d_max."""
 _CRUMBS = 8.0
-"""Crumbs of the trail per place."""
+"""Crumbs of the trail per place. Chosen: a bend is cut by an eighth of a place at most."""
 _DETOUR = 1.3
 """Way by ground over the straight line, where a home that moved lies off the trail. Roads have 1.2 to 1.5 (Ballou and
 others, Transportation Research A 36, 2002)."""
 _DEAD_RECKONING_ERROR = 0.1
 """Standard deviation of a way that was reckoned from speed and heading, as a share."""
 _MOST_CUTOFF = 1.2
-"""Cut-off voltage over the nominal one beyond which no battery has it."""
+"""Cut-off voltage over the nominal one beyond which no battery has it. Chosen: a cell's charged voltage is at most
+1.17 times the nominal one (4.2 V over 3.6 V)."""
 _UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
 """State of charge by which a gauge must differ from what was drawn, and windows in a row for which, to be another
 battery, or stuck: monitors that go by voltage are off by some per cent."""

@@ -35,9 +35,9 @@ way, it turns 60 missions of benchmarks/on_the_robot/companion.py home at 82 % o
 _NO_SLOPE_SD = 0.04
 """Standard deviation of a slope's sine where none is read: that of generated routes."""
 _PACE = 0.2
-"""Weight that the last window has in the present pace."""
+"""Weight that the last window has in the present pace. Chosen: some five windows count."""
 _MOST_STATE = 10_000_000
-"""Bytes of a state that are unpacked at most."""
+"""Bytes of a state that are unpacked at most. Chosen: bounds the memory that a damaged text may take."""
 _ONE = np.ones(1, np.bool_)
 
 

@@ -10,13 +10,12 @@ from markupsafe import Markup
 from plotly.subplots import make_subplots
 
 from homeward import quantities
+from homeward.diagnosis.tell.figures import MOST_RUNS
 from homeward.diagnosis.tell.notation import PLAIN, labels, page, templates
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.predictions import Watched
 
-_MOST_RUNS = 12
-"""Runs that are drawn; all count in the table."""
 _RESTS = {"J": "energy of the rest, kJ", "A s": "charge of the rest, kA s"}
 _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 
@@ -42,7 +41,7 @@ def watch_html(
     rows = rows_of(runs)
     return page(
         environment, "watch.html", runs=runs, names=names, rows=rows, robot=robot.name, dropped=list(dropped),
-        notes=list(notes), verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), _MOST_RUNS),
+        notes=list(notes), verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), MOST_RUNS),
         plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs),
     )  # fmt: skip
 
@@ -60,7 +59,7 @@ def verdict(whole: Row) -> str:
 
 def figure(runs: Sequence[Watched]) -> Markup:
     """Energy of the rest over what is left of the way, predicted with its interval and as it came; a panel a run."""
-    shown = list(runs[:_MOST_RUNS])
+    shown = list(runs[:MOST_RUNS])
     made = make_subplots(
         len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12),
         subplot_titles=[str(number) for number in range(1, len(shown) + 1)] if len(shown) > 1 else None,

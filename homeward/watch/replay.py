@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 _STRETCHES = 48
 """Pieces of a recording's way, of equal length, over which ground, wind and speed are taken to be alike."""
 _MOST_FED = 20_000
-"""Samples that are fed; of longer recordings, means of neighbours."""
+"""Samples that are fed; of longer recordings, means of neighbours. Chosen: an update takes 0.3 ms
+(benchmarks/on_the_robot/update.py), so that these take six seconds."""
 
 
 class Rest:

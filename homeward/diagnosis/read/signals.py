@@ -32,11 +32,13 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 """
 
 _REACH_S = 3.0  # at top speed, along which position is compared: long against its noise
-_UNCLEAR = 0.05  # share of noise in the variance of slopes, up to which slopes met again are recognised
+_UNCLEAR = 0.05
+"""Share of noise in the variance of slopes, up to which slopes met again are recognised. Chosen: a reliability of
+0.95."""
 ODOMETER_PARTS = 10
 """Parts of the way that must agree on the sign of an odometer's error: by chance all do with probability 2^-9."""
 
-_FEWEST_TO_SMOOTH = 50  # samples
+_FEWEST_TO_SMOOTH = 50  # samples; chosen: a variance is then known within 20 %, sqrt(2 / n)
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
 _CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
 

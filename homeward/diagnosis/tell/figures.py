@@ -22,10 +22,10 @@ from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.tell.notation import PLAIN
 from homeward.logs.channels import Array, Index
 
-_MOST_RUNS = 12  # in the time plot
-_MOST_POINTS = 2000  # of a line
+MOST_RUNS = 12  # of which a page has plots; chosen
+_MOST_POINTS = 2000  # of a line; chosen: more than pixels
 _MOST_DOTS = 800  # windows drawn behind the means; chosen
-_SHOWN_S = 120.0  # of a long run at first
+_SHOWN_S = 120.0  # of a long run at first; chosen: starts and stops can be told apart
 _INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#7b8794", "#c92a2a", "#0b7285"
 _LINES: Mapping[str, Mapping[str, Any]] = {
     "recorded": {"color": _INK, "width": 1.2},
@@ -46,7 +46,7 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[di
     """
     runs, predictions = evidence.runs, evidence.predictions
     squared = (runs.observed - evidence.predictions["refit"]) ** 2
-    order = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:_MOST_RUNS].tolist()
+    order = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:MOST_RUNS].tolist()
     panels = ["before: robot file and refit", "after: corrected"] if "corrected" in predictions else [""]
     figure = make_subplots(
         len(panels), 1, shared_xaxes=True, shared_yaxes="all", vertical_spacing=0.07, subplot_titles=panels

@@ -24,7 +24,8 @@ FittedTo = Literal["nothing", "others", "all"]
 
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
 _COVERED = 0.95  # below the upper end of a 90 % interval
-_STAYS = 0.5  # share of the samples with the charge of the one before, above which it is shown in steps
+_STAYS = 0.5
+"""Share of the samples with the charge of the one before, above which it is shown in steps. Chosen: a majority."""
 _FEWEST_STANDING = 50  # samples to estimate the noise of power
 
 

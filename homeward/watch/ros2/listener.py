@@ -47,7 +47,7 @@ _LEAST_SIGNS = 50
 _SILENT, _LEAST_SILENT_S = 5.0, 2.0
 """Usual times between messages, and the least time, after which a topic is said to be silent."""
 _SAID_S = 60.0
-"""Time for which something is said."""
+"""Time for which something is said. Chosen: long enough to be read."""
 _ELECTRIC = {name for names in POWER for name in names}
 _LAST = {"heading", "heading_rad", "soc"}
 """Of what the last value is taken, and not the mean: directions have none."""

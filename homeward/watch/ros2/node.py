@@ -15,11 +15,13 @@ from homeward.watch.ros2.listener import Listener
 from homeward.watch.ros2.network import Network
 
 PERIOD_S = 0.1
-"""Time over which messages are taken together."""
+"""Time over which messages are taken together. Chosen: ten updates a second, of 0.3 ms each
+(benchmarks/on_the_robot/update.py), take 0.3 % of a core."""
 _PUBLISH_S = 1.0
 """Time after which an advice is published again; one that changes in what matters is at once."""
 _SILENT_S = 2.0
-"""Time without motion after which the companion gets an update without readings."""
+"""Time without motion after which the companion gets an update without readings. Chosen: as topics are said to be
+silent."""
 
 
 class Node:
