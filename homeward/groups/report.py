@@ -97,4 +97,5 @@ def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
         error_y={"type": "data", "array": half}, marker={"color": "#0b7285", "size": 9},
     )  # fmt: skip
     figure.update_xaxes(title_text="group, in the order of the table", dtick=1)
-    return embedded(figure, name)
+    means = "; ".join(f"{one.group} {number(one.value, 4)} {one.unit}, 95 % {interval(one.ci95, 4)}" for one in levels)
+    return embedded(figure, name, f"{quantity}, means: {means}. The tables below have them and each run.")
