@@ -223,8 +223,8 @@ def _condition_figure(
     figure.update_xaxes(title_text=label)
     figure.update_yaxes(title_text=f"recorded minus simulated, {runs.unit}", range=limits)
     means, centres = bins["mean"].to_numpy(), bins["centre"].to_numpy()
-    ends = " to ".join(f"{number(means[i])} at {number(centres[i])}" for i in (means.argmin(), means.argmax()))
-    says = f"recorded minus simulated, {runs.unit}, against {label}: means from {ends}. The table below has all means."
+    both = " to ".join(f"{number(means[i])} at {number(centres[i])}" for i in (means.argmin(), means.argmax()))
+    says = f"recorded minus simulated, {runs.unit}, against {label}: means from {both}. The table below has all means."
     return embedded(figure, name, says)
 
 
