@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -91,8 +92,18 @@ def release(root: Path, version: str) -> None:
     print(
         f"dist/ and site/ hold homeward {version}. Now:\n"
         f"  git commit --all --message 'Release {version}' && git tag --message 'homeward {version}' v{version}\n"
-        "  git push --follow-tags\n"
-        "  .venv/bin/python -m twine upload dist/*"
+        f"  git push --follow-tags\n"
+        f"  {upload(root)}"
+    )
+
+
+def upload(root: Path) -> str:
+    """The last step; without an address, links of README.md would lead nowhere on a package index."""
+    project = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["project"]
+    if "Source" in project.get("urls", {}):
+        return ".venv/bin/python -m twine upload dist/*"
+    return (
+        "upload nothing: links of README.md are relative until [project.urls] in pyproject.toml says Source = ADDRESS"
     )
 
 

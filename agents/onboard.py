@@ -37,7 +37,8 @@ Action = tuple[float, float, str]
 
 _MOST_BYTES = 100_000_000  # of an unpacked state; chosen: bounds the memory that a damaged text may take
 _SOON = 1e-6
-"""Share of a decision by which a reading may come too early to end it: times are rounded."""
+"""Share of a decision by which a reading may come too early to end it: times are rounded. Chosen: above the rounding
+of seconds since 1970 in double precision for decisions of a second and more."""
 
 
 class Onboard:

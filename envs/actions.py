@@ -19,7 +19,8 @@ from homeward.envs.state import RETURN, STOP
 from homeward.physics.jit import inline
 
 LEVELS = 5
-"""Levels of speed and of sensing rate that a discrete action chooses from."""
+"""Levels of speed and of sensing rate that a discrete action chooses from. Chosen: steps of a quarter, and a table of
+75 actions."""
 MODES = ("stop", "go", "return")
 
 

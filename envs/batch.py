@@ -21,7 +21,7 @@ from homeward.physics.jit import announce_first_compilation
 from homeward.physics.kernel import CAUSES
 from homeward.physics.robot import ROBOT_DTYPE
 
-_CACHE_LINE = 64  # bytes
+_CACHE_LINE = 64  # bytes; of x86-64 and most ARM cores
 _NO_CHOICES, _NO_LEVELS = np.empty((0, 3), np.int64), np.empty((0, 3), np.float32)
 
 

@@ -17,7 +17,8 @@ from homeward.physics.jit import inline
 
 GAINS = (10.0, 40.0, 100.0)
 """Gains at which margins are shown once more, cut at -1 and 1: a hundredth of the battery decides about the turn, and
-on the scale of the whole battery a network hardly sees it."""
+on the scale of the whole battery a network hardly sees it. Chosen: full scale is a tenth, a fortieth and a hundredth
+of the battery."""
 _DRAWN = 0.05
 """Share of the battery, both used and modelled, with which the consumption is drawn to that of the model."""
 _STRETCHES = tuple(

@@ -32,7 +32,7 @@ taken to have driven evenly, as fast as its positions say."""
 _STANDING_MPS = 1e-6  # chosen: above 0, as the kernel divides by speed, and no way in a decision
 _BORDER = 1e-6
 """Share of a place within which a robot is taken to be on its border."""
-_PLENTY = 1e3  # full batteries: what the robot has left is read, not worked out
+_PLENTY = 1e3  # full batteries: what the robot has left is read, not worked out; chosen: any number far above 1
 
 
 class Read(NamedTuple):

@@ -27,7 +27,7 @@ from homeward.envs.state import (
     SURVEY,
 )
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, optimal_speed
-from homeward.physics.allowed import Bounds
+from homeward.physics.intervals import Bounds
 from homeward.physics.uncertainty import MOST_ERROR
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}

@@ -12,7 +12,7 @@ STOP, GO, RETURN = range(3)
 
 AHEAD = ((1, 2), (2, 3), (3, 5), (5, 9), (9, 17), (17, 33), (33, 65))
 """Stretches of the way ahead whose mean grade and interest are observed: first and after-last place from here. The
-farther, the coarser; together they hold the longest route."""
+farther, the coarser; together they hold the longest route. Chosen: each as long as all before it."""
 IN_SIGHT = 2
 """Stretches that are seen; beyond, there is a forecast, unless the route is known."""
 

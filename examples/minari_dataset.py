@@ -1,7 +1,8 @@
 """Missions of a rule as a Minari data set, and a network that learns the rule from it.
 
-`pip install 'homeward[examples,train]'`, then `python examples/minari_dataset.py --episodes 200`. The data set lies in
-Minari's folder (`MINARI_DATASETS_PATH`) and opens with `minari.load_dataset("homeward/survey-v0")`.
+`pip install -e '.[examples,train]' -c constraints.txt`, then
+`python examples/minari_dataset.py --episodes 200`. The data set lies in Minari's folder (`MINARI_DATASETS_PATH`)
+and opens with `minari.load_dataset("homeward/survey-v0")`.
 """
 
 from __future__ import annotations

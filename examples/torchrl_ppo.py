@@ -1,6 +1,6 @@
 """PPO from TorchRL's parts on an environment of homeward with continuous actions.
 
-`pip install 'homeward[examples,train]'`, then `python examples/torchrl_ppo.py --steps 200000`.
+`pip install -e '.[examples,train]' -c constraints.txt`, then `python examples/torchrl_ppo.py --steps 200000`.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ INTERRUPTED = 130
 
 _ANY_WIDTH = 10_000  # columns; chosen: wider than any table
 _LONGEST = 2000
-"""Characters of a message; what quotes a file may quote much of it."""
+"""Characters of a message; what quotes a file may quote much of it. Chosen: a screen of a terminal (80 by 25)."""
 
 
 class Terminal(Console):

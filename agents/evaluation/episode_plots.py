@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from homeward.agents.evaluation.episodes import TRACED, Run
+from homeward.agents.evaluation.episodes import TRACE_COLUMNS, Run
 from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of
 from homeward.agents.evaluation.summary import Evaluation
 from homeward.envs.options import known_of
@@ -26,7 +26,7 @@ def episode_png(evaluation: Evaluation) -> bytes:
     for column, name in enumerate(names):
         run, axes = evaluation.runs[name][0], grid[:, column]
         decisions = int(run.episodes.decisions[episode])
-        trace = dict(zip(TRACED, run.traces[: decisions + 1, episode].T, strict=True))
+        trace = dict(zip(TRACE_COLUMNS, run.traces[: decisions + 1, episode].T, strict=True))
         hours, colour = trace["time_s"] / 3600.0, colour_of(column)
         axes[0].plot(hours, 100.0 * trace["energy_share"], color=colour)
         axes[1].plot(hours, trace["position_m"], color=colour)
@@ -72,7 +72,7 @@ def route_png(evaluation: Evaluation) -> bytes:
     for column, name in enumerate(names):
         run, axes = evaluation.runs[name][0], grid[:, column]
         decisions = int(run.episodes.decisions[episode])
-        trace = dict(zip(TRACED, run.traces[: decisions + 1, episode].T.astype(np.float64), strict=True))
+        trace = dict(zip(TRACE_COLUMNS, run.traces[: decisions + 1, episode].T.astype(np.float64), strict=True))
         position_m, stands = trace["position_m"], trace["speed_mps"] == 0.0
         furthest_m = max(furthest_m, float(position_m.max()))
         turn = int(np.argmax(position_m))

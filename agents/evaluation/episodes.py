@@ -14,7 +14,8 @@ from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
 SIDE_BY_SIDE = 512
-"""Missions that run at once."""
+"""Missions that run at once. Chosen: work for four threads (`_MISSIONS_A_THREAD` in `homeward.envs.threads`), in
+records of less than 1 MB."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Episodes:
     decisions: NDArray[np.int64]
 
 
-TRACED = ("time_s", "energy_share", "position_m", "speed_mps", "sensing_hz")
+TRACE_COLUMNS = ("time_s", "energy_share", "position_m", "speed_mps", "sensing_hz")
 """Columns of a trace: time, true state of charge, distance from home, speed and sensing rate of the last decision."""
 
 
@@ -50,8 +51,8 @@ TRACED = ("time_s", "energy_share", "position_m", "speed_mps", "sensing_hz")
 class Run:
     """An agent's episodes, the median time of a decision in microseconds, and how the first missions went.
 
-    `traces` has shape (decisions + 1, missions, TRACED): the start of the first missions and the end of every decision;
-    a mission that is over stays as it is. `interest` is that of their routes, shape (missions, places).
+    `traces` has shape (decisions + 1, missions, TRACE_COLUMNS): the start of the first missions and the end of every
+    decision; a mission that is over stays as it is. `interest` is that of their routes, shape (missions, places).
     """
 
     episodes: Episodes
@@ -70,7 +71,9 @@ class Run:
 
     def without_traces(self) -> Run:
         """The same run without what shows how its missions went."""
-        return replace(self, traces=np.empty((0, 0, len(TRACED)), np.float32), interest=np.empty((0, 0), np.float32))
+        return replace(
+            self, traces=np.empty((0, 0, len(TRACE_COLUMNS)), np.float32), interest=np.empty((0, 0), np.float32)
+        )
 
 
 def episode_seeds(seed: int, count: int) -> list[int]:

@@ -33,9 +33,9 @@ from homeward.envs.options import Options
 SCHEMA = 1
 """Of the format of evaluation.json."""
 _FEWER = 1999
-"""Resamples of what takes longer than means."""
+"""Resamples of what takes longer than means. Chosen: the ends of a 95 % interval are then ranks 50 and 1950."""
 _THRESHOLDS = 101
-"""Scores at which performance profiles are taken."""
+"""Scores at which performance profiles are taken. Chosen: a line in steps of 1 %."""
 
 
 @dataclass(frozen=True)

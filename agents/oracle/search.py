@@ -18,7 +18,7 @@ from homeward.envs.state import GO, STOP, SURVEY
 _FINE = 4.0
 """Points, and cells of energy and backlog, per least move and per most of a decision."""
 _MOST_STEPS = 400.0
-"""Points that a decision may pass."""
+"""Points that a decision may pass. Chosen: bounds the time of a search."""
 _MOST_CELLS = 40.0
 """Cells of distance that a decision may pass."""
 _NODES = 1 << 20

@@ -16,9 +16,10 @@ from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_lap import LapRule
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.turn_back import STEEPEST_SINE, BelievingRule, sees_posts
+from homeward.agents.rules.turn_back import BelievingRule, sees_posts
 from homeward.envs.actions import LEVELS, at_level, encode_actions, limits
 from homeward.envs.options import Known
+from homeward.envs.routes.files import STEEPEST_SINE
 from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
 from homeward.envs.sensing import information
 from homeward.envs.state import AHEAD, GO, PATROL, RETURN, STOP, SURVEY

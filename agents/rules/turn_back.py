@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.rules.pace import Pace
 from homeward.envs.options import Known
+from homeward.envs.routes.files import STEEPEST_SINE
 from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
-
-STEEPEST_SINE = 0.7
-"""Sine of the steepest slope in tables, that of 44 degrees: slopes of routes are cut at 30."""
 
 
 class Outlook(NamedTuple):

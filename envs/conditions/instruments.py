@@ -11,7 +11,7 @@ import numpy as np
 
 from homeward.envs.conditions.draws import GRADE, POWER, SOC, SPEED, normal
 from homeward.files import read_toml
-from homeward.physics.allowed import Bounds
+from homeward.physics.intervals import Bounds
 from homeward.physics.jit import inline
 from homeward.physics.uncertainty import MOST_ERROR, MOST_LAG_S
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, LIMITS, OF_THE_DAY, Route, RouteError
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, LIMITS, MOST_ROUTE_BYTES, OF_THE_DAY, Route, RouteError
 from homeward.envs.state import MAX_PLACES
 from homeward.files import STANDARD_INPUT, read_text
 
@@ -26,9 +26,6 @@ COLUMNS = (
     "wind_from_rad",
 )
 
-MOST_BYTES = 100_000_000
-"""Of a route file: a million points."""
-
 POSITIONS = ("latitude_deg", "longitude_deg")
 """Columns that make a CSV file a track: with `elevation_m` beside them, and nothing else."""
 
@@ -39,7 +36,8 @@ _ALIASES = {
 }
 """What loggers of positions call the columns of a track, in small letters."""
 
-_STEEPEST = 0.7  # sine of a slope that a ground robot may climb
+STEEPEST_SINE = 0.7
+"""Sine of the steepest slope of a route: 44 degrees."""
 
 
 def route_names() -> list[str]:
@@ -95,7 +93,7 @@ def _folder() -> Any:
 def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
     """Read the columns of a CSV file by name, and the number of the line that each row stands on."""
     try:
-        text = read_text(path, MOST_BYTES).splitlines()
+        text = read_text(path, MOST_ROUTE_BYTES).splitlines()
         lines = [(number, line.split("#")[0]) for number, line in enumerate(text, start=1)]
         lines = [(number, line) for number, line in lines if line.strip(" \t,;")]
         # Spreadsheets of languages with decimal commas write semicolons.
@@ -188,7 +186,7 @@ def _cut(path: Any, columns: dict[str, NDArray[np.float64]], place_m: float) -> 
     if "elevation_m" in columns:
         rise = np.diff(np.interp(edges, distance, columns["elevation_m"]))
         steepest = int(np.abs(rise).argmax())
-        if abs(rise[steepest]) > _STEEPEST * length:
+        if abs(rise[steepest]) > STEEPEST_SINE * length:
             raise RouteError(
                 f"{path}: elevation_m changes by {rise[steepest]:g} m in {length:g} m of way, which is too steep; feet?"
             )

@@ -91,16 +91,20 @@ class Route:
         return (np.mod(turn + np.pi, 2.0 * np.pi) - np.pi) / self.place_m
 
 
+MOST_ROUTE_BYTES = 100_000_000
+"""Of a file of a route or track. Chosen: a million rows of a profile, and it bounds memory."""
 KNOTS = 8
 """Pieces of a generated route: grade is linear and curvature constant between knots."""
 NEW_PATCH = 0.5
-"""Probability of other ground from one piece to the next."""
+"""Probability of other ground from one piece to the next. Chosen: stretches of one ground are two pieces long on
+average."""
 WIND_SCALE_MPS = 1.5
 """Standard deviation of either part of the wind: its speed has a Rayleigh distribution of this scale."""
 HIDDEN_WIND_MPS = (3.0, 6.0)
-"""Range of the wind that no forecast tells of, uniform."""
+"""Range of the wind that no forecast tells of, uniform. Chosen: Beaufort 2 to 4 (1.6 to 7.9 m/s)."""
 GENERATED_PLACES = 32
-"""Places of a generated route, but for those of a patrol."""
+"""Places of a generated route, but for those of a patrol. Chosen: four a piece; a place is the unit of the robot's
+map."""
 INTEREST_LENGTH = 0.1
 """Length over which interest is correlated, over that of the route. Chosen so that what is sensed tells of what comes
 next, and there is a good deal of different ground on the way."""

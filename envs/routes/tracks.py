@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.routes import RouteError
+from homeward.envs.routes.route import MOST_ROUTE_BYTES, RouteError
 from homeward.files import read_bytes, read_text
 from homeward.installed import advice
 
@@ -41,11 +41,8 @@ SIGMA_M = 25.0  # of the Gaussian, against noise; docs/logs_and_routes.md has th
 LEAST_RISE_M = 2.0  # smaller ones are noise; chosen on two tracks of known ascent, see the same page
 STEEPEST = 0.5  # sine of 30 degrees
 CAPPED_SHARE = 0.02  # chosen: with more cut slopes the heights are wrong
-SHORTEST_M = 100.0  # shorter, smoothing would leave nothing of it
+SHORTEST_M = 100.0  # shorter, smoothing would leave nothing of it; chosen: four times SIGMA_M
 JUMP_M = 100_000.0  # between neighbouring points: farther than any ground robot drives on a charge
-
-MOST_BYTES = 100_000_000
-"""Of a GPX or FIT file: hundreds of thousands of points."""
 
 _EARTH_M = 6371008.8  # mean radius, IUGG
 _MISSING_SHARE = 0.2  # of the points may lack an elevation
@@ -112,7 +109,7 @@ def _read_gpx(path: Path) -> Track:
     except ImportError:
         raise RouteError(f"{path}: needs gpxpy; install it with {advice('logs', 'gpxpy')}") from None
     try:
-        gpx = gpxpy.parse(read_text(path, MOST_BYTES))
+        gpx = gpxpy.parse(read_text(path, MOST_ROUTE_BYTES))
     except (gpxpy.gpx.GPXException, ValueError, OSError) as error:
         raise RouteError(f"{path}: is not a whole GPX file: {_first_line(error)}") from None
     segments = [segment.points for track in gpx.tracks for segment in track.segments]
@@ -129,7 +126,7 @@ def _read_fit(path: Path) -> Track:
         raise RouteError(f"{path}: needs fitdecode; install it with {advice('logs', 'fitdecode')}") from None
     rows = []
     try:
-        with fitdecode.FitReader(io.BytesIO(read_bytes(path, MOST_BYTES))) as reader:
+        with fitdecode.FitReader(io.BytesIO(read_bytes(path, MOST_ROUTE_BYTES))) as reader:
             for frame in reader:
                 if frame.frame_type == fitdecode.FIT_FRAME_DATA and frame.name == "record":
                     height = frame.get_value("enhanced_altitude", fallback=None)

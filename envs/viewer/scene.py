@@ -13,7 +13,7 @@ from homeward.envs.batch import Batch
 from homeward.envs.conditions import weather
 from homeward.envs.features import home_cost
 from homeward.envs.sensing import information
-from homeward.envs.viewer.outlook import PointOfNoReturn
+from homeward.envs.viewer.point_of_no_return import PointOfNoReturn
 from homeward.physics.kernel import CAUSES
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -133,13 +133,13 @@ class Scene:
         return float(self.edges_m[-1])
 
 
-def look(batch: Batch, states: NDArray[np.void], outlook: PointOfNoReturn, index: int = 0) -> Scene:
+def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, index: int = 0) -> Scene:
     """See one mission of a batch as it is now.
 
     Args:
         batch: The missions; they are only read.
         states: The mission's record after its reset and after every decision since, `MISSION_DTYPE`, shape (states,).
-        outlook: Made for the setting of the batch.
+        limit: Made for the setting of the batch.
         index: Which mission.
     """
     # As records with attributes, which the formulas of the environment take.
@@ -151,7 +151,7 @@ def look(batch: Batch, states: NDArray[np.void], outlook: PointOfNoReturn, index
     spare_j = float(m.metered * s.usable_j) - home_j
     state = _state(m)
     direction = -1.0 if m.asked > 0 else float(m.direction)  # asked for a return, it heads home before that is final
-    going = not m.over and not outlook.is_patrol()
+    going = not m.over and not limit.is_patrol()
     return Scene(
         heading=f"{batch.options.difficulty}, {known.robot.name}",
         mission=batch.options.mission,
@@ -169,9 +169,9 @@ def look(batch: Batch, states: NDArray[np.void], outlook: PointOfNoReturn, index
         position_m=float(m.position_m),
         furthest_m=float(m.furthest_m),
         direction=direction,
-        no_return_m=outlook.no_return_m(m, places, spare_j) if going and not m.returning else None,
-        runs_out_m=outlook.runs_out_m(m, places, spare_j) if going and m.returning else None,
-        laps_left=outlook.laps_left(m, places, spare_j) if outlook.is_patrol() else None,
+        no_return_m=limit.no_return_m(m, places, spare_j) if going and not m.returning else None,
+        runs_out_m=limit.runs_out_m(m, places, spare_j) if going and m.returning else None,
+        laps_left=limit.laps_left(m, places, spare_j) if limit.is_patrol() else None,
         full_j=float(s.usable_j),
         worn_j=max(float(s.usable_j - m.capacity_j), 0.0),
         left_j=float(m.energy_j),

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from homeward.envs.batch import Batch
 from homeward.envs.options import RenderModeError
 from homeward.envs.state import MISSION_DTYPE
-from homeward.envs.viewer.outlook import PointOfNoReturn
-from homeward.envs.viewer.scene import Scene, look
+from homeward.envs.viewer.point_of_no_return import PointOfNoReturn
+from homeward.envs.viewer.scene import Scene, scene_of
 from homeward.envs.viewer.text import describe
 from homeward.installed import advice
 
@@ -42,7 +42,7 @@ class Viewer:
         self.mode = mode
         self._batch, self._index = batch, index
         self._trail: list[bytes] = []
-        self._outlook: PointOfNoReturn | None = None
+        self._point_of_no_return: PointOfNoReturn | None = None
         self._canvas: Any = None
         self._window: Any = None
 
@@ -59,10 +59,10 @@ class Viewer:
 
     def scene(self) -> Scene:
         """What there is to see now."""
-        if self._outlook is None:
-            self._outlook = PointOfNoReturn(self._batch.known)
+        if self._point_of_no_return is None:
+            self._point_of_no_return = PointOfNoReturn(self._batch.known)
         states = np.frombuffer(b"".join(self._trail), MISSION_DTYPE)
-        return look(self._batch, states, self._outlook, self._index)
+        return scene_of(self._batch, states, self._point_of_no_return, self._index)
 
     def render(self) -> NDArray[np.uint8] | str | None:
         """Show the mission as it is now.

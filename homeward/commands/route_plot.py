@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from homeward.envs.routes import Route
 
 _MOST = 8
-"""Routes that can be distinguished in one picture."""
+"""Routes that can be distinguished in one picture. Chosen."""
 
 
 def routes_picture(routes: Sequence[Route], title: str, suffix: str) -> bytes:

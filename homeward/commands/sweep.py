@@ -42,7 +42,7 @@ MARK = "sweep.txt"
 """File that the nodes of a cluster look for in the output folder."""
 TRIALS, STUDY = "trials.csv", "study.journal"
 """Files of a search in its folder."""
-_SHOWN = 10  # of the best trials
+_SHOWN = 10  # of the best trials; chosen: a screen
 _BATCHES = ("n_envs", "n_steps", "batch_size")
 """Settings that must divide each other, which few numbers of a range do."""
 

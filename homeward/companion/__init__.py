@@ -1,9 +1,9 @@
 """On the robot: how far is home, how sure are we, when must we turn."""
 
-from homeward.companion.advice import Action, Advice, Spread
+from homeward.companion.advice import Action, Advice, UncertainValue
 from homeward.companion.companion import Companion
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.readings import CompanionError
 from homeward.companion.way import RouteLike
 
-__all__ = ["Action", "Advice", "Companion", "CompanionError", "OnboardPolicy", "RouteLike", "Spread"]
+__all__ = ["Action", "Advice", "Companion", "CompanionError", "OnboardPolicy", "RouteLike", "UncertainValue"]

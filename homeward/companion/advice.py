@@ -12,7 +12,7 @@ from homeward.estimation.tails import deviations
 _COVERED = 0.9  # probability of the interval that is shown; chosen, and said wherever it is shown
 
 
-class Spread(NamedTuple):
+class UncertainValue(NamedTuple):
     """A number that is not known exactly, distributed as Student's t (`homeward.estimation.tails`).
 
     Attributes:
@@ -26,7 +26,7 @@ class Spread(NamedTuple):
     def quantile(self, share: float) -> float:
         """Below which it is with a probability.
 
-        >>> round(Spread(100.0, 10.0).quantile(0.05), 1)
+        >>> round(UncertainValue(100.0, 10.0).quantile(0.05), 1)
         81.1
         """
         return self.mean + self.sd * deviations(share)
@@ -78,16 +78,16 @@ class Advice:
             what was known has changed.
         chance_there_and_back: Probability of getting to the end of the route and home; None without a route.
         looks_back: Whether to drive towards home for a moment would tell wind and robot apart now.
-        rests_on: What the reckoning rests on, a sentence each.
+        rests_on: What the estimate rests on, a sentence each.
         warnings: What is wrong with the readings now, a sentence each.
         action: What the policy asks for; None without a policy and once its mission is over.
     """
 
     time_s: float
     way_home_m: float
-    energy_left_j: Spread
-    energy_home_j: Spread
-    margin_j: Spread
+    energy_left_j: UncertainValue
+    energy_home_j: UncertainValue
+    margin_j: UncertainValue
     chance_home: float
     risk: float
     turn_in_m: float
@@ -103,7 +103,7 @@ class Advice:
         """Numbers, texts and lists for JSON; of a spread also its 90 % interval."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         for name, value in values.items():
-            if isinstance(value, Spread):
+            if isinstance(value, UncertainValue):
                 values[name] = {"mean": value.mean, "sd": value.sd, "low": value.low, "high": value.high}
             elif isinstance(value, Action):
                 values[name] = value._asdict()

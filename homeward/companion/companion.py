@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.companion.advice import Action, Advice, Spread
+from homeward.companion.advice import Action, Advice, UncertainValue
 from homeward.companion.checks import check_home, check_number, check_route, check_wind
 from homeward.companion.cutoff import Cutoff
+from homeward.companion.home_estimator import HomeEstimator, WayHome
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.prior_knowledge import PriorKnowledge, known_of
 from homeward.companion.readings import POSITION_M, CompanionError, Position, Reading, Readings, checked_position
-from homeward.companion.reckoning import Reckoning, WayHome
-from homeward.companion.turning import chance, latest
+from homeward.companion.turn_advice import chance, latest
 from homeward.companion.way import OFF_ROUTE_M, RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
@@ -34,16 +34,18 @@ from homeward.physics import Robot, d_max, load_robot, optimal_speed
 _WINDOWS = 200.0
 """Readings that the estimator takes in while the battery lasts at cruise, as decisions of the environments."""
 _LONGEST_PLACES, _PLACES = 160.0, 128
-"""Places of a d_max, and how many are kept: the way home of a robot that is to come home is shorter than 0.8 d_max."""
+"""Places of a d_max, and how many are kept: the way home of a robot that is to come home is shorter than 0.8 d_max.
+Chosen: a place is then 0.6 % of d_max."""
 _CRUMBS = 8.0
-"""Crumbs of the trail per place."""
+"""Crumbs of the trail per place. Chosen: a bend is cut by an eighth of a place at most."""
 _DETOUR = 1.3
 """Way by ground over the straight line, where a home that moved lies off the trail. Roads have 1.2 to 1.5 (Ballou and
 others, Transportation Research A 36, 2002)."""
-_RECKONING = 0.1
+_DEAD_RECKONING_ERROR = 0.1
 """Standard deviation of a way that was reckoned from speed and heading, as a share."""
 _MOST_CUTOFF = 1.2
-"""Cut-off voltage over the nominal one beyond which no battery has it."""
+"""Cut-off voltage over the nominal one beyond which no battery has it. Chosen: a cell's charged voltage is at most
+1.17 times the nominal one (4.2 V over 3.6 V)."""
 _UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
 """State of charge by which a gauge must differ from what was drawn, and windows in a row for which, to be another
 battery, or stuck: monitors that go by voltage are off by some per cent."""
@@ -143,7 +145,7 @@ class Companion:
             places, place_m = len(route.grade_rad), float(route.place_m)
         self._crumb_m = max(place_m / _CRUMBS, 1.0)
         self._start_soc, self._home, self._route, self._cutoff_v = soc, home, route, cutoff_v
-        self._reckoning = Reckoning(
+        self._estimator = HomeEstimator(
             self.robot, known_of(self.robot, forecast_mps is not None) if prior is None else PriorKnowledge(prior, ()),
             places=places, place_m=place_m, cruise_mps=cruise, risk=risk, route=route, forecast_mps=forecast_mps,
         )  # fmt: skip
@@ -207,20 +209,20 @@ class Companion:
             },
         )  # fmt: skip
         if power_w is None and None not in (voltage_v, current_a):
-            self._reckoning.see_terminals()
+            self._estimator.see_terminals()
         if reading is None:
             self._advice = self._advise() if self._advice is None else _with_warnings(self._advice, self._readings)
             return self._advice
         self._charge_first(reading.soc)
         if math.isnan(reading.speed_mps) and reading.position is None:
-            reading = reading._replace(speed_mps=self._reckoning.speed_mps)  # it goes on as it did
+            reading = reading._replace(speed_mps=self._estimator.speed_mps)  # it goes on as it did
         step = self._way.follow(reading)
         self._note(reading, step)
         self._ask_policy(reading, step)
-        self._window.add(reading, step, *self._reckoning.model(reading, step))
+        self._window.add(reading, step, *self._estimator.model(reading, step))
         if self._window.time_s >= self._window_s * (1.0 - 1e-6):
             self._flush()
-        with self._reckoning.with_open(self._window, self._way.position_m):
+        with self._estimator.with_open(self._window, self._way.position_m):
             self._advice = self._advise()
         return self._advice
 
@@ -245,7 +247,7 @@ class Companion:
         """
         check_number("soc", soc, 0.0, 1.0)
         self._flush()
-        self._reckoning.recharge(soc)
+        self._estimator.recharge(soc)
         self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
         self._turned = False
         if self._policy is not None:
@@ -280,37 +282,37 @@ class Companion:
         self._other_way = None if route is None else (route, 0.0)
         self._moved_home, self._turned = None, False
 
-    def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> Spread:
+    def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """What a way from here takes that was not driven yet, as the robot is known now, metered J.
 
         Args:
             ways: Its stretches, `homeward.estimation.WAY_DTYPE`, shape (m,).
             other_j: What the robot's own model has for all but driving steadily on it, J: standing, turning.
         """
-        return self._reckoning.ahead(ways, other_j)
+        return self._estimator.ahead(ways, other_j)
 
-    def after(self, ways: NDArray[np.void]) -> Spread:
+    def after(self, ways: NDArray[np.void]) -> UncertainValue:
         """Energy that a way from here leaves, see `ahead`, with nothing taken but standing and driving steadily, J."""
-        return self._reckoning.after(ways)
+        return self._estimator.after(ways)
 
     @property
     def vehicle(self) -> Vehicle:
         """Numbers of the robot's own model, as the estimator has them."""
-        return self._reckoning.vehicle
+        return self._estimator.vehicle
 
     def _flush(self) -> None:
         """Take in what was read so far."""
         if self._window.time_s > 0.0:
-            self._reckoning.take_in(self._window, self._way.position_m)
+            self._estimator.take_in(self._window, self._way.position_m)
             if self._cutoff is not None:
-                self._cutoff.see(*self._window.electric, self._reckoning.used)
+                self._cutoff.see(*self._window.electric, self._estimator.used)
             self._check_charge(self._window.soc)
             self._check_speed(self._window)
             self._window = Window()
 
     def _check_charge(self, soc: float) -> None:
         """Say where the gauge is far from what was drawn; one that reads less is believed, as is safe."""
-        above = soc - self._reckoning.soc
+        above = soc - self._estimator.soc
         self._untold = self._untold + 1 if abs(above) > _UNTOLD else 0
         if self._untold < _UNTOLD_WINDOWS:
             return
@@ -320,12 +322,12 @@ class Companion:
             self._readings.say(f"{text}: stuck, or another battery without a call of swap_battery?", kind)
             return
         self._readings.say(f"{text}: another battery? what was learned of the old one is dropped", kind)
-        self._reckoning.recharge(soc)
+        self._estimator.recharge(soc)
         self._untold = 0
 
     def _check_speed(self, window: Window) -> None:
         """Say where a robot stands by its speed and drives by its power: which of both is wrong cannot be known."""
-        stands = window.stood_s >= window.time_s and window.power_w > self._reckoning.driving_w
+        stands = window.stood_s >= window.time_s and window.power_w > self._estimator.driving_w
         self._stands = self._stands + 1 if stands else 0
         if self._stands >= _STANDS_WINDOWS:
             kind = "the speed reads 0 while"
@@ -339,8 +341,8 @@ class Companion:
             return
         self._charged = True
         start = self._start_soc if self._start_soc is not None else soc
-        if math.isfinite(start) and start < 1.0 - 0.5 * self._reckoning.known.prior.soc_step:
-            self._reckoning.recharge(start)
+        if math.isfinite(start) and start < 1.0 - 0.5 * self._estimator.known.prior.soc_step:
+            self._estimator.recharge(start)
 
     def _note(self, reading: Reading, step: Step) -> None:
         """Note what there is to go by."""
@@ -355,44 +357,49 @@ class Companion:
 
     def _way_home(self) -> WayHome:
         """The way home from here: back over the way out, or elsewhere."""
-        unsure_m, cruise_mps = _RECKONING * self._way.reckoned_m, self.vehicle.cruise_mps
+        unsure_m, cruise_mps = _DEAD_RECKONING_ERROR * self._way.reckoned_m, self.vehicle.cruise_mps
         if self._other_way is not None:
             ways = along_route(*self._other_way, cruise_mps)
         elif self._moved_home is not None:
             from_m, leg_m = self._way.beyond(self._moved_home)
             ways = back_over(
-                self._reckoning.places, self.vehicle.place_m, self._way.position_m, from_m, _DETOUR * leg_m, cruise_mps
+                self._estimator.places,
+                self.vehicle.place_m,
+                self._way.position_m,
+                from_m,
+                _DETOUR * leg_m,
+                cruise_mps,
             )
         else:
-            return self._reckoning.way_home(self._way.position_m, unsure_m)
-        return self._reckoning.way_home(float(ways["way_m"].sum()), unsure_m, ways)
+            return self._estimator.way_home(self._way.position_m, unsure_m)
+        return self._estimator.way_home(float(ways["way_m"].sum()), unsure_m, ways)
 
     def _advise(self) -> Advice:
-        home, reckoning = self._way_home(), self._reckoning
-        now = reckoning.leaves(home)
+        home, estimator = self._way_home(), self._estimator
+        now = estimator.leaves(home)
         total = now.total[0]
         withheld_j = self._withheld_j(float(total["left_j"]))
         low_j = float(total["margin_low_j"]) - withheld_j
 
         def low_after_j(onwards_m: float) -> float:
-            return float(reckoning.leaves(home, onwards_m).total[0]["margin_low_j"]) - withheld_j
+            return float(estimator.leaves(home, onwards_m).total[0]["margin_low_j"]) - withheld_j
 
         turn_in_m = latest(low_after_j, low_j, self._range_m)
-        standing_s = max(low_j, 0.0) / max(reckoning.pace_w, self.vehicle.idle_w, 1e-9)
-        turn_in_s = min(turn_in_m / max(reckoning.pace_mps, 1e-9), standing_s)
-        needs_m = self._reaction_s * reckoning.pace_mps
+        standing_s = max(low_j, 0.0) / max(estimator.pace_w, self.vehicle.idle_w, 1e-9)
+        turn_in_s = min(turn_in_m / max(estimator.pace_mps, 1e-9), standing_s)
+        needs_m = self._reaction_s * estimator.pace_mps
         self._turned |= turn_in_m <= needs_m or turn_in_s <= self._reaction_s
         # A way that was reckoned is known to a share of it: who may be elsewhere has not arrived.
-        self._turned &= home.way_m + _RECKONING * self._way.reckoned_m > self._arrived_m
+        self._turned &= home.way_m + _DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
         chance_there = None
         if self._way.route_m is not None and home.ways is None:
-            chance_there = chance(reckoning.leaves(home, max(self._way.route_m - home.way_m, 0.0)), withheld_j)
+            chance_there = chance(estimator.leaves(home, max(self._way.route_m - home.way_m, 0.0)), withheld_j)
         return Advice(
             time_s=self._readings.clock_s,
             way_home_m=home.way_m,
-            energy_left_j=Spread(float(total["left_j"]) - withheld_j, float(total["left_sd_j"])),
-            energy_home_j=Spread(float(total["cost_j"]), float(total["cost_sd_j"])),
-            margin_j=Spread(float(total["margin_j"]) - withheld_j, float(total["margin_sd_j"])),
+            energy_left_j=UncertainValue(float(total["left_j"]) - withheld_j, float(total["left_sd_j"])),
+            energy_home_j=UncertainValue(float(total["cost_j"]), float(total["cost_sd_j"])),
+            margin_j=UncertainValue(float(total["margin_j"]) - withheld_j, float(total["margin_sd_j"])),
             chance_home=chance(now, withheld_j),
             risk=self.risk,
             turn_in_m=0.0 if self._turned else turn_in_m,
@@ -400,8 +407,8 @@ class Companion:
             turn_now=self._turned,
             chance_there_and_back=chance_there,
             looks_back=not self._turned
-            and looks_back(reckoning.windows, home.way_m, self.vehicle.cruise_mps, self._window_s),
-            rests_on=rests_on(self._has, reckoning.known, self._what_home(), self._cutoff is not None),
+            and looks_back(estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s),
+            rests_on=rests_on(self._has, estimator.known, self._what_home(), self._cutoff is not None),
             warnings=(*self._readings.warnings(), *self._off_route()),
             action=self._action,
         )
@@ -429,7 +436,7 @@ class Companion:
         """What a restart needs, for JSON; some tens of kilobytes."""
         self._flush()
         return {
-            "schema": _SCHEMA, "robot": self.robot.name, **self._reckoning.state(), "way": self._way.state(),
+            "schema": _SCHEMA, "robot": self.robot.name, **self._estimator.state(), "way": self._way.state(),
             "cutoff": None if self._cutoff is None else self._cutoff.state(), "turned": self._turned, "has": self._has,
             "moved_home": self._moved_home, "other_way_m": None if self._other_way is None else self._other_way[1],
             "clock_s": self._readings.clock_s, "counts": self._readings.counts,
@@ -452,7 +459,7 @@ class Companion:
             if other_way is None and state["other_way_m"] is not None:
                 raise CompanionError("the state is of a robot that takes another way home; give it as other_way=")
             check_route(other_way)
-            self._reckoning.restore(state)
+            self._estimator.restore(state)
             self._begin()
             self._way.restore(state["way"])
             if self._cutoff is not None and state["cutoff"]:

@@ -55,11 +55,13 @@ _LEAST_HOLD_S = 0.5
 _JUMPS = 5
 """Positions in a row that are too far away until the robot is taken to be there."""
 _STILL_M, _DRIVEN_M = 0.2, 20.0
-"""Way that positions must have moved by when the speed says that so much was driven."""
+"""Way that positions must have moved by when the speed says that so much was driven. Chosen: 1 %, a tenth of the error
+of dead reckoning."""
 _BACK = 3
 """Readings in a row from before the last one until the clock is taken to have been set back."""
 _STAYS_S = 60.0
-"""Time for which a warning is shown, and for which a robot may be silent about its motion when it begins."""
+"""Time for which a warning is shown, and for which a robot may be silent about its motion when it begins. Chosen: long
+enough to be read."""
 _GAP = 3.0
 """Usual times between readings beyond which readings are missing."""
 

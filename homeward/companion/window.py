@@ -8,7 +8,7 @@ from homeward.companion.readings import Reading
 from homeward.companion.way import Step
 
 _COVERED = 0.5
-"""Share of the time for which a power must have been read, or the model fills in."""
+"""Share of the time for which a power must have been read, or the model fills in. Chosen: a majority."""
 _UNREAD = 0.3
 """Standard deviation of the mean power in the time without a reading, as a share. Chosen: stops and bends."""
 _PLAUSIBLE = 0.15

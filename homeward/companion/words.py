@@ -1,4 +1,4 @@
-"""What a reckoning rests on, in words."""
+"""What an estimate rests on, in words."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, re
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
-from homeward.diagnosis.tell.handover import determined, hand_over
+from homeward.diagnosis.tell.file_choice import choose_file, determined
 from homeward.diagnosis.tell.missing import missing_physics
 from homeward.diagnosis.tell.next_drive import next_experiment
 from homeward.diagnosis.tell.words import nothing_usable, summary
@@ -95,24 +95,24 @@ def analyse(
     with threadpool_limits(1):  # busy waiting between threads slows many small products
         evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
-    handover = hand_over(robot, verdict, evidence, seed)
-    if handover.held_out is not None:
-        arm = score(handover.held_out, evidence.runs, evidence.block, evidence.trip, seed)
-        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": handover.held_out})
+    choice = choose_file(robot, verdict, evidence, seed)
+    if choice.held_out is not None:
+        arm = score(choice.held_out, evidence.runs, evidence.block, evidence.trip, seed)
+        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
         fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
     found = missing_physics(evidence)
-    corrected = handover.robot
+    corrected = choice.robot
     where = evidence.location.places if evidence.location is not None else ()
     nominal = evidence.predictions.get("nominal")
     reach = None
-    if nominal is not None and handover.replayed is not None:
-        reach = recorded_range((robot, corrected), (nominal, handover.replayed), evidence.runs, seed)
+    if nominal is not None and choice.replayed is not None:
+        reach = recorded_range((robot, corrected), (nominal, choice.replayed), evidence.runs, seed)
     of_range = evidence.runs.unit == "W" and verdict != "unknown_physics"
     diagnosis = Diagnosis(
         robot.name,
         infos,
         verdict,
-        summary(verdict, evidence, off, fit, findings, found, handover.handed),
+        summary(verdict, evidence, off, fit, findings, found, choice.file),
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
@@ -122,7 +122,7 @@ def analyse(
         products=evidence.products,
         range=reach,
         range_change_m=float(d_max(corrected) - d_max(robot)) if of_range else None,
-        file=handover.handed,
+        file=choice.file,
         next_experiment=next_experiment(evidence),
     )
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)

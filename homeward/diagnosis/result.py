@@ -114,7 +114,7 @@ class MissingPhysics:
 
 
 @dataclass(frozen=True)
-class Handed:
+class CorrectedFile:
     """Content of corrected.toml, and why: the effects, fitted parameters only, or the given file unchanged."""
 
     holds: Literal["corrected", "refit", "nominal"]
@@ -161,7 +161,7 @@ class Diagnosis:
     products: tuple[Product, ...] = ()
     range: Range | None = None
     range_change_m: float | None = None
-    file: Handed | None = None
+    file: CorrectedFile | None = None
     next_experiment: str | None = None
     schema: int = SCHEMA
 

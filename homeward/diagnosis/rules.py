@@ -189,6 +189,10 @@ TOO_FAST = 1.5
 UNIT_RATIO = 3.0
 """A ratio of recorded to expected power within this factor of 1000 is a wrong unit: half-way to ten."""
 
+STANDSTILL_SHARE = 0.02
+"""Share of the robot's top speed up to which it stands. Chosen: for a robot of 1 m/s as STANDSTILL_MPS in
+`homeward.logs.channels`, above one step of a wheel encoder; faster robots have coarser ones."""
+
 # --- Instruments: noise, lags and faults estimated from a recording's own channels --------------------------------
 
 NEGLIGIBLE_NOISE = 0.001

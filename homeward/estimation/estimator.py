@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from homeward.estimation.drive import Vehicle
 from homeward.estimation.filter import HYPOTHESIS_DTYPE, PLACE_DTYPE, ROBOT_DTYPE, update
 from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, WAY_DTYPE, judge
-from homeward.estimation.moves import relocate
 from homeward.estimation.prior import HYPOTHESES, PER_CAPACITY, USED, Prior, first_hypotheses
+from homeward.estimation.relocation import relocate
 
 NO_WAYS = np.zeros(0, WAY_DTYPE)
 """No way home but back over the way out."""

@@ -9,7 +9,7 @@ import numpy as np
 from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES, USED
 from homeward.physics.jit import compiled, inline
 
-_OUTLIER = 1e-3  # probability that a reading of power says nothing
+_OUTLIER = 1e-3  # probability that a reading of power says nothing; chosen: of the readings of a mission, none or one
 
 
 @inline

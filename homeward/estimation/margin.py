@@ -46,7 +46,7 @@ MARGIN_DTYPE = np.dtype(
 """Energy left, cost of a plan and margin, metered, and their standard deviations; the cost as a share of a full
 battery; and the margin at the risk that was asked for."""
 _BISECTIONS, _FARTHEST = 50, 20.0  # standard deviations within which a quantile is looked for
-_MOST_STEPS = 100  # five or six suffice, but where the probability jumps
+_MOST_STEPS = 100  # five or six suffice, but where the probability jumps; chosen: bounds the search
 _EXACTLY = 1e-3  # of the probability that belongs to a quantile
 _LEAST_SKEWNESS = 1e-3  # below which a distribution is taken for normal
 

@@ -24,9 +24,9 @@ from homeward.logs.recordings import Recording
 SCHEMA = 1
 """Of the format of the comparison as JSON."""
 LEVEL = 0.05
-"""Family-wise significance level: probability of any false positive where no group differs."""
+"""Family-wise significance level: probability of any false positive where no group differs. Chosen: the convention."""
 
-_MOST_SHOWN = 4  # differences in the summary
+_MOST_SHOWN = 4  # differences in the summary; chosen: two sentences
 _SMALLEST_SPREAD = 1e-6  # of the largest value: a smaller spread is rounding
 
 GroupVerdict = Literal["groups_differ", "no_difference", "not_testable"]

@@ -1,5 +1,6 @@
 """A comparison of groups as the terminal and the page show it, and as groups.json."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import plotly.graph_objects as go
@@ -10,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from homeward.diagnosis.tell.figures import embedded
-from homeward.diagnosis.tell.notation import interval, number, page, templates
+from homeward.diagnosis.tell.notation import interval, labels, number, page, templates
 from homeward.diagnosis.tell.report import write_files
 from homeward.diagnosis.tell.terminal import plain, say
 from homeward.groups.comparison import Comparison
@@ -48,7 +49,7 @@ def show_groups(comparison: Comparison, console: Console) -> None:
         if table.row_count:
             console.print()
             console.print(Padding(table, (0, 0, 0, 2)))
-    for remark in comparison.remarks:
+    for remark in _remarks(comparison, _labels(comparison)):
         say(console, f"- {remark}", indent=2)
 
 
@@ -63,11 +64,22 @@ def _table(*headings: str) -> Table:
 def _page(comparison: Comparison) -> str:
     quantities = dict.fromkeys((one.quantity, one.unit) for one in comparison.levels)
     figures = [(*one, _figure(comparison, one[0], f"group-{i}")) for i, one in enumerate(quantities)]
+    names = _labels(comparison)
     return page(
-        templates(package="homeward.groups"), "groups.html", comparison=comparison, figures=figures,
-        verdict=comparison.verdict.replace("_", " ").capitalize(),
+        templates(package="homeward.groups"), "groups.html", comparison=comparison, figures=figures, names=names,
+        remarks=_remarks(comparison, names), verdict=comparison.verdict.replace("_", " ").capitalize(),
         plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
     )  # fmt: skip
+
+
+def _labels(comparison: Comparison) -> dict[str, str]:
+    return labels([one.path for one in comparison.runs])
+
+
+def _remarks(comparison: Comparison, names: Mapping[str, str]) -> list[str]:
+    """The remarks, of which those of a recording begin with its name, with short names."""
+    said = (one.partition(": ") for one in comparison.remarks)
+    return [f"{names.get(about, about)}{colon}{text}" for about, colon, text in said]
 
 
 def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
@@ -85,4 +97,5 @@ def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
         error_y={"type": "data", "array": half}, marker={"color": "#0b7285", "size": 9},
     )  # fmt: skip
     figure.update_xaxes(title_text="group, in the order of the table", dtick=1)
-    return embedded(figure, name)
+    means = "; ".join(f"{one.group} {number(one.value, 4)} {one.unit}, 95 % {interval(one.ci95, 4)}" for one in levels)
+    return embedded(figure, name, f"{quantity}, means: {means}. The tables below have them and each run.")

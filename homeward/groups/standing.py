@@ -7,9 +7,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from homeward.diagnosis.fit.folds import correlation_windows
-from homeward.diagnosis.fit.usable import STILL_MPS
 from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, windows
-from homeward.logs.channels import MOTION
+from homeward.logs.channels import MOTION, STANDSTILL_MPS
 from homeward.logs.columns import RecordingError
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
@@ -44,7 +43,7 @@ def stands(recording: Recording) -> bool:
     speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
     turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
     known = np.isfinite(speeds)
-    still = bool(known.any() and (np.abs(speeds[known]) <= STILL_MPS).all())
+    still = bool(known.any() and (np.abs(speeds[known]) <= STANDSTILL_MPS).all())
     return still and not (turning > _STANDS_RADPS).any()
 
 

@@ -70,8 +70,9 @@ MOTION: Sets = (("speed_mps",), ("wheel_left_mps", "wheel_right_mps"))
 POWER: Sets = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor_right_a"))
 """Sets of channels that measure power or current, the most informative first; one is needed."""
 
-MOVES_MPS = 0.05
-"""Speed from which a robot is taken to drive, where the sign of its current is judged: above the noise at rest."""
+STANDSTILL_MPS = 0.02
+"""Speed up to which a robot stands, where its top speed is not known. Chosen: above one step of a wheel encoder (a
+standing Husky of BorealTC, ICE/pro_04, reads up to 0.012 m/s); the slowest robot that ships does ten times as much."""
 
 
 def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:

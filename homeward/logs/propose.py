@@ -21,7 +21,7 @@ from homeward.logs.times import from_text
 SURE = ("certain", "likely", "a guess")
 """Confidence of a proposal: by name and unit; by name, with fitting values; by a weak name, values or unit alone."""
 
-_ROWS = 5000  # that are read
+_ROWS = 5000  # that are read; chosen: enough to see units and signs, in a moment
 _DEGREE = np.pi / 180.0
 
 _NAMES: dict[str, tuple[str, str]] = {

@@ -27,7 +27,7 @@ __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _STRAY_SHARE = 0.01  # largest share of impossible values that count as glitches; more are a wrong unit
-_BATCH_ROWS = 2**16  # of a Parquet file at a time
+_BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
 _MOST_BROKEN = 0.1  # largest share of broken lines; more mean that the mapping is for other files
 _LONGEST_RUN_S = 3 * 86400.0  # three days; chosen: longer ones are times in another unit
 _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of two channels

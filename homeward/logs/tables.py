@@ -19,7 +19,7 @@ from homeward.files import open_regular
 from homeward.logs.columns import RecordingError
 
 MOST_ROWS = 10_000_000
-"""Rows of a recording: 27 hours at 100 Hz."""
+"""Rows of a recording: 27 hours at 100 Hz. Chosen: bounds memory to some GB."""
 MOST_BYTES = 2**30
 """Bytes of a recording, unpacked: as many rows of 100 characters."""
 
@@ -27,8 +27,8 @@ SUFFIXES = (".csv", ".csv.gz", ".tsv", ".txt")
 """Endings of their names."""
 
 _LONGEST_LINE = 2**20  # bytes; chosen: a line of a recording has some hundred, and this bounds memory
-_PIECE = 200_000  # rows at a time
-_SNIFFED = 2**16  # bytes from which encoding, separator and decimal sign are inferred
+_PIECE = 200_000  # rows at a time; chosen: some tens of MB
+_SNIFFED = 2**16  # bytes from which encoding, separator and decimal sign are inferred; chosen: hundreds of lines
 _SEPARATORS = (",", ";", "\t", "|")
 _NAMES = {" ": "spaces", ";": "semicolons", "\t": "tabs", "|": "vertical bars", ",": "commas"}
 _MARKS = (b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")

@@ -2,8 +2,8 @@
 
 from homeward.physics.effects import EFFECTS
 from homeward.physics.kernel import CAUSES
+from homeward.physics.log_replay import Replay, replay
 from homeward.physics.model import ancillary_power, ideal_range, traction_force, usable_energy
-from homeward.physics.playback import Replay, replay
 from homeward.physics.range import d_max, manoeuvring_energy, mission_energy, optimal_speed
 from homeward.physics.robot import Robot, RobotError, load_robot, preset_names
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from homeward.physics.allowed import NOT_NEGATIVE, Bounds, checked
+from homeward.physics.intervals import NOT_NEGATIVE, Bounds, checked
 from homeward.physics.jit import inline
 
 GRAVITY_MPS2 = 9.80665

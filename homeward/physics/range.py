@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.physics import model
-from homeward.physics.allowed import FINITE, NOT_NEGATIVE, Bounds, checked
+from homeward.physics.intervals import FINITE, NOT_NEGATIVE, Bounds, checked
 from homeward.physics.jit import announce_first_compilation, compiled
 from homeward.physics.kernel import Conditions, advance, demand, full_charge
 from homeward.physics.robot import Robot

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from homeward.files import STANDARD_INPUT, read_toml
 from homeward.physics import model
-from homeward.physics.allowed import Bounds
 from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
+from homeward.physics.intervals import Bounds
 from homeward.physics.plausible import warn_of_implausible
 from homeward.physics.uncertainty import Uncertainty, UncertaintyError, from_table
 

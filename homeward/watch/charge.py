@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from homeward.companion import CompanionError, Spread
+from homeward.companion import CompanionError, UncertainValue
 from homeward.diagnosis.fit.replay import current_a, wheels_mps
 from homeward.diagnosis.read.signals import Signals, steps_s
 from homeward.estimation.tails import scale_of
@@ -65,7 +65,7 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
             factor, unsure = 1.0 + share * (shown - 1.0), (1.0 - share) * variance
         rest = scale_of(sure.unexplained_over(max(left_m[sample], _LEAST_WAY_M)))
         rest_as = float(expected_as[sample])
-        spreads.append(Spread(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
+        spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
     mean, low, high = (np.array([getattr(one, name) for one in spreads]) for name in ("mean", "low", "high"))
     words = (
         f"charge of the motors by the robot's file, which says how sure it is: {sure.source or 'no source given'}",

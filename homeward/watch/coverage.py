@@ -11,7 +11,7 @@ import numpy as np
 from homeward.watch.predictions import Watched
 
 _BORDERS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)
-"""Shares of a run's way that rows lie between."""
+"""Shares of a run's way that rows lie between. Chosen: finer near home, where errors in metres decide."""
 
 
 @dataclass(frozen=True)

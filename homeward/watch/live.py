@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homeward import quantities
-from homeward.companion import Advice, Spread
+from homeward.companion import Advice, UncertainValue
 
 _PER_S = 8.0
 """Pictures a second."""
@@ -58,7 +58,7 @@ def _with_bar(share: float, text: str, style: str) -> Table:
     return rows
 
 
-def _between(one: Spread) -> str:
+def _between(one: UncertainValue) -> str:
     low, high = quantities.energy(max(one.low, 0.0)), quantities.energy(max(one.high, 0.0))
     return f"{quantities.energy(max(one.mean, 0.0))} ({low} to {high})"
 

@@ -10,13 +10,14 @@ from markupsafe import Markup
 from plotly.subplots import make_subplots
 
 from homeward import quantities
+from homeward.diagnosis.tell.figures import MOST_RUNS, described
 from homeward.diagnosis.tell.notation import PLAIN, labels, page, templates
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.predictions import Watched
 
-_MOST_RUNS = 12
-"""Runs that are drawn; all count in the table."""
+_ROWS = 6
+"""Moments of a run in the table below its plot. Chosen: a line for each fifth of the way."""
 _RESTS = {"J": "energy of the rest, kJ", "A s": "charge of the rest, kA s"}
 _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 
@@ -42,8 +43,9 @@ def watch_html(
     rows = rows_of(runs)
     return page(
         environment, "watch.html", runs=runs, names=names, rows=rows, robot=robot.name, dropped=list(dropped),
-        notes=list(notes), verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), _MOST_RUNS),
+        notes=list(notes), verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), MOST_RUNS),
         plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs),
+        moments=moments, rest=_RESTS[runs[0].unit],
     )  # fmt: skip
 
 
@@ -60,7 +62,7 @@ def verdict(whole: Row) -> str:
 
 def figure(runs: Sequence[Watched]) -> Markup:
     """Energy of the rest over what is left of the way, predicted with its interval and as it came; a panel a run."""
-    shown = list(runs[:_MOST_RUNS])
+    shown = list(runs[:MOST_RUNS])
     made = make_subplots(
         len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12),
         subplot_titles=[str(number) for number in range(1, len(shown) + 1)] if len(shown) > 1 else None,
@@ -85,4 +87,15 @@ def figure(runs: Sequence[Watched]) -> Markup:
         legend={"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"}, **PLAIN,
     )  # fmt: skip
     made.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
-    return Markup(made.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}))
+    says = (
+        f"{_RESTS[shown[0].unit]}, over the way left in m, of {len(shown)} run{'s' * (len(shown) > 1)}: predicted with "
+        "its 90 % interval, and what it consumed. The table below has moments of each run, watch.csv has all."
+    )
+    return described(made.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}), says)
+
+
+def moments(run: Watched) -> list[tuple[float, float, float, float, float]]:
+    """Some moments of a run for a table: way left, m, then in kJ or kA s what was predicted, its ends, what came."""
+    rows = np.unique(np.linspace(0, len(run.left_m) - 1, _ROWS).astype(int))
+    columns = (run.mean_j, run.low_j, run.high_j, run.took_j)
+    return [(float(run.left_m[i]), *(float(one[i]) / 1000.0 for one in columns)) for i in rows]  # type: ignore[misc]

@@ -12,7 +12,8 @@ from homeward.companion import Advice
 Array = NDArray[np.float64]
 
 WINDOWS = 40
-"""Readings that the estimator takes in of a recording at least."""
+"""Readings that the estimator takes in of a recording at least. Chosen: a fifth of those of a whole charge; a
+recording may be a part of one."""
 LEAST_WINDOW_S = 2.0
 """Shortest time over which readings are summed up. Chosen."""
 

@@ -20,7 +20,7 @@ from homeward.estimation import WAY_DTYPE, Prior
 from homeward.estimation.drive import modelled_driving
 from homeward.logs.recordings import Recording
 from homeward.physics import Robot, d_max, optimal_speed, replay
-from homeward.physics.metered import at_terminals
+from homeward.physics.terminal_power import at_terminals
 from homeward.watch.charge import watch_charge
 from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 _STRETCHES = 48
 """Pieces of a recording's way, of equal length, over which ground, wind and speed are taken to be alike."""
 _MOST_FED = 20_000
-"""Samples that are fed; of longer recordings, means of neighbours."""
+"""Samples that are fed; of longer recordings, means of neighbours. Chosen: an update takes 0.3 ms
+(benchmarks/on_the_robot/update.py), so that these take six seconds."""
 
 
 class Rest:

@@ -14,9 +14,9 @@ from homeward.diagnosis import Diagnosis, RecordingError, diagnose
 from homeward.diagnosis.result import (
     VERDICTS,
     Arm,
+    CorrectedFile,
     Fit,
     FittedGroup,
-    Handed,
     MissingPhysics,
     Place,
     Product,
@@ -63,7 +63,7 @@ diagnosis = st.builds(
     ).map(tuple),
     range=st.none() | st.builds(Range, number, pair, number, number, number, number),
     range_change_m=optional,
-    file=st.none() | st.builds(Handed, st.sampled_from(["corrected", "refit", "nominal"]), text),
+    file=st.none() | st.builds(CorrectedFile, st.sampled_from(["corrected", "refit", "nominal"]), text),
     next_experiment=st.none() | text,
     schema=st.just(2),
 )

@@ -1,11 +1,14 @@
 """What the README, the pages and the files that ship say is so."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from homeward.agents.learning.settings import PPOSettings
+
+INSTALL = re.compile(r"""pip install ([^`"\n]+)""")
 
 
 def page_of(root: Path, name: str) -> str:
@@ -14,6 +17,17 @@ def page_of(root: Path, name: str) -> str:
 
 def test_the_readme_is_read_in_a_minute(root: Path) -> None:
     assert len((root / "README.md").read_text("utf-8").splitlines()) <= 80
+
+
+def test_what_a_page_says_to_install_is_in_the_checkout(root: Path) -> None:
+    known = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    pages = [*root.glob("*.md"), *root.glob("docs/**/*.md"), *root.glob("examples/*")]
+    lines = [line for page in pages if page.is_file() for line in INSTALL.findall(page.read_text("utf-8"))]
+    own = [line for line in lines if line.startswith("-e ")]
+    assert own and not [line for line in lines if "homeward" in line], "homeward is on no package index"
+    for line in own:
+        extras = re.match(r"-e (?:\.|'\.\[([a-z0-9,]+)\]')", line)
+        assert extras is not None and set((extras[1] or "").split(",")) - {""} <= set(known), line
 
 
 def test_every_environment_variable_is_documented(root: Path) -> None:

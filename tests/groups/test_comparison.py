@@ -1,7 +1,9 @@
 """Named groups: what differs is named with its size, chance and driving style are not, and bad input is refused."""
 
 import dataclasses
+import io
 import json
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.typing import NDArray
+from rich.console import Console
 
 import diagnose
 from homeward import Robot, synthetic
@@ -22,6 +25,7 @@ from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.groups.comparison import Quantity, compare
+from homeward.groups.report import show_groups, write_groups
 from homeward.groups.runs import compare_standing, values_of_runs
 from tests.groups.test_standing import noise, standing
 
@@ -221,7 +225,22 @@ def test_groups_from_the_command_line(
     assert difference["value"] == pytest.approx(3.0, abs=0.3) and difference["named"] and difference["p_holm"] < 0.05
     page = (out / "groups.html").read_text()
     assert "Groups differ" in page and "figure-group-0" in page and "http" not in page.split("</script>")[-1]
+    assert re.search(r"<li>before: a0\.csv, P_anc, idle part (8|9)\.\d+<br>", page) and str(logs) not in page
+    assert re.search(r'<div role="img" aria-label="P_anc, idle part, means: before (8|9)(\.\d+)? W, 95 % ', page)
     assert '"dragmode":false' in page, "a finger that scrolls would zoom, and no key would undo it"
+
+
+def test_recordings_have_their_shortest_distinct_names(tmp_path: Path) -> None:
+    paths = [f"/far/away/{folder}/{i}.csv" for folder in ("ice", "snow") for i in (1, 2)]
+    steady = [standing(10.0 + noise(np.random.default_rng(i), 400, 0.0), path) for i, path in enumerate(paths)]
+    runs = [dataclasses.replace(one, sha256="0", notes=("a column is left out",)) for one in steady]
+    comparison = compare_standing(runs, ["ice", "ice", "snow", "snow"])
+    assert comparison.runs[0].path == paths[0]
+    write_groups(comparison, tmp_path)
+    terminal = io.StringIO()
+    show_groups(comparison, Console(file=terminal, width=200))
+    for text in ((tmp_path / "groups.html").read_text("utf-8"), terminal.getvalue()):
+        assert "ice/1.csv: a column is left out" in text and "snow/2.csv" in text and "/far/away" not in text
 
 
 def test_a_standing_robot_without_groups(

@@ -44,6 +44,8 @@ def test_only_recorded_zero_motion_is_standing() -> None:
     unknown = dict(standing(power_w).channels) | {"speed_mps": np.full(100, np.nan)}
     assert not stands(Recording("run.csv", "", unknown))
     assert not stands(Recording("run.csv", "", {"time_s": np.arange(100.0), "power_w": power_w}))
+    encoder_step = np.where(np.arange(100) < 99, 0.0, 0.0118)
+    assert stands(Recording("run.csv", "", dict(standing(power_w).channels) | {"speed_mps": encoder_step}))
     creeping = np.where(np.arange(100) < 99, 0.0, 0.05)
     assert not stands(Recording("run.csv", "", dict(standing(power_w).channels) | {"speed_mps": creeping}))
     wheels = {"wheel_left_mps": np.full(100, -0.2), "wheel_right_mps": np.full(100, 0.2)}

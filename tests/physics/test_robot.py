@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from homeward import Robot, RobotError, load_robot
 from homeward.physics import EFFECTS, preset_names
-from homeward.physics.allowed import Bounds
+from homeward.physics.intervals import Bounds
 from homeward.physics.plausible import PlausibilityWarning, implausible
 from homeward.physics.robot import ROBOT_DTYPE
 from tests.physics.drives import PLAIN, robots

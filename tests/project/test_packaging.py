@@ -1,6 +1,8 @@
 """What is installed is what lies in the folders."""
 
+import email
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -102,6 +104,33 @@ def test_source_distribution_holds_the_packages_and_none_of_the_tests(sources: P
     assert {str(path.relative_to(ROOT)) for path in files_of_packages().values()} <= names
     assert {"CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "constraints.txt"} <= names
     assert not [name for name in names if name.startswith("tests")]
+
+
+@pytest.mark.parametrize("address", [None, "https://example.org/us/homeward"])
+def test_links_of_the_readme_are_absolute_where_the_project_has_an_address(
+    address: str | None, sources: Path, tmp_path: Path, project: dict[str, Any]
+) -> None:
+    source = shutil.copytree(sources, tmp_path / "source", symlinks=True)
+    text = (source / "pyproject.toml").read_text("utf-8").replace("[project.urls]", "[tool.none]")
+    urls = f'\n[project.urls]\nSource = "{address}"\n' if address else ""
+    (source / "pyproject.toml").write_text(text + urls, "utf-8")
+    code = f"from setuptools import build_meta; build_meta.prepare_metadata_for_build_wheel({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-c", code], cwd=source, check=True, capture_output=True)
+    (folder,) = tmp_path.glob("*.dist-info")
+    said = email.message_from_string((folder / "METADATA").read_text("utf-8"))
+    assert said["Description-Content-Type"] == "text/markdown"
+    links, own = (
+        re.findall(r"\]\((.*?)\)", text) for text in (str(said.get_payload()), (ROOT / "README.md").read_text("utf-8"))
+    )
+    if address is None:
+        assert links == own
+        return
+    assert all(link.startswith("https://") for link in links)
+    version = f"v{project['project']['version']}"
+    assert links[0] == f"{address}/raw/{version}/docs/viewer.gif"
+    for link in links[1:]:
+        if link.startswith(address):
+            assert (ROOT / link.removeprefix(f"{address}/blob/{version}/")).is_file(), link
 
 
 def test_version_is_that_of_the_project(project: dict[str, Any]) -> None:

@@ -120,3 +120,12 @@ def test_a_build_that_ends_early_leaves_the_files_as_they_were(
     with pytest.raises(expected, match="no"):
         release.release(tree, "99.0.0")
     assert {name: (tree / name).read_text("utf-8") for name in release.PLACES} == before
+
+
+def test_nothing_is_uploaded_while_links_of_the_readme_lead_nowhere(release: ModuleType, tree: Path) -> None:
+    path = tree / "pyproject.toml"
+    text = path.read_text("utf-8").replace("[project.urls]", "[tool.none]")
+    path.write_text(text, "utf-8")
+    assert release.upload(tree).startswith("upload nothing: links of README.md are relative until [project.urls]")
+    path.write_text(f'{text}\n[project.urls]\nSource = "https://example.org/homeward"\n', "utf-8")
+    assert release.upload(tree).endswith("twine upload dist/*")

@@ -162,6 +162,8 @@ def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: py
     page = (tmp_path / "out" / "watch.html").read_text("utf-8")
     assert "run0.csv" in page and "run1.csv" in page and "plotly" in page and "http-equiv" not in page
     assert "<li>run1.csv: read with cells separated by semicolons</li>" in page
+    assert page.count('role="img" aria-label="energy of the rest, kJ, over the way left in m, of 2 runs: ') == 1
+    assert page.count("<tr><td>run1.csv</td>") == 6, "moments of each run as a table"
     assert '"dragmode":false' in page, "a finger that scrolls would zoom, and no key would undo it"
     moments = pd.read_csv(tmp_path / "out" / "watch.csv")
     assert set(moments["run"]) == set(map(str, paths)) and (moments["low_j"] < moments["high_j"]).all()
@@ -170,7 +172,7 @@ def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: py
 def test_names_on_the_page_are_escaped(runs: list[Watched]) -> None:
     robot = replace(load_robot("husky"), name="x\x1b[31m")
     page = watch_html([replace(runs[0], name="<i>sneaky.csv")], robot, ["<i>sneaky too"], [("a.csv", "<i>sneaky note")])
-    assert "<i>sneaky" not in page and page.count("&lt;i&gt;sneaky") == 3
+    assert "<i>sneaky" not in page and page.count("&lt;i&gt;sneaky") == 3 + 6  # six moments in the table
     assert "<title>x?[31m: watched</title>" in page and "\x1b" not in page
 
 

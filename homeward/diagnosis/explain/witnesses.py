@@ -29,7 +29,7 @@ from homeward.diagnosis.read.signals import ODOMETER_PARTS
 from homeward.diagnosis.result import Proof, Value
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot
-from homeward.physics.metered import lost_inside
+from homeward.physics.terminal_power import lost_inside
 
 USABLE_ENERGY = "usable energy"
 """Name of the parameter identified from the state of charge."""

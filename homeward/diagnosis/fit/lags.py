@@ -18,7 +18,7 @@ from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
-_COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel
+_COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel; chosen: two windows, then half of one
 _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
 _MOST_RUNS = 5  # in the search: all have the same sensor
 _MOST_SEARCHED = 20_000  # samples of each run: half an hour at 10 Hz

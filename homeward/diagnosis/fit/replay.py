@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, windows
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import STANDSTILL_MPS, Array, Index
 from homeward.logs.times import median_step_s
 from homeward.physics import Robot, replay
 from homeward.physics.effects import payload
-from homeward.physics.metered import at_terminals
+from homeward.physics.terminal_power import at_terminals
 
-_MOST_WINDOWS = 100_000  # beyond it the windows get longer
+_MOST_WINDOWS = 100_000  # beyond it the windows get longer; chosen: bounds time and memory, 14 hours of driving
 _MOST_LOADS = 5  # payload levels at which a run is replayed
-_SLOW_MPS = 0.02  # below it the wheels are at rest: motor current vanishes with the motion
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def current_a(run: Signals, robot: Robot, rest_current_a: float) -> Array:
 
 
 def _current_a(run: Signals, robot: Robot, force_n: Array, rest_current_a: float) -> Array:
-    turning = np.minimum(wheels_mps(run, robot) / _SLOW_MPS, 1.0)
+    turning = np.minimum(wheels_mps(run, robot) / STANDSTILL_MPS, 1.0)  # motor current vanishes with the motion
     return np.asarray(rest_current_a + turning * force_n / thrust_n_per_a(robot))
 
 

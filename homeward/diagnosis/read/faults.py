@@ -19,7 +19,6 @@ _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
 _MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad", "elevation_m")
 _CHANNEL_OF = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
 _JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # not wheel speeds: they may jump with their command
-_STANDS = 0.02  # of the top speed
 _FEWEST_UPDATES = 20  # known samples or changes; chosen: of fewer, nothing is typical
 _JITTER = 0.34  # of a period, one sample in three
 
@@ -96,7 +95,7 @@ def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mas
     """Spikes of power at starts, where most starts have one: they are part of the load."""
     time_s = channels["time_s"]
     speed = np.abs(np.nan_to_num(speed_of(channels)))
-    slow = speed <= _STANDS * robot.max_speed_mps
+    slow = speed <= rules.STANDSTILL_SHARE * robot.max_speed_mps
     moves = speed > 0.0 if slow.any() and np.median(speed[slow]) == 0.0 else ~slow
     starts_s = time_s[1:][moves[1:] & ~moves[:-1]]
     near, with_one = np.zeros(len(time_s), dtype=bool), 0
@@ -114,7 +113,7 @@ def _silent(channels: Mapping[str, Array], robot: Robot) -> Mask:
     if drawn is None:
         return none
     zero = drawn == 0.0
-    drives = np.abs(np.nan_to_num(speed_of(channels))) > _STANDS * robot.max_speed_mps
+    drives = np.abs(np.nan_to_num(speed_of(channels))) > rules.STANDSTILL_SHARE * robot.max_speed_mps
     lasts = zero & (np.append(zero[1:], False) | np.insert(zero[:-1], 0, False))
     silent: Mask = lasts & drives
     return silent if silent.mean() <= rules.MOST_SILENT else none
@@ -127,7 +126,7 @@ def _charging(channels: dict[str, Array], robot: Robot) -> Mask:
     drawn = channels.get("power_w", channels.get("current_a"))
     if drawn is None:
         return charging
-    stands = np.abs(speed_of(channels)) < _STANDS * robot.max_speed_mps
+    stands = np.abs(speed_of(channels)) < rules.STANDSTILL_SHARE * robot.max_speed_mps
     driving = drawn[~stands & np.isfinite(drawn)]
     typical = float(driving.mean()) if len(driving) else 0.0
     back = stands & (drawn < -rules.ZERO_ERROR * max(typical, 0.0))

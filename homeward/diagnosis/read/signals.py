@@ -32,12 +32,13 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 """
 
 _REACH_S = 3.0  # at top speed, along which position is compared: long against its noise
-_UNCLEAR = 0.05  # share of noise in the variance of slopes, up to which slopes met again are recognised
-_CREEPS = 0.02  # of the top speed
+_UNCLEAR = 0.05
+"""Share of noise in the variance of slopes, up to which slopes met again are recognised. Chosen: a reliability of
+0.95."""
 ODOMETER_PARTS = 10
 """Parts of the way that must agree on the sign of an odometer's error: by chance all do with probability 2^-9."""
 
-_FEWEST_TO_SMOOTH = 50  # samples
+_FEWEST_TO_SMOOTH = 50  # samples; chosen: a variance is then known within 20 %, sqrt(2 / n)
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
 _CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
 
@@ -101,7 +102,9 @@ def signals(
     scale = _odometer_scale(kept, speed, time_s)
     recorded = speed / (1.0 + scale)
     speed = _without_noise("speed_mps", recorded, time_s, error)
-    speed = _at_rest(recorded, speed, max(_CREEPS * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0)))
+    speed = _at_rest(
+        recorded, speed, max(rules.STANDSTILL_SHARE * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0))
+    )
     filled = [name for name in _FILLED if name in kept and np.isnan(kept[name]).any()]
     kept |= {name: _interpolated(kept[name], time_s) for name in filled}
     nothing = np.zeros(len(time_s))

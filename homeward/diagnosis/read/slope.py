@@ -11,7 +11,7 @@ from homeward.diagnosis.read.noise import smoothed
 from homeward.logs.channels import Array
 
 _STEEPEST = 1.0  # rise over run: no ground robot climbs it
-_FEWEST = 8  # heights, to estimate a level, a slope, and their variances
+_FEWEST = 8  # heights, to estimate a level, a slope, and their variances; chosen: twice what is estimated
 _MIDDLE = 0.1  # weight of the middle of a plateau over its edges: known to half a step only
 
 

@@ -19,13 +19,14 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.tell.notation import PLAIN
+from homeward.diagnosis.tell.notation import PLAIN, number
+from homeward.diagnosis.tell.series import PARQUET
 from homeward.logs.channels import Array, Index
 
-_MOST_RUNS = 12  # in the time plot
-_MOST_POINTS = 2000  # of a line
+MOST_RUNS = 12  # of which a page has plots; chosen
+_MOST_POINTS = 2000  # of a line; chosen: more than pixels
 _MOST_DOTS = 800  # windows drawn behind the means; chosen
-_SHOWN_S = 120.0  # of a long run at first
+_SHOWN_S = 120.0  # of a long run at first; chosen: starts and stops can be told apart
 _INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#7b8794", "#c92a2a", "#0b7285"
 _LINES: Mapping[str, Mapping[str, Any]] = {
     "recorded": {"color": _INK, "width": 1.2},
@@ -46,7 +47,7 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[di
     """
     runs, predictions = evidence.runs, evidence.predictions
     squared = (runs.observed - evidence.predictions["refit"]) ** 2
-    order = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:_MOST_RUNS].tolist()
+    order = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:MOST_RUNS].tolist()
     panels = ["before: robot file and refit", "after: corrected"] if "corrected" in predictions else [""]
     figure = make_subplots(
         len(panels), 1, shared_xaxes=True, shared_yaxes="all", vertical_spacing=0.07, subplot_titles=panels
@@ -72,7 +73,9 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[di
     figure.update_xaxes(title_text="time in the run, s", row=len(panels))
     measured = "power, W" if runs.unit == "W" else "current, A"
     figure.update_yaxes(title_text=measured, range=[choices[0]["low"], choices[0]["high"]], fixedrange=True)
-    return embedded(figure, "time", top=34, zooms=True), choices
+    simulated = ", ".join(name for name in _LINES if name in predictions)
+    says = f"{measured} over time: recorded, and simulated by {simulated}"
+    return embedded(figure, "time", f"{says}. Every value is in {PARQUET}.", top=34, zooms=True), choices
 
 
 def _limits(values: NDArray[np.floating], beyond: float = 0.0, margin: float = 0.04) -> tuple[float, float]:
@@ -139,8 +142,9 @@ def _thinned(values: Array) -> NDArray[np.float32]:
 def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
     """Residuals against the channel that shows each named effect, or that explains most where none was named.
 
-    Of a channel: the dependence, the names of the effects that it shows, and the figures before (the refit) and, where
-    effects were named, after (corrected).
+    Of a channel: the dependence, the names of the effects that it shows, the figures before (the refit) and, where
+    effects were named, after (corrected), and their means as rows of a table: the middle of a range of the channel, and
+    mean and half its 95 % interval of each residual.
     """
     chosen: dict[int, list[str]] = {}
     for one in analysis.diagnosis.missing_physics:
@@ -158,7 +162,15 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
             _condition_figure(residual, dependence, evidence, _LINES[name]["color"], f"{index}-{name}", left)
             for name, residual in zip(names, left, strict=True)
         )
-        found.append({"dependence": dependence, "effects": effects, "before": before, "after": next(iter(after), None)})
+        bins = [_bins(residual, dependence, evidence) for residual in left]
+        rows = [
+            (centre, [(float(one["mean"].iloc[i]), rules.NORMAL_95 * float(one["error"].iloc[i])) for one in bins])
+            for i, centre in enumerate(bins[0]["centre"].tolist())
+        ]
+        found.append({
+            "dependence": dependence, "effects": effects, "before": before, "after": next(iter(after), None),
+            "rows": rows,
+        })  # fmt: skip
     return found
 
 
@@ -182,7 +194,7 @@ def _condition_figure(
     values = _values(shown, runs)
     dots = np.flatnonzero(known)
     dots = dots[:: -(-len(dots) // _MOST_DOTS)]
-    bins = _means(values[known], residual[known], shown.bin[known], evidence.block[known])
+    bins = _bins(residual, shown, evidence)
     in_time = shown.channel.name == "time_s"
     figure = go.Figure()
     figure.add_scatter(
@@ -210,7 +222,16 @@ def _condition_figure(
     figure.update_layout(showlegend=False)
     figure.update_xaxes(title_text=label)
     figure.update_yaxes(title_text=f"recorded minus simulated, {runs.unit}", range=limits)
-    return embedded(figure, name)
+    means, centres = bins["mean"].to_numpy(), bins["centre"].to_numpy()
+    both = " to ".join(f"{number(means[i])} at {number(centres[i])}" for i in (means.argmin(), means.argmax()))
+    says = f"recorded minus simulated, {runs.unit}, against {label}: means from {both}. The table below has all means."
+    return embedded(figure, name, says)
+
+
+def _bins(residual: Array, shown: Dependence, evidence: Evidence) -> pd.DataFrame:
+    known = shown.bin >= 0
+    values = _values(shown, evidence.runs)
+    return _means(values[known], residual[known], shown.bin[known], evidence.block[known])
 
 
 def _values(shown: Dependence, runs: Runs) -> Array:
@@ -235,8 +256,11 @@ def _means(values: Array, residual: Array, number: Index, block: Index) -> pd.Da
     return bins.sort_values("centre")
 
 
-def embedded(figure: go.Figure, name: str, top: int = 8, zooms: bool = False) -> Markup:
-    """A figure as a part of a page that has plotly.js in it already; one that `zooms` needs buttons for it, too."""
+def embedded(figure: go.Figure, name: str, says: str, top: int = 8, zooms: bool = False) -> Markup:
+    """A figure as a part of a page that has plotly.js in it already; one that `zooms` needs buttons for it, too.
+
+    Who cannot see it hears what it `says`, and where the numbers are.
+    """
     if not zooms:
         figure.update_xaxes(fixedrange=True).update_yaxes(fixedrange=True)
     figure.update_layout(
@@ -248,4 +272,9 @@ def embedded(figure: go.Figure, name: str, top: int = 8, zooms: bool = False) ->
         full_html=False, include_plotlyjs=False, div_id=f"figure-{name}", default_height="100%",
         config={"responsive": True, "displaylogo": False, "displayModeBar": False},
     )  # fmt: skip
-    return Markup(text)
+    return described(text, says)
+
+
+def described(plot: str, says: str) -> Markup:
+    """A plot as one image with a text alternative (WAI-ARIA, role img)."""
+    return Markup('<div role="img" aria-label="{}">{}</div>').format(says, Markup(plot))

@@ -23,7 +23,7 @@ from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.notation import labels, page, templates
-from homeward.diagnosis.tell.own_uncertainty import uncertainty_of
+from homeward.diagnosis.tell.robot_uncertainty import uncertainty_of
 from homeward.diagnosis.tell.series import MCAP, PARQUET, mcap, parquet, series
 from homeward.diagnosis.tell.words import why_open
 from homeward.files import write_whole

@@ -10,7 +10,7 @@ from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
 from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.result import Fit, FittedGroup, Handed, MissingPhysics, Verdict
+from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, MissingPhysics, Verdict
 from homeward.diagnosis.tell.notation import templates
 
 
@@ -29,14 +29,14 @@ def summary(
     fit: Fit,
     findings: Sequence[Finding],
     found: Sequence[MissingPhysics],
-    handed: Handed,
+    file: CorrectedFile,
 ) -> str:
     """The verdict in one or two sentences, the content of corrected.toml, and how many runs were set aside."""
     text = (
         templates(autoescape=False)
         .get_template("summary.txt")
         .render(
-            verdict=verdict, evidence=evidence, off=off, fit=fit, found=found, handed=handed, condition=condition,
+            verdict=verdict, evidence=evidence, off=off, fit=fit, found=found, file=file, condition=condition,
             why_open=why_open, place=_place(evidence), excess=_excess(evidence),
             shares=[total_share(added, evidence.runs) for added in evidence.contributions],
             refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),

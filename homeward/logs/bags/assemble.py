@@ -19,7 +19,7 @@ from homeward.logs.bags.topics import (
     best_topics,
     load_topics,
 )
-from homeward.logs.channels import CHANNELS, MOTION, MOVES_MPS, POWER, Array, first_set
+from homeward.logs.channels import CHANNELS, MOTION, POWER, STANDSTILL_MPS, Array, first_set
 from homeward.logs.columns import RecordingError
 from homeward.logs.times import is_epoch
 
@@ -137,7 +137,7 @@ class _Reading:
         `sensor_msgs/BatteryState` says "Negative when discharging", and mappings change the sign; some drivers publish
         it positive. A robot that drives does not charge, so that the median while it drives determines the sign.
         """
-        moves = np.abs(np.interp(current.time_s, speed.time_s, speed.values)) > MOVES_MPS
+        moves = np.abs(np.interp(current.time_s, speed.time_s, speed.values)) > STANDSTILL_MPS
         while_driving = current.values[moves] if moves.any() else current.values
         if current.kind != BATTERY or np.median(while_driving) >= 0.0:
             return current

@@ -3,7 +3,7 @@
 Topics are found and subscribed under the names that ROS 2 gives them in DDS (`network`), with types made from their
 message definitions (`idl`). What a mapping names of them becomes readings (`listener`), on a clock (`stamps`) and in a
 frame (`odometry`) that go on whatever the publishers do. `node` asks the companion, and publishes its advice
-(`advising`).
+(`advice_messages`).
 """
 
 LOOPBACK = (

@@ -28,7 +28,7 @@ from homeward.logs.bags.topics import (
     Topics,
     best_topics,
 )
-from homeward.logs.channels import CHANNELS, MOVES_MPS, POWER
+from homeward.logs.channels import CHANNELS, POWER, STANDSTILL_MPS
 from homeward.watch.ros2.charge import Charge
 from homeward.watch.ros2.odometry import Odometry
 from homeward.watch.ros2.stamps import Stamps
@@ -47,7 +47,7 @@ _LEAST_SIGNS = 50
 _SILENT, _LEAST_SILENT_S = 5.0, 2.0
 """Usual times between messages, and the least time, after which a topic is said to be silent."""
 _SAID_S = 60.0
-"""Time for which something is said."""
+"""Time for which something is said. Chosen: long enough to be read."""
 _ELECTRIC = {name for names in POWER for name in names}
 _LAST = {"heading", "heading_rad", "soc"}
 """Of what the last value is taken, and not the mean: directions have none."""
@@ -278,7 +278,7 @@ class Listener:
             return {}
         current = values["current_a"]
         if self._chosen["current_a"][1].msgtype == BATTERY:
-            if abs(speed) > MOVES_MPS and current:
+            if abs(speed) > STANDSTILL_MPS and current:
                 self._signs[current > 0.0] += 1
             charging, discharging = self._signs
             if charging > discharging and charging + discharging >= _LEAST_SIGNS:
@@ -287,7 +287,7 @@ class Listener:
                     f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
                     "of BatteryState; it is taken as discharge", now_s,
                 )  # fmt: skip
-        if current < 0.0 and not abs(speed) > MOVES_MPS:
+        if current < 0.0 and not abs(speed) > STANDSTILL_MPS:
             return {}  # charging, which says nothing of what the robot takes
         return {"voltage_v": self._voltage_v, "current_a": current}
 

@@ -23,7 +23,7 @@ _PRINTED_S = 60.0
 _WAITS_S = 5.0
 """Time without an advice after which it is said what is waited for."""
 _NAMED = 8
-"""Topics that are named of those that are not listened to."""
+"""Topics that are named of those that are not listened to. Chosen: a line or two."""
 
 
 class Session:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from homeward.agents import Policy, make_policy
-from homeward.agents.evaluation import TRACED, Episodes, Run, episode_seeds
+from homeward.agents.evaluation import TRACE_COLUMNS, Episodes, Run, episode_seeds
 from homeward.agents.evaluation.summary import Evaluation, Optima
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
@@ -23,7 +23,10 @@ def made_up(score: Any, stranded: Any = None) -> Run:
     zeros = np.zeros(len(scores))
     episodes = Episodes(scores, ~lost, lost, np.zeros_like(lost), zeros + 5.0, zeros, zeros, zeros.astype(np.int64))
     return Run(
-        episodes, 1.0, np.zeros((1, len(scores), len(TRACED)), np.float32), np.zeros((len(scores), 1), np.float32)
+        episodes,
+        1.0,
+        np.zeros((1, len(scores), len(TRACE_COLUMNS)), np.float32),
+        np.zeros((len(scores), 1), np.float32),
     )
 
 

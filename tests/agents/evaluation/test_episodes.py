@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.agents import Policy
 from homeward.agents.base import Observations
-from homeward.agents.evaluation import TRACED, episode_seeds, run_episodes
+from homeward.agents.evaluation import TRACE_COLUMNS, episode_seeds, run_episodes
 from homeward.agents.evaluation import episodes as evaluation_episodes
 from homeward.envs.actions import encode_actions
 from homeward.envs.options import Options, known_of
@@ -61,8 +61,8 @@ def test_results_do_not_depend_on_how_many_run_at_once(monkeypatch: pytest.Monke
     parts = run_episodes(policy("dmax_adaptive"), SURVEY, seeds)
     for name in ("score", "home", "energy_left_j", "time_s", "decisions"):
         np.testing.assert_array_equal(getattr(parts.episodes, name), getattr(whole.episodes, name))
-    assert whole.traces.shape[1:] == (7, len(TRACED))
-    assert parts.traces.shape[1:] == (3, len(TRACED))
+    assert whole.traces.shape[1:] == (7, len(TRACE_COLUMNS))
+    assert parts.traces.shape[1:] == (3, len(TRACE_COLUMNS))
 
 
 def test_agents_are_told_once_that_missions_begin() -> None:
@@ -93,7 +93,7 @@ def test_running_out_of_time_is_no_stranding_and_scores_nothing() -> None:
 
 def test_traces_begin_full_at_home_and_end_with_the_episode() -> None:
     run = run_episodes(policy("soc50"), SURVEY, episode_seeds(0, 5))
-    trace = {name: run.traces[..., column] for column, name in enumerate(TRACED)}
+    trace = {name: run.traces[..., column] for column, name in enumerate(TRACE_COLUMNS)}
     assert (trace["energy_share"][0] == 1.0).all()
     assert (trace["position_m"][0] == 0.0).all()
     for mission, decisions in enumerate(run.episodes.decisions):

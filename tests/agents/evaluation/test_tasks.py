@@ -10,7 +10,7 @@ import pytest
 
 from homeward import load_robot
 from homeward.agents import make_policy
-from homeward.agents.evaluation import TRACED, Episodes, Run, episode_seeds, run_episodes, tasks
+from homeward.agents.evaluation import TRACE_COLUMNS, Episodes, Run, episode_seeds, run_episodes, tasks
 from homeward.agents.evaluation.tasks import run_agents, self_contained
 from homeward.agents.shield import Shield
 from homeward.envs.conditions.instruments import Instruments
@@ -45,7 +45,7 @@ def test_parts_of_a_run_keep_the_traces_of_the_first_and_the_median_of_their_tim
     whole = first.followed_by([second.without_traces(), third.without_traces()])
     assert isinstance(whole, Run)
     assert whole.decision_us == 5.0
-    assert whole.traces.shape[1:] == (1, len(TRACED))
+    assert whole.traces.shape[1:] == (1, len(TRACE_COLUMNS))
     np.testing.assert_array_equal(whole.traces, first.traces)
     np.testing.assert_array_equal(whole.interest, first.interest)
     assert whole.episodes.score.tolist() == [float(one.episodes.score[0]) for one in (first, second, third)]

@@ -22,7 +22,7 @@ from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
-from tests.diagnosis.tell.test_handover import replay_equals_fit
+from tests.diagnosis.tell.test_file_choice import replay_equals_fit
 
 Drive = Callable[..., list[Recording]]
 

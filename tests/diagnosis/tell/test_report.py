@@ -202,6 +202,18 @@ def test_report_without_a_usable_run(dead: Analysis) -> None:
     assert "Nothing was changed" in corrected_toml(dead)
 
 
+def test_every_plot_says_what_it_shows_and_has_its_numbers_in_a_table(turning: Analysis) -> None:
+    page = report_html(turning)
+    time, *conditions = re.findall(r'<div role="img" aria-label="([^"]+)">', page)
+    assert 1 + len(conditions) == page.count('class="plotly-graph-div"') >= 3
+    assert time.startswith("power, W over time: recorded, and simulated by nominal, refit, corrected.")
+    assert "series.parquet" in time
+    ends = r"means from \S+ at \S+ to \S+ at \S+\. "
+    assert all(re.match(rf"recorded minus simulated, W, against .+: {ends}", one) for one in conditions)
+    (table, *_) = re.findall(r"These means as a table</summary>(.*?)</details>", page, re.DOTALL)
+    assert table.count("±") == 2 * (table.count("<tr>") - 1) >= 8  # of refit and corrected
+
+
 def test_page_stays_small_beside_plotly(turning: Analysis) -> None:
     import plotly.offline
 

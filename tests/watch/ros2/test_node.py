@@ -22,7 +22,7 @@ from homeward.cli import Terminal
 from homeward.companion import Companion, CompanionError
 from homeward.physics import load_robot
 from homeward.watch.ros2 import LOOPBACK, idl, listener, session
-from homeward.watch.ros2.advising import messages
+from homeward.watch.ros2.advice_messages import messages
 from homeward.watch.ros2.idl import struct_of
 from homeward.watch.ros2.network import Network
 from homeward.watch.ros2.node import PERIOD_S, Node

@@ -10,7 +10,7 @@ pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
 from homeward.companion import Companion
 from homeward.watch.ros2 import LOOPBACK
-from homeward.watch.ros2.advising import messages
+from homeward.watch.ros2.advice_messages import messages
 
 
 @pytest.fixture(scope="module")

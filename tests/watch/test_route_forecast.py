@@ -11,7 +11,7 @@ from homeward.companion import CompanionError
 from homeward.envs.routes import Route, RouteError
 from homeward.physics import Robot, d_max, load_robot
 from homeward.physics.uncertainty import Uncertainty
-from homeward.watch.outlook import RouteOutlook, outlook_of, picture
+from homeward.watch.route_forecast import RouteForecast, forecast_along, picture
 
 
 def flat(length_m: float) -> Route:
@@ -29,7 +29,7 @@ def calm() -> Robot:
 @pytest.mark.parametrize("share", [0.1, 0.3])
 def test_of_a_known_robot_it_is_the_closed_form(calm: Robot, share: float) -> None:
     length_m = share * float(d_max(calm))
-    found = outlook_of(calm, flat(length_m), None, 1e-3)
+    found = forecast_along(calm, flat(length_m), None, 1e-3)
     assert found.both_j.mean == pytest.approx(2.0 * share * calm.usable_energy_j, rel=0.01)
     assert found.there_j.mean == pytest.approx(share * calm.usable_energy_j, rel=0.01)
     assert found.left_j[-1, 1] == pytest.approx((1.0 - 2.0 * share) * calm.usable_energy_j, rel=0.02)
@@ -39,7 +39,7 @@ def test_of_a_known_robot_it_is_the_closed_form(calm: Robot, share: float) -> No
 
 def test_beyond_its_range_it_does_not_get_there_and_back(calm: Robot) -> None:
     range_m = float(d_max(calm))
-    found = outlook_of(calm, flat(0.7 * range_m), None, 1e-3)
+    found = forecast_along(calm, flat(0.7 * range_m), None, 1e-3)
     low_m, middle_m, high_m = found.range_m
     assert low_m < range_m < high_m and middle_m == pytest.approx(range_m, rel=0.02)
     assert found.advice.chance_there_and_back is not None and found.advice.chance_there_and_back < 1e-3
@@ -50,7 +50,7 @@ def test_the_less_a_file_is_sure_the_wider_the_interval(calm: Robot) -> None:
     route = flat(3000.0)
 
     def width(robot: Robot) -> float:
-        both: RouteOutlook = outlook_of(robot, route, None, 1e-3)
+        both: RouteForecast = forecast_along(robot, route, None, 1e-3)
         return both.both_j.high - both.both_j.low
 
     assert calm.uncertainty is not None
@@ -68,7 +68,7 @@ def test_it_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         assert part in printed
     assert (tmp_path / "fan.png").read_bytes().startswith(b"\x89PNG")
     assert b"<svg" in picture(
-        load_robot("husky"), 3000.0, outlook_of(load_robot("husky"), flat(3e3), 0.5, 0.01), ".svg"
+        load_robot("husky"), 3000.0, forecast_along(load_robot("husky"), flat(3e3), 0.5, 0.01), ".svg"
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.companion.advice import Spread
+from homeward.companion.advice import UncertainValue
 from homeward.companion.prior_knowledge import PriorKnowledge
 from homeward.companion.readings import CompanionError, Reading
 from homeward.companion.way import RouteLike, Step
@@ -26,7 +26,7 @@ from homeward.estimation.tails import normal_risk
 from homeward.physics import Robot
 from homeward.physics.jit import announce_first_compilation
 from homeward.physics.kernel import full_charge
-from homeward.physics.metered import at_terminals
+from homeward.physics.terminal_power import at_terminals
 
 _OFTEN = 0.2
 """Of a place, for which a slope that is read stands at most, to be taken for that of the way since the reading before.
@@ -35,9 +35,9 @@ way, it turns 60 missions of benchmarks/on_the_robot/companion.py home at 82 % o
 _NO_SLOPE_SD = 0.04
 """Standard deviation of a slope's sine where none is read: that of generated routes."""
 _PACE = 0.2
-"""Weight that the last window has in the present pace."""
+"""Weight that the last window has in the present pace. Chosen: some five windows count."""
 _MOST_STATE = 10_000_000
-"""Bytes of a state that are unpacked at most."""
+"""Bytes of a state that are unpacked at most. Chosen: bounds the memory that a damaged text may take."""
 _ONE = np.ones(1, np.bool_)
 
 
@@ -57,7 +57,7 @@ class WayHome(NamedTuple):
     ways: NDArray[np.void] | None
 
 
-class Reckoning:
+class HomeEstimator:
     """The robot as it is known now, and what a way takes and leaves by that.
 
     Args:
@@ -287,7 +287,7 @@ class Reckoning:
         plan["elsewhere"], plan["unsure_j"] = float(home.ways is not None), home.unsure_j
         return self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m)
 
-    def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> Spread:
+    def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """What a way from here takes that was not driven yet, as the robot is known now, metered J.
 
         Args:
@@ -295,12 +295,12 @@ class Reckoning:
             other_j: What the robot's own model has for all but driving steadily on it, J: standing, turning.
         """
         total = self._over(ways, self._at_cruise_j(ways) + other_j)
-        return Spread(float(total["cost_j"]), float(total["cost_sd_j"]))
+        return UncertainValue(float(total["cost_j"]), float(total["cost_sd_j"]))
 
-    def after(self, ways: NDArray[np.void]) -> Spread:
+    def after(self, ways: NDArray[np.void]) -> UncertainValue:
         """Energy that a way from here leaves, see `ahead`, with nothing taken but standing and driving steadily, J."""
         total = self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum())))
-        return Spread(float(total["margin_j"]), float(total["margin_sd_j"]))
+        return UncertainValue(float(total["margin_j"]), float(total["margin_sd_j"]))
 
     def _over(self, ways: NDArray[np.void], cost_j: float) -> np.void:
         """What a way from here takes and leaves, `MARGIN_DTYPE`, where the robot's own model has its cost."""

@@ -24,7 +24,8 @@ FittedTo = Literal["nothing", "others", "all"]
 
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
 _COVERED = 0.95  # below the upper end of a 90 % interval
-_STAYS = 0.5  # share of the samples with the charge of the one before, above which it is shown in steps
+_STAYS = 0.5
+"""Share of the samples with the charge of the one before, above which it is shown in steps. Chosen: a majority."""
 _FEWEST_STANDING = 50  # samples to estimate the noise of power
 
 
@@ -34,8 +35,8 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     The unexplained part is the residual of the file on windows that it was not fitted to. With one run, the spread
     between runs is unknown and left out.
     """
-    evidence, handed = analysis.evidence, analysis.diagnosis.file
-    if evidence is None or handed is None:
+    evidence, file = analysis.evidence, analysis.diagnosis.file
+    if evidence is None or file is None:
         return None
     runs = evidence.runs
     predicted = evidence.predictions.get("file", evidence.predictions.get("nominal"))
@@ -49,9 +50,9 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     if runs.unit == "A":  # of the wheels, which also draw charge on the spot
         mean_mps = float(np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals])))
     correlated_m = 0.5 * rest_windows * float(np.median(runs.duration_s)) * mean_mps
-    fitted, covariance = _fitted(evidence, handed.holds)
+    fitted, covariance = _fitted(evidence, file.holds)
     fitted_to: FittedTo = "others" if evidence.held_out_by == "run" else "all"
-    if handed.holds == "nominal":
+    if file.holds == "nominal":
         fitted_to = "nothing"
     at_rest = [one.fitted or one.assumed or 0.0 for one in evidence.estimates if one.group.name == "rest_current"]
     count = len(runs.signals)

@@ -1,4 +1,4 @@
-"""What is handed over is what was proven: the file, replayed as written."""
+"""What is file over is what was proven: the file, replayed as written."""
 
 import dataclasses
 from collections.abc import Callable
@@ -13,18 +13,18 @@ from homeward.diagnosis import Analysis, Recording, analyse
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.tell.corrected import file_content, replayed
-from homeward.diagnosis.tell.handover import expressible, worse_than
+from homeward.diagnosis.tell.file_choice import expressible, worse_than
 from homeward.physics import ancillary_power
 
 Drive = Callable[..., list[Recording]]
 
 
 def replay_equals_fit(analysis: Analysis) -> bool:
-    """Whether the file that is handed over predicts what the joint fit to all data predicts, to its six digits."""
-    evidence, handed = analysis.evidence, analysis.diagnosis.file
-    assert evidence is not None and handed is not None and handed.holds != "nominal"
+    """Whether the file that is file over predicts what the joint fit to all data predicts, to its six digits."""
+    evidence, file = analysis.evidence, analysis.diagnosis.file
+    assert evidence is not None and file is not None and file.holds != "nominal"
     model: Refit | Corrected | None = evidence.plain
-    if handed.holds == "corrected":
+    if file.holds == "corrected":
         model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, evidence.runs, evidence.block)
     assert model is not None
     by_file = replayed(analysis.corrected, file_content(model, evidence.runs), evidence.runs)

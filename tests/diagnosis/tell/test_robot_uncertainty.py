@@ -9,8 +9,8 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
-from homeward.diagnosis.tell.own_uncertainty import FittedTo, between_runs, uncertainty_of, within_runs
 from homeward.diagnosis.tell.report import write_outputs
+from homeward.diagnosis.tell.robot_uncertainty import FittedTo, between_runs, uncertainty_of, within_runs
 
 Drive = Callable[..., list[Recording]]
 

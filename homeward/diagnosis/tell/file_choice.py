@@ -20,7 +20,7 @@ from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.result import Handed, Verdict
+from homeward.diagnosis.result import CorrectedFile, Verdict
 from homeward.diagnosis.tell.corrected import file_content, is_expressible, of_capacity, replayed, written
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
@@ -29,13 +29,13 @@ Model = TypeVar("Model", Refit, Corrected)
 
 
 @dataclass(frozen=True)
-class Handover:
+class FileChoice:
     """The robot of corrected.toml, the predictions of its file, and its content and why."""
 
     robot: Robot
     held_out: Array | None  # each fold by the file of the others, (windows,); None if not predictable
     replayed: Array | None  # by the file itself, (windows,)
-    handed: Handed
+    file: CorrectedFile
 
 
 def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index) -> tuple[Refit, Corrected | None]:
@@ -107,7 +107,7 @@ def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
     return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.HALF).any(axis=1))
 
 
-def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
+def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> FileChoice:
     """Choose the robot of corrected.toml, from `robot` as its file has it.
 
     The effects must predict held-out windows better than the refit, and the energy (the charge) of trips no worse; the
@@ -115,25 +115,25 @@ def hand_over(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> 
     within the noise is no correction. Parameters that compensate for unknown physics are reported as no measurement.
     Effects of the battery shown by voltage or state of charge are added. The seed is that of a bootstrap over trips.
     """
-    handover = _proven(robot, verdict, evidence, seed)
-    changed, handed, capacity = handover.robot, handover.handed, evidence.capacity
+    choice = _proven(robot, verdict, evidence, seed)
+    changed, file, capacity = choice.robot, choice.file, evidence.capacity
     if shown := [one.in_file for one in evidence.witnessed if one.in_file]:
         for numbers in shown:
             changed = with_effects_of(changed, numbers)
-        handed = replace(handed, why=f"{handed.why}; it also holds what voltage or charge show of the battery")
+        file = replace(file, why=f"{file.why}; it also holds what voltage or charge show of the battery")
     if capacity is not None and capacity.off and verdict != "unknown_physics":
         changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
-    return replace(handover, robot=changed, handed=handed)
+    return replace(choice, robot=changed, file=file)
 
 
-def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Handover:
+def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> FileChoice:
     runs, nominal = evidence.runs, evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
         why = "the verdict requires no change of the robot file"
-        return Handover(robot, nominal, nominal, Handed("nominal", why))
+        return FileChoice(robot, nominal, nominal, CorrectedFile("nominal", why))
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so that its prediction cannot be tested"
-        return Handover(robot, None, None, Handed("nominal", why))
+        return FileChoice(robot, None, None, CorrectedFile("nominal", why))
     reason = "; ".join(filter(None, (_excluded(one, one.term.plain or one.term) for one in evidence.naming.named)))
     caveat = f"{reason}; " if reason else ""
     if verdict == "unknown_physics":
@@ -146,15 +146,17 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Ha
             why = "replayed as written, it predicts held-out windows better than the refit"
             why += f"; {reason}" if reason else ""
             changed, by_file = _filed(robot, model, runs)
-            return Handover(changed, after, by_file, Handed("corrected", why))
+            return FileChoice(changed, after, by_file, CorrectedFile("corrected", why))
         caveat = f"with the missing physics that a robot file can express, {worse}; "
     after = _held_out(robot, evidence.plain, evidence)
     worse = worse_than(nominal, after, runs, evidence.trip, seed)
     if worse:
-        return Handover(robot, nominal, nominal, Handed("nominal", f"{caveat}with its parameters fitted, {worse}"))
+        return FileChoice(
+            robot, nominal, nominal, CorrectedFile("nominal", f"{caveat}with its parameters fitted, {worse}")
+        )
     why = f"{caveat}replayed as written, it predicts held-out windows better than the given file"
     changed, by_file = _filed(robot, evidence.plain, runs)
-    return Handover(changed, after, by_file, Handed("refit", why))
+    return FileChoice(changed, after, by_file, CorrectedFile("refit", why))
 
 
 def worse_than(before: Array, after: Array, runs: Runs, trip: Index, seed: int) -> str:

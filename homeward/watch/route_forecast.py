@@ -14,7 +14,7 @@ from rich.table import Table
 
 from homeward import quantities
 from homeward.cli import Terminal
-from homeward.companion import Advice, Companion, Spread
+from homeward.companion import Advice, Companion, UncertainValue
 from homeward.companion.way import RouteLike
 from homeward.estimation import WAY_DTYPE
 from homeward.physics import Robot
@@ -22,12 +22,12 @@ from homeward.physics import Robot
 Array = NDArray[np.float64]
 
 _POINTS = 60
-"""Points of the picture on the way there and back."""
+"""Points of the picture on the way there and back. Chosen: the line looks smooth."""
 _QUANTILES = (0.05, 0.5, 0.95)  # median and the 90 % interval that the companion shows
 
 
 @dataclass(frozen=True)
-class RouteOutlook:
+class RouteForecast:
     """What is to be expected of a route before it is driven; arrays of shape (points,).
 
     Attributes:
@@ -42,12 +42,12 @@ class RouteOutlook:
     advice: Advice
     driven_m: Array
     left_j: Array
-    there_j: Spread
-    both_j: Spread
+    there_j: UncertainValue
+    both_j: UncertainValue
     range_m: tuple[float, ...]
 
 
-def outlook_of(robot: Robot, route: RouteLike, speed_mps: float | None, risk: float) -> RouteOutlook:
+def forecast_along(robot: Robot, route: RouteLike, speed_mps: float | None, risk: float) -> RouteForecast:
     """Ask a companion at home what a route will take, at a speed, m/s, or that with the longest range.
 
     Raises:
@@ -68,7 +68,7 @@ def outlook_of(robot: Robot, route: RouteLike, speed_mps: float | None, risk: fl
     reach = tuple(_empty_m(driven_m, left_j[:, k]) for k in range(len(_QUANTILES)))
     standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * 0.5 * total_m
     there_j, both_j = companion.ahead(out, standing_j), companion.ahead(both, 2.0 * standing_j)
-    return RouteOutlook(advice, driven_m, left_j, there_j, both_j, reach)
+    return RouteForecast(advice, driven_m, left_j, there_j, both_j, reach)
 
 
 def _ways(route: RouteLike, speed_mps: float) -> NDArray[np.void]:
@@ -95,7 +95,7 @@ def _empty_m(driven_m: Array, left_j: Array) -> float:
     return float(np.interp(0.0, [left_j[k], left_j[k - 1]], [driven_m[k], driven_m[k - 1]]))
 
 
-def show(console: Terminal, robot: Robot, route_name: str, length_m: float, found: RouteOutlook) -> None:
+def show(console: Terminal, robot: Robot, route_name: str, length_m: float, found: RouteForecast) -> None:
     """Print what is to be expected."""
     advice = found.advice
     assert advice.chance_there_and_back is not None
@@ -128,7 +128,7 @@ def _far(metres: float) -> str:
     return quantities.distance(metres) if np.isfinite(metres) else "there and back"
 
 
-def picture(robot: Robot, length_m: float, found: RouteOutlook, suffix: str) -> bytes:
+def picture(robot: Robot, length_m: float, found: RouteForecast, suffix: str) -> bytes:
     """Energy left over the way there and back as a fan, with the point of no return.
 
     Args:
