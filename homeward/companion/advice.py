@@ -118,5 +118,8 @@ class Advice:
             f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"
         )  # fmt: skip
         way = quantities.distance(self.way_home_m)
-        asked = "" if self.action is None else f"; the policy asks: {self.action}"
-        return f"{left} left; home is {way} away and takes {home}; chance {self.chance_home:.2%}; {turn}{asked}"
+        asked = "" if self.action is None else f"; action of the policy: {self.action}"
+        return (
+            f"{left} left; the way home, {way}, consumes {home}; "
+            f"probability of getting home {self.chance_home:.2%}; {turn}{asked}"
+        )

@@ -1,4 +1,4 @@
-"""From margins to advice: the latest place to turn, and the chance of getting home."""
+"""From margins to advice: the latest place to turn, and the probability of getting home."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
     grid.add_row("battery", _with_bar(left, _between(advice.energy_left_j), "green" if left > takes else "red"))
     home = f"{_between(advice.energy_home_j)}, {quantities.distance(advice.way_home_m)}"
     grid.add_row("way home", _with_bar(takes, home, "cyan"))
-    grid.add_row("chance to get home", Text(f"{advice.chance_home:.2%}"))
+    grid.add_row("probability of getting home", Text(f"{advice.chance_home:.2%}"))
     if advice.turn_now:
         grid.add_row("point of no return", Text("TURN NOW", style="bold red"))
     else:

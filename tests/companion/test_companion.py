@@ -494,7 +494,7 @@ def test_a_cut_off_that_comes_early_turns_the_robot() -> None:
 def test_advice_can_be_written_as_json_and_read_by_people() -> None:
     advice = Driven().drive(companion(), 0.0, 60.0)
     assert json.loads(json.dumps(advice.to_json()))["energy_left_j"]["mean"] == advice.energy_left_j.mean
-    assert "home is 60 m away" in str(advice) and "turn within" in str(advice)
+    assert "the way home, 60 m, consumes" in str(advice) and "turn within" in str(advice)
 
 
 def test_a_robot_file_that_says_how_sure_it_is() -> None:

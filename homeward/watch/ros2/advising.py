@@ -71,7 +71,7 @@ def _status(advice: Advice | None, robot: str, warnings: Sequence[str], silent: 
     if advice is not None:
         text = f"turn within {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}"
         if not can_reach_home(advice):
-            level, text = _ERROR, f"it may not get home: chance {advice.chance_home:.2%}"
+            level, text = _ERROR, f"it may not get home: probability {advice.chance_home:.2%}"
         elif advice.turn_now:
             level, text = max(level, _WARN), "turn now"
         values = {
