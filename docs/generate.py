@@ -1,4 +1,4 @@
-"""Parts of the pages that are generated from the code when the site is built. MkDocs calls the hooks by name.
+"""Parts of the pages that are generated from the code. MkDocs calls the hooks by name when it builds the site.
 
 A page includes a part by a comment on a line of its own: `<!-- generated: features -->`. An unknown name fails the build.
 """
@@ -60,7 +60,7 @@ DRAWN_WORDS = (
 AGENT_WORDS = {
     "random": "samples uniformly from the action space, as a lower baseline",
     "soc50": "turns back at half charge",
-    "dmax": "the paper's rule: turns back when the range by Eq. 8, at the average grade, just reaches home",
+    "dmax": "the paper's rule: turns back when the range by Eq. 8, at the mean grade, just reaches home",
     "dmax_mapped": "predicts the energy of the way home from the ground of the way out",
     "dmax_adaptive": "scales that prediction by the measured consumption, and keeps a reserve of k standard deviations",
     "dmax_belief": "estimates robot and wind online, predicts the way home, and keeps a reserve of k standard deviations",
@@ -158,9 +158,7 @@ def difficulties() -> str:
             "known" if one.route_is_known else "two places ahead in sight, the rest forecast",
             "; ".join(drawn) or "nothing",
         ))  # fmt: skip
-    return table(
-        ("difficulty", "instruments", "weather", "route and wind", "hidden, drawn for each mission"), rows
-    )
+    return table(("difficulty", "instruments", "weather", "route and wind", "hidden, drawn for each mission"), rows)
 
 
 def instruments() -> str:

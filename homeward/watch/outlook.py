@@ -1,4 +1,4 @@
-"""`homeward range ROBOT --route ROUTE`: energy and range with intervals, and the probability of getting there and back."""
+"""`homeward range ROBOT --route ROUTE`: energy and range with intervals, and the probability of getting home."""
 
 from __future__ import annotations
 
@@ -153,7 +153,9 @@ def picture(robot: Robot, length_m: float, found: RouteOutlook, suffix: str) -> 
     axis.legend(frameon=False, fontsize=9)
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(alpha=0.25, linewidth=0.6)
-    figure.suptitle(f"{robot.name}: probability of getting there and back {found.advice.chance_there_and_back:.1%}", fontsize=11)
+    figure.suptitle(
+        f"{robot.name}: probability of getting there and back {found.advice.chance_there_and_back:.1%}", fontsize=11
+    )
     buffer = io.BytesIO()
     figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)
     return buffer.getvalue()
