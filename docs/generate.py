@@ -1,6 +1,7 @@
-"""Parts of the pages that are generated from the code. MkDocs calls the hooks by name when it builds the site.
+"""Parts of the pages that are generated from the code. MkDocs calls the hooks by name.
 
-A page includes a part by a comment on a line of its own: `<!-- generated: features -->`. An unknown name fails the build.
+A page includes one by a comment on a line of its own: `<!-- generated: features -->`. An unknown name fails the
+build.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ AGENT_WORDS = {
     "dmax": "the paper's rule: turns back when the range by Eq. 8, at the mean grade, just reaches home",
     "dmax_mapped": "predicts the energy of the way home from the ground of the way out",
     "dmax_adaptive": "scales that prediction by the measured consumption, and keeps a reserve of k standard deviations",
-    "dmax_belief": "estimates robot and wind online, predicts the way home, and keeps a reserve of k standard deviations",
+    "dmax_belief": "estimates robot and wind online, predicts the way home, with a reserve of k standard deviations",
     "planner": "estimates robot and wind online, turns back accordingly, and plans speed, sensing and stops",
     "ppo": "a network trained by PPO from the d_max rule, with the estimated robot and wind as inputs",
     "ppo_scratch": "a network trained by PPO from nothing, on the observation alone",
