@@ -24,7 +24,7 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
     """Compare the power of a robot at standstill between groups of runs; of one group it gives the level alone.
 
     Raises:
-        RecordingError: A run is too short, or some hold power and others motor current only.
+        RecordingError: A run is too short, or some runs have power and others motor current only.
     """
     runs = [standing_run(one) for one in recordings]
     if len({run.unit for run in runs}) > 1:

@@ -71,11 +71,11 @@ POWER: Sets = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor
 """Sets of channels that measure power or current, the most informative first; one is needed."""
 
 MOVES_MPS = 0.05
-"""Speed from which a robot is taken to drive, where the sign of its current is judged: above the noise at rest."""
+"""Speed from which a robot counts as driving when the sign of its current is determined: above the noise at rest."""
 
 
 def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:
-    """The first set of channels that is there, () where none is."""
+    """The first complete set of channels, () if there is none."""
     return next((names for names in sets if all(name in present for name in names)), ())
 
 

@@ -525,5 +525,5 @@ def test_a_robot_file_that_says_how_sure_it_is() -> None:
     assert uneven.energy_home_j.sd > 2.0 * narrow.energy_home_j.sd
     assert differs.energy_home_j.sd > narrow.energy_home_j.sd
     assert of(between_runs=0.4).energy_home_j.sd > of(between_runs=0.1).energy_home_j.sd  # nothing fitted
-    assert any("says how sure it is: a test" in text for text in narrow.rests_on)
+    assert any("uncertainty from the robot's file: a test" in text for text in narrow.rests_on)
     assert any("generic ranges" in text for text in generic.rests_on)
