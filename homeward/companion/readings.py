@@ -213,7 +213,7 @@ class Readings:
     def _within(self, name: str, value: float, low: float, high: float, hint: str) -> float:
         if math.isnan(value) or low <= value <= high:
             return value
-        self._leave_out(f"absurd {name}", f" (the last {value:.4g}; allowed {low:.4g} to {high:.4g}; {hint})")
+        self._leave_out(f"impossible {name}", f" (the last {value:.4g}; allowed {low:.4g} to {high:.4g}; {hint})")
         return math.nan
 
     def _leave_out(self, what: str, more: str = "") -> None:
@@ -232,7 +232,7 @@ class Readings:
             most_m = self._most_mps * (self.clock_s - self._place_at_s) + 2.0 * POSITION_M
             if apart_m > most_m and self._jumps < _JUMPS:
                 self._jumps += 1
-                self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")
+                self._leave_out("impossible position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
             if apart_m > most_m:
                 self.say(f"{_JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump")

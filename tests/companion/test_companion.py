@@ -166,7 +166,7 @@ def test_absurd_readings_are_left_out_and_said(name: str, value: Any) -> None:
     after = robot.drive(one, 0.0, 3.0, **{name: value})
     assert after.way_home_m == pytest.approx(before.way_home_m + 3.0, abs=1.0)
     assert after.energy_left_j.mean == pytest.approx(before.energy_left_j.mean, rel=0.01)
-    assert any(one.startswith(f"absurd {name} left out") for one in after.warnings), after.warnings
+    assert any(one.startswith(f"impossible {name} left out") for one in after.warnings), after.warnings
 
 
 def test_repeated_and_late_readings_count_once_and_a_clock_set_back_goes_on() -> None:
@@ -374,7 +374,7 @@ def test_arguments_that_cannot_be_used(keywords: dict[str, Any], said: str) -> N
 def test_a_robot_whose_motion_is_never_read_is_not_taken_to_be_at_home(home: Any, read: dict[str, float]) -> None:
     one = Companion("husky", home=home)
     advice = one.update(0.0, **read)
-    assert advice.warnings == ("neither speed nor position was read yet: taken to stand",)
+    assert advice.warnings == ("neither speed nor position was read yet: assumed to stand",)
     with pytest.raises(CompanionError, match=r"neither speed nor position was read in 61 s: give position="):
         for time_s in range(1, 100):
             one.update(float(time_s), **read)
@@ -388,7 +388,7 @@ def test_a_speed_that_falls_silent_is_said_where_there_are_no_positions() -> Non
     for time_s in range(600, 700):
         after = one.update(float(time_s), power_w=100.0)
     assert after.way_home_m == pytest.approx(before.way_home_m + 100.0, abs=2.0)  # the safer of both
-    assert "neither speed nor position for 100 s: taken to drive on as before" in after.warnings
+    assert "neither speed nor position for 100 s: assumed to drive on as before" in after.warnings
 
 
 def test_no_way_to_know_where_it_is() -> None:
@@ -441,7 +441,7 @@ def test_a_battery_that_is_swapped_untold_for_an_emptier_one_is_believed_and_sai
     advised = [robot.drive(one, 0.0, 25.0) for _ in range(12)]
     assert advised[-1].energy_left_j.low < robot.left_j < advised[-1].energy_left_j.high
     said = [text for advice in advised for text in advice.warnings]
-    assert any("less than was drawn from it: another battery?" in text for text in said)
+    assert any("less than the energy drawn implies: another battery?" in text for text in said)
 
 
 @pytest.mark.parametrize("positions", [True, False])
@@ -466,7 +466,7 @@ def test_a_state_of_charge_that_sticks_is_said_and_not_believed() -> None:
     after = robot.drive(one, 0.0, 3500.0, soc=stuck)
     assert after.energy_left_j.mean == pytest.approx(robot.left_j, rel=0.1)
     assert after.energy_left_j.mean < 0.9 * stuck * robot.full_j
-    assert any("more than was drawn from it: stuck" in text for text in after.warnings)
+    assert any("more than the energy drawn implies: is it stuck" in text for text in after.warnings)
 
 
 def test_a_wind_that_turns_against_the_way_home_is_allowed_for() -> None:
