@@ -49,7 +49,7 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     so that groups that differ only in how they were driven scatter about the same values.
     """
     evidence = analysis.evidence
-    remarks = [f"{one.recording}: set aside, {one.text}" for one in analysis.findings if one.refused]
+    remarks = [f"{one.recording}: excluded, {one.text}" for one in analysis.findings if one.refused]
     if evidence is None:
         return comparison_of("driving", recordings, labels, {}, [], [], remarks)
     used = {name: index for index, name in enumerate(evidence.runs.names)}
