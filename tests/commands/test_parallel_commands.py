@@ -112,7 +112,7 @@ def test_a_trial_that_diverges_does_not_end_the_search(tmp_path: Path, monkeypat
     pytest.importorskip("optuna")
 
     def diverge(args: train.Args) -> Path:
-        raise DivergedError("the weights are no finite numbers any more")
+        raise DivergedError("the weights are not finite any more")
 
     monkeypatch.setattr(sweep, "train_quietly", diverge)
     with pytest.raises(TrainingError, match="no trial ended with weights that are finite"):

@@ -187,7 +187,7 @@ def test_without_power_the_state_of_charge_tells() -> None:
     one, robot = companion(), Driven(rolling=1.25)
     advice = robot.drive(one, 0.0, 3000.0, power_w=None)
     assert advice.energy_home_j.low < robot.power_w() * 3000.0 < advice.energy_home_j.high
-    assert "no power: energy by the model and the state of charge" in advice.rests_on
+    assert "no power: energy from the model and the state of charge" in advice.rests_on
 
 
 def test_voltage_times_current_is_power() -> None:
@@ -322,9 +322,9 @@ def test_a_state_with_another_way_home_asks_for_that() -> None:
     Driven().drive(one, 0.0, 100.0)
     one.take_home(by)
     state = json.loads(json.dumps(one.state()))
-    with pytest.raises(CompanionError, match="takes another way home; give it as other_way="):
+    with pytest.raises(CompanionError, match="takes another way home; pass it as other_way="):
         other.restore(state)
-    with pytest.raises(CompanionError, match="is no route"):
+    with pytest.raises(CompanionError, match="is not a route"):
         other.restore(state, "track.gpx")  # type: ignore[arg-type]
     other.restore(state, by)
     assert other._advise() == one._advise()
@@ -361,7 +361,7 @@ def test_the_state_of_a_long_and_winding_way_stays_small(tmp_path: Path) -> None
         ({"cruise_mps": 99.0}, "cruise_mps"), ({"window_s": -1.0}, "window_s"), ({"risk": "small"}, "risk = 'small'"),
         ({"home": (1.0,)}, r"home = \(1.0,\)"), ({"home": 3.0}, "home = 3.0"), ({"cutoff_v": 48.0}, "cutoff_v = 48.0"),
         ({"forecast_mps": 5.0}, "forecast_mps = 5.0"), ({"forecast_mps": (300.0, 0.0)}, "forecast_mps = .* in m/s"),
-        ({"route": "track.gpx"}, "route = 'track.gpx' is no route"),
+        ({"route": "track.gpx"}, "route = 'track.gpx' is not a route"),
     ],
 )  # fmt: skip
 def test_arguments_that_cannot_be_used(keywords: dict[str, Any], said: str) -> None:
@@ -396,7 +396,7 @@ def test_no_way_to_know_where_it_is() -> None:
         one = Companion("husky")
         one.update(0.0, speed_mps=1.0)
         one.update(1.0, speed_mps=1.0)
-    with pytest.raises(CompanionError, match="home was never set"):
+    with pytest.raises(CompanionError, match="home was not set"):
         Companion("husky").update(0.0, position=(3.0, 4.0))
     with pytest.raises(CompanionError, match="power_w = 'much' is not a number"):
         companion().update(0.0, power_w="much")  # type: ignore[arg-type]
@@ -413,7 +413,7 @@ def test_a_battery_home_or_way_that_cannot_be_is_refused(soc: Any) -> None:
         one.move_home((1.0, 2.0, 3.0))  # type: ignore[arg-type]
     with pytest.raises(CompanionError, match="home = None is not allowed"):
         one.move_home(None)  # type: ignore[arg-type]
-    with pytest.raises(CompanionError, match="is no route"):
+    with pytest.raises(CompanionError, match="is not a route"):
         one.take_home("track.gpx")  # type: ignore[arg-type]
 
 
@@ -452,7 +452,7 @@ def test_a_speed_that_sticks_at_nothing_is_said(positions: bool) -> None:
     assert robot.drive(one, 0.0, 100.0, **other).warnings == ()
     stuck = robot.drive(one, 0.0, 300.0, speed_mps=0.0, **other)
     said = next(text for text in stuck.warnings if text.startswith("the speed reads 0 while"))
-    assert ("home may be farther" in said) is not positions
+    assert ("Home may be farther" in said) is not positions
     stands = Driven(every_s=5.0)
     stands.time_s = robot.time_s
     idle = stands.drive(companion(), 0.0, 600.0, speed_mps=0.0, power_w=robot.power_w(0.0), position=(0.0, 0.0))
