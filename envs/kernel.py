@@ -227,7 +227,7 @@ def step_in_parallel(
     """Step missions on several cores and begin others; arguments as for one core and for the reset.
 
     Args:
-        begin: Which missions to begin anew instead, bool, shape (n,).
+        begin: Which missions to restart instead, bool, shape (n,).
     """
     bad = first_bad_action(choices, levels, constants[0].shared)
     if bad >= 0:

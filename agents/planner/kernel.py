@@ -48,7 +48,7 @@ BELIEF_DTYPE = np.dtype(
         ("interest_ahead", np.float64, (len(AHEAD),)),
     ]
 )
-"""What a robot knows and believes."""
+"""Knowledge and belief of a robot."""
 
 MODEL_DTYPE = np.dtype(
     [
@@ -68,7 +68,7 @@ MODEL_DTYPE = np.dtype(
 
 @compiled
 def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any) -> None:
-    """Choose the next command of surveys on their way out: try prices, follow each to the turn, and take the best.
+    """Choose the next command of surveys on their way out, by the best of several pairs of multipliers.
 
     Args:
         beliefs: `BELIEF_DTYPE`, shape (n,).
