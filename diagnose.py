@@ -1,11 +1,11 @@
-"""Say which physics a robot's simulator lacks, from recordings of the robot.
+"""Find which physics a robot's simulator lacks, from recordings of the robot.
 
 `homeward diagnose RUN... --robot PRESET_OR_TOML [--columns MAP] --out DIR`, in a checkout also `python diagnose.py`,
 writes DIR/diagnosis.json, DIR/report.html, DIR/corrected.toml, and recorded and predicted power over time as
-DIR/series.parquet and DIR/series.mcap. RUN is a table, a ROS bag, read without ROS, or a log of PX4, ArduPilot or VESC
-Tool. Without RUN it diagnoses the recording that ships with the project.
+DIR/series.parquet and DIR/series.mcap. RUN is a table, a ROS bag (read without ROS), or a log of PX4, ArduPilot or VESC
+Tool. Without RUN it diagnoses the synthetic recording that is part of the package.
 
-`--group NAME=RUNS --group NAME=RUNS` says which parameter or effect differs between groups of runs and writes
+`--group NAME=RUNS --group NAME=RUNS` compares parameters and effects between groups of runs and writes
 DIR/groups.json and DIR/groups.html.
 """
 
@@ -39,32 +39,33 @@ from homeward.logs.bags import is_bag
 from homeward.physics import RobotError
 
 ASSUMED = "husky"
-"""Robot of recordings that are said to be of none."""
+"""Robot that is assumed for recordings without --robot."""
 SHIPPED_ROBOT = "husky"
-"""Robot of the recording that ships."""
+"""Robot of the shipped recording."""
 
 
 @dataclass(frozen=True)
 class Args:
-    """What to diagnose."""
+    """Recordings, robot and output."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
     """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a ROS 2 bag), one run
-    each; none: the one that ships with the project."""
+    each; by default the one that is part of the package."""
     group: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """NAME=RUNS: a group to compare with others, given once per group or run. RUNS are paths or patterns with commas
-    between them, or a group of a data set, such as EE2=turtlebot3_tactics/EE2."""
+    """NAME=RUNS: a group to compare with others, once per group or run. RUNS are paths or patterns separated by commas,
+    or a group of a data set, such as EE2=turtlebot3_tactics/EE2."""
     standing: bool = False
     """The robot stood while it recorded: a recording without a motion channel then gives its ancillary power."""
     robot: str | None = None
-    """Robot that the simulator uses: preset name or TOML file; if left out, the data set's own, or husky, and a line
-    says so."""
+    """Robot of the simulator: preset name or TOML file; by default that of the data set, or husky, and a line says
+    so."""
     columns: str | None = None
-    """Mapping for foreign recordings, of columns or, for bags, of topics: shipped name or TOML file."""
+    """Mapping of columns or, for bags, of topics, for recordings with other names: shipped name or TOML file."""
     dataset: str | None = None
     """Public data set to fetch instead of RUN, or a group of it, such as husky_borealtc/FLOORING."""
     out: Path = Path("runs/diagnosis")
-    """Folder for diagnosis.json, report.html, corrected.toml and series; of groups also groups.json and groups.html."""
+    """Folder for diagnosis.json, report.html, corrected.toml and series; for groups also groups.json and
+    groups.html."""
     seed: int = 0
     """Seed of the bootstrap draws."""
 
@@ -73,8 +74,8 @@ def main(args: Args) -> Analysis | Comparison:
     """Diagnose, or compare groups; write the outputs and print the verdict.
 
     Raises:
-        RecordingError, RobotError, DatasetError: Input that cannot be used; where that shows only when all of it has
-            been looked at, the report that says why is written nonetheless.
+        RecordingError, RobotError, DatasetError: The input cannot be used. If that is found only after reading all of
+            it, the report with the reason is written nonetheless.
         OSError: The output folder cannot be written to.
     """
     if args.group:
@@ -94,7 +95,7 @@ def main(args: Args) -> Analysis | Comparison:
 
 def _compare(args: Args) -> Comparison:
     if args.runs or args.dataset:
-        raise RecordingError("give either --group or RUN and --dataset, not both; a group takes NAME=DATASET/GROUP")
+        raise RecordingError("give either --group or RUN and --dataset, not both; --group takes NAME=DATASET/GROUP")
     groups = grouped_runs(args.group, args.columns)
     check_writable(args.out)
     recordings = _read([(path, columns) for one in groups for path, columns in one.runs], args.standing)
@@ -115,7 +116,7 @@ def _read(paths: list[tuple[Path, str | None]], standing: bool) -> list[Recordin
     recordings = [read_recording(path, columns, standing=standing) for path, columns in paths]
     drives = [one.name for one in recordings if not stands(one)]
     if standing and drives:
-        raise RecordingError(f"{drives[0]}: drives, by its motion channel; leave out --standing")
+        raise RecordingError(f"{drives[0]}: its motion channel shows that it drives; leave out --standing")
     return recordings
 
 
@@ -159,7 +160,7 @@ def _diagnose(recordings: list[Recording], robot: str | None, args: Args) -> Ana
 
 
 def _inputs(args: Args) -> tuple[list[Path], str | None, str | None]:
-    """Paths of the recordings, the robot if anything says which it is, and the mapping."""
+    """Paths of the recordings, the robot if it is known, and the mapping."""
     if args.dataset is None:
         robot = args.robot or (None if args.runs else SHIPPED_ROBOT)
         return list(args.runs) or [shipped_recording()], robot, args.columns
@@ -184,7 +185,7 @@ def _print(analysis: Analysis, recordings: list[Recording], written: list[Path])
 
 
 def run() -> int:
-    """Run from the command line: 0 for any verdict, 3 if a download fails, else see `homeward.cli.run`."""
+    """Run from the command line: 0 for any verdict, 3 if a download fails, otherwise see `homeward.cli.run`."""
     return cli.run(main, Args, __doc__, (RecordingError, RobotError, DatasetError))
 
 

@@ -1,9 +1,9 @@
 """Compare agents on the same episodes.
 
 `python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive+shield ppo=FOLDER --out DIR` writes
-DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and pictures: scores.png,
-profiles.png, one episode over time (episode.png) and over the route (route.png), and learning.png where an agent comes
-with its learning curve.
+DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and plots: scores.png,
+profiles.png, one episode over time (episode.png) and over the route (route.png), and learning.png if an agent has a
+learning curve.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from homeward.parallel import ClusterError, TaskError, check_workers
 from homeward.physics import RobotError
 
 SHIELDED = "+shield"
-"""Ending of the name of an agent that is to be shielded."""
+"""Suffix of the name of an agent with a shield."""
 
 _MOST_EPISODES = 1_000_000
 """Chosen: intervals are a hundredth as wide as those of 100 episodes, and all results fit into memory."""
@@ -59,25 +59,25 @@ _MOST_EPISODES = 1_000_000
 
 @dataclass(frozen=True)
 class Args:
-    """What to compare, and where to write it."""
+    """Agents, environment and output."""
 
     agents: tuple[str, ...] = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
     """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo, ppo_scratch (the last two as
-    they ship, or ppo=FOLDER; for several training seeds ppo=FOLDER,FOLDER or a folder of them), also NAME+shield."""
+    shipped, or ppo=FOLDER; for several training seeds ppo=FOLDER,FOLDER or a folder of them), also NAME+shield."""
     env: str = "homeward/Survey-v0"
     """Environment id."""
     episodes: int = 500
     """Number of episodes, the same for all agents."""
     seed: int = 0
-    """Seed that the episodes follow from; it cannot meet those of training."""
+    """Seed of the episodes; they differ from those of training."""
     out: Path = Path("runs/evaluation")
     """Folder for evaluation.json, episodes.csv and the plots."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     instruments: str | None = None
-    """exact, meter, gauge or a TOML file with sizes of errors; by default as the difficulty has them."""
+    """exact, meter, gauge or a TOML file with sizes of errors; by default that of the difficulty."""
     weather: str | None = None
-    """still or changing; by default as the difficulty has it."""
+    """still or changing; by default that of the difficulty."""
     robot: str = "rusti_computer"
     """Preset name or TOML file."""
     route: str = "generated"
@@ -87,14 +87,14 @@ class Args:
     decision_s: float | None = None
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
     randomise: str = "generic"
-    """generic (robots within the ranges of the difficulty) or file (as uncertain as the robot's file says)."""
+    """generic (robots within the ranges of the difficulty) or file (drawn with the uncertainty in the robot's file)."""
     optimum: bool = False
-    """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds an episode."""
+    """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds per episode."""
     margins: bool = False
-    """Also sweep the reserve of every agent that has one (shielded ones: the risk), and compare at equal stranding:
+    """Also vary the reserve of every agent that has one (shielded ones: the risk), and compare at equal stranding:
     margins.json and margins.png."""
     jobs: int = 1
-    """Processes at once on this machine: each takes one agent of one training seed on up to 512 episodes."""
+    """Processes on this machine: each runs one agent of one training seed on up to 512 episodes."""
     cluster: str | None = None
     """HOST:PORT of a Ray cluster to use instead; nothing has to be shared with it."""
 
@@ -103,8 +103,8 @@ def main(args: Args) -> Evaluation:
     """Run all agents, write the files and print the table.
 
     Raises:
-        AgentError, TrainingError, OptionError, RobotError, RouteError: An argument cannot be used.
-        ClusterError: The cluster cannot be used.
+        AgentError, TrainingError, OptionError, RobotError, RouteError: An argument is invalid.
+        ClusterError: The cluster cannot be reached.
         TaskError: An agent failed.
         OSError: The output folder cannot be written to.
     """
@@ -153,7 +153,7 @@ def main(args: Args) -> Evaluation:
 
 
 def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, seeds: Sequence[int]) -> dict[str, Curve]:
-    """Every agent with one reserve after another, on the same episodes."""
+    """Every agent with several reserves, on the same episodes."""
     known, curves = env.batch.known, {}
     for label, one in asked.items():
         reserves = tuple(10.0**-k for k in range(1, 9)) if one.shielded else SWEPT.get(one.name, (None,))
@@ -170,7 +170,7 @@ def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, see
 
 
 def _print_margins(curves: Mapping[str, Curve]) -> None:
-    table = Table(title="best mean score at no more than so many stranded", box=box.SIMPLE_HEAD)
+    table = Table(title="best mean score at a stranding rate of at most", box=box.SIMPLE_HEAD)
     table.add_column("agent")
     for level in EQUAL:
         table.add_column(f"{level:.1%}", justify="right")
@@ -202,7 +202,7 @@ def _options(args: Args) -> Options:
 
 @dataclass(frozen=True)
 class Asked:
-    """An agent as it was asked for: its name, whether shielded, and the file of each training seed."""
+    """A requested agent: its name, whether it is shielded, and the file of each training seed."""
 
     name: str
     shielded: bool
@@ -210,7 +210,7 @@ class Asked:
 
 
 def _named(given: tuple[str, ...]) -> dict[str, Asked]:
-    """Each agent under its label: its name, or all that was given where a name comes twice."""
+    """Each agent under its label: its name, or the whole argument if a name is given twice."""
     if not given:
         raise AgentError(f"no agent given; choose from {', '.join(AGENTS)}")
     parsed = []
@@ -227,7 +227,7 @@ def _named(given: tuple[str, ...]) -> dict[str, Asked]:
 
 
 def _training_seeds(folder: str) -> list[str]:
-    """The folder of a policy, or those of the policies that lie in it."""
+    """The folder of a policy, or those of the policies in it."""
     if Path(folder).is_dir() and not any((Path(folder) / name).is_file() for name in (DESCRIPTION, RUN)):
         return [str(file.parent) for file in sorted(Path(folder).glob(f"*/{DESCRIPTION}"))] or [folder]
     return [folder]
@@ -314,7 +314,7 @@ def _number(value: float, sign: str = "") -> str:
 
 
 def _share_of_optimum(one: Mapping[str, Any]) -> str:
-    """Share of the bound that nothing exceeds, and of what the oracle scores: the truth lies between."""
+    """Share of the upper bound, and of the oracle's score: the true share lies between."""
     least, most = one["share_of_optimum_at_least"], one["share_of_optimum"]
     return "" if least is None or most is None else f"{least:.0%} to\n{most:.0%}"
 

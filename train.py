@@ -1,7 +1,7 @@
 """Train a policy with PPO.
 
 `homeward train --env homeward/Survey-v0 --out DIR`, in a checkout also `python train.py`, writes DIR/policy.safetensors
-and DIR/policy.json, for `homeward evaluate --agents ppo=DIR`, and on the way checkpoints, for --resume, DIR/curve.csv
+and DIR/policy.json, for `homeward evaluate --agents ppo=DIR`. It also writes checkpoints, for --resume, DIR/curve.csv
 and DIR/tensorboard.
 """
 
@@ -35,35 +35,35 @@ from homeward.physics import RobotError
 
 @dataclass(frozen=True)
 class Args:
-    """What to train, and where to write it."""
+    """Training and output."""
 
     env: str = "homeward/Survey-v0"
     """Environment id."""
     out: Path = Path("runs/ppo")
     """Folder of the run."""
     steps: int = 3_000_000
-    """Decisions to train on, made up to whole updates."""
+    """Decisions to train on, rounded up to whole updates."""
     seed: int = 0
-    """Seed of all that is drawn."""
+    """Seed of all random numbers."""
     resume: bool = False
     """Continue the run of this folder from its last checkpoint, if it has one; with more steps also a finished one."""
     replace: bool = False
-    """Where the folder holds a run with other settings or made with other code, remove it and train anew, unless it is
-    longer and finished."""
+    """If the folder contains a run with other settings or of other code, remove it and train anew, unless it is longer
+    and finished."""
     checkpoints: int = 4
-    """Equal parts of the run, after each of which a checkpoint is written: a kill costs one at most. Missions begin
-    anew there, so that a run that goes on ends as one that was not stopped."""
+    """Equal parts of the run, after each of which a checkpoint is written: a kill loses at most one part. Missions
+    restart there, so that a resumed run ends like an uninterrupted one."""
     curve: int = 10
-    """Points of the learning curve, curve.csv: the same 500 missions each, driven by the policy as it stands."""
+    """Points of the learning curve, curve.csv: each of the same 500 missions, driven by the present policy."""
     wandb: str | None = None
-    """Project of Weights & Biases that figures and curve go to, beside TensorBoard; WANDB_MODE=offline keeps them in
-    the folder of the run."""
+    """Project of Weights & Biases for figures and curve, besides TensorBoard; WANDB_MODE=offline keeps them in the
+    folder of the run."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     instruments: str | None = None
-    """exact, meter, gauge or a TOML file with sizes of errors; by default as the difficulty has them."""
+    """exact, meter, gauge or a TOML file with sizes of errors; by default that of the difficulty."""
     weather: str | None = None
-    """still or changing; by default as the difficulty has it."""
+    """still or changing; by default that of the difficulty."""
     robot: str = "rusti_computer"
     """Preset name or TOML file."""
     route: str = "generated"
@@ -75,21 +75,21 @@ class Args:
     decision_s: float | None = None
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
     randomise: str = "generic"
-    """generic (robots within the ranges of the difficulty) or file (as uncertain as the robot's file says)."""
+    """generic (robots within the ranges of the difficulty) or file (drawn with the uncertainty in the robot's file)."""
     scaled_for: str | None = None
-    """Preset name or TOML file of the robot that routes and limits are scaled for, if not --robot."""
+    """Preset name or TOML file of the robot for which routes and limits are scaled, if not --robot."""
     ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
 
 
 def main(args: Args) -> Path:
-    """Train, or find the run finished, and return the folder with the policy.
+    """Train, unless the run is finished, and return the folder with the policy.
 
     Raises:
-        TrainingError, OptionError, RobotError, RouteError: An argument cannot be used.
+        TrainingError, OptionError, RobotError, RouteError: An argument is invalid.
         OSError: The output folder cannot be written to.
     """
     options = _options(args)
-    known = known_of(options)  # unusable robots and routes are found before anything is written
+    known = known_of(options)  # invalid robots and routes are found before anything is written
     settings = {
         "env": args.env,
         **{name: value for name, value in vars(options).items() if name != "mission"},
@@ -115,12 +115,13 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
     console = cli.Terminal(stderr=True)
     if state is RunState.FINISHED:
         console.print(
-            f"{args.out} holds this run, finished: nothing to do; another --seed or --out trains anew", soft_wrap=True
+            f"{args.out} contains this run, finished: nothing to do; another --seed or --out trains anew",
+            soft_wrap=True,
         )
         return args.out
     if state is RunState.REPLACED:
         console.print(
-            f"{args.out} held a run with other settings or made with other code: removed, training anew",
+            f"{args.out} contained a run with other settings or of other code: removed, training anew",
             markup=False,
             soft_wrap=True,
         )
@@ -186,7 +187,7 @@ def _options(args: Args) -> Options:
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
     refused = (TrainingError, OptionError, RobotError, RouteError)
-    return cli.run(main, Args, __doc__, refused, interrupted="go on with --resume")
+    return cli.run(main, Args, __doc__, refused, interrupted="continue with --resume")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Agents: baselines, planner and learners.
 
-`make_policy("dmax_adaptive", env)` makes one for an environment; its `act` decides for a batch of missions. Baselines
-need NumPy only.
+`make_policy("dmax_adaptive", env)` makes one for an environment; its `act` chooses actions for a batch of missions.
+Baselines need NumPy only.
 """
 
 if __name__ == "agents":

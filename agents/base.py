@@ -1,4 +1,4 @@
-"""The interface of all agents: observations of a batch of missions in, one action for each out."""
+"""The interface of all agents: from observations of a batch of missions to one action for each."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ Observations = NDArray[np.float32]
 
 
 class Policy(ABC):
-    """Decides for a batch of missions from what their robots can know.
+    """Chooses actions for a batch of missions from their observations.
 
-    Classes are abstract or final: to change what one does, wrap it.
+    Classes are abstract or final: to change the behaviour of one, wrap it.
     """
 
     @abstractmethod
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission.
+        """Choose one action for each mission.
 
         Args:
             observations: float32, shape (n, features), see `homeward.envs.features.FEATURES`.
-            begun: Missions that have just begun, whose memory is to be cleared, shape (n,); all of them at the first
+            begun: Missions that have just begun, whose memory is to be cleared, shape (n,); all of them in the first
                 call and wherever n changes.
 
         Returns:

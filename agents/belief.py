@@ -1,4 +1,4 @@
-"""What a robot believes of itself, the wind and its way home: `homeward.estimation`, fed with its observations."""
+"""The belief: a posterior of robot, wind and way home, by `homeward.estimation` from an environment's observations."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from homeward.estimation.excitation import looks_back
 
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 _MODEL_ERRORS = 0.001, 0.0015, 0.006
-"""Errors that are always reckoned with, as shares of a decision's energy and of that of the way home: where nothing is
-hidden, where the weather stays, and where it changes. Of 0.001 to 0.01 the last is that with which intervals of the way
-home hold about as often as they say, at `uncertain` with its meter, and the second that with the highest score."""
+"""Errors that are always assumed, as shares of a decision's energy and of that of the way home: where nothing is
+hidden, in still weather, and in changing weather. Of 0.001 to 0.01, the last gives intervals of the way home with about
+the right coverage at `uncertain` with its meter, and the second the highest score."""
 _ON_BORDER = 1e-4
-"""Share of a place within which a robot is taken to be on its border."""
+"""Share of a place within which a robot counts as being on its border."""
 _AHEAD = 1e-6
-"""Share of a place by which it then is taken to be in the next one."""
+"""Share of a place by which it is then moved into the next one."""
 
 
 def prior_of(known: Known, missed: float) -> Prior:
@@ -31,13 +31,13 @@ def prior_of(known: Known, missed: float) -> Prior:
 
     Args:
         known: Constants of the environment.
-        missed: Probability that the forecast says nothing about the wind.
+        missed: Probability that the forecast is of another wind.
     """
     d, i, s = known.difficulty, known.instruments, known.shared[0]
     hides = not d.route_is_known
     conditions = 2 if d.weather_changes else int(hides)
     surface = d.surface
-    # Roughness after a change is 0 in one of two cases and else U(0, 1), times the gain of the surface.
+    # Roughness after a change is 0 in one of two cases and otherwise U(0, 1), times the gain of the surface.
     gain_square, mean = surface.mean**2 + surface.deviation**2, surface.mean / 4.0
     patch_sd = (2.0 * (gain_square / 6.0 - mean**2)) ** 0.5
     return Prior(
@@ -77,22 +77,22 @@ def vehicle_of(known: Known) -> Vehicle:
 
 
 class Belief:
-    """Estimates what is hidden from missions, from what they observe.
+    """Estimates the hidden variables of missions from their observations.
 
     Args:
         known: Constants of the environment.
-        missed: Probability that the forecast says nothing about the wind.
+        missed: Probability that the forecast is of another wind.
 
     Attributes:
-        estimator: It holds what is believed.
-        back_action: That of a decision that looks back.
+        estimator: The estimator.
+        back_action: Action of an excitation step.
     """
 
     def __init__(self, known: Known, missed: float) -> None:
         s = known.shared[0]
         self._known, self._prior, self._vehicle = known, prior_of(known, missed), vehicle_of(known)
         self.back_action = encode_actions(known, s["min_speed_mps"], 0.0, RETURN)[0]
-        # In shorter pit stops, turns pass unseen: how far the robot went is not known, and nothing is learned from it.
+        # In shorter pit stops, turns can be missed: the distance driven is then unknown, and there is no update.
         self._sees_turns = bool(s["pit_stop_s"] == 0.0 or s["pit_stop_s"] >= s["decision_s"])
         self._forget(0)
 
@@ -104,12 +104,12 @@ class Belief:
     def learn(
         self, observations: Observations, begun: NDArray[np.bool_], asked: NDArray[np.bool_] | None = None
     ) -> None:
-        """Take in observations of missions; one that is shown twice counts once.
+        """Update with observations of missions; a repeated one counts once.
 
         Args:
             observations: Shape (n, features).
             begun: Missions that have just begun, shape (n,).
-            asked: Missions that still want to know, shape (n,): of the others nothing is learned; all if left out.
+            asked: Missions to update, shape (n,); by default all.
         """
         s = self._known.shared[0]
         if len(begun) != len(self._place):
@@ -122,7 +122,7 @@ class Belief:
         outwards = feature(observations, "outbound")
         at = feature(observations, "distance") * s["reach_m"] / s["place_m"]
         on_border = np.abs(at - np.rint(at)) < _ON_BORDER
-        # On a border the place ahead is shown: on the way out the next one.
+        # On a border the place ahead is observed: on the way out the next one.
         at = np.where(on_border & (outwards > 0.0), np.rint(at) + _AHEAD, at)
         position_m = at * s["place_m"]
         modelled = feature(observations, "modelled")
@@ -135,13 +135,13 @@ class Belief:
         readings["soc"] = feature(observations, "energy")
         readings["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
         speed_mps = feature(observations, "speed") * s["max_speed_mps"]
-        # One that came to an end of the route stands there in the end, and does not say how fast it came.
+        # At an end of the route a robot stands in the end, so its speed on the way is unknown.
         arrives = (speed_mps == 0.0) & (position_m != self._position_m)
         readings["speed_mps"] = np.where(arrives, np.nan, speed_mps)
         readings["east"] = outwards * feature(observations, "east")
         readings["north"] = outwards * feature(observations, "north")
         place = at.astype(np.int64)
-        # What is read of a slope on the way out belongs to the place: to read it twice tells nothing new.
+        # The slope read on the way out belongs to the place: reading it twice gives no information.
         outbound = (outwards > 0.0) & (position_m >= self._position_m)
         new = (place != self._place) & outbound & later
         readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
@@ -150,19 +150,18 @@ class Belief:
         self._modelled, self._position_m = modelled, position_m
 
     def forget_forecast(self) -> None:
-        """Nobody has forecast the wind, whatever missions observe; to be said before they begin."""
+        """Ignore the forecast of the wind, whatever missions observe; to be called before they begin."""
         self._prior = self._prior._replace(forecast_sd_mps=np.inf)
         self._forget(0)
 
     def recharge(self, soc: float) -> None:
-        """Missions began with another state of charge than a full battery's, a share."""
+        """Set another state of charge at the start of missions, 0 to 1."""
         self.estimator.recharge(soc, self._prior.soc_sd)
 
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
-        """Whether the next decision should be driven towards home and then out again, shape (n,).
+        """Whether the next decision should be an excitation step: towards home, and then out again, shape (n,).
 
-        So the wind comes from the other side: what then changes is the wind, and what does not is the robot. Where one
-        decision makes a return final, it never is.
+        This reverses the relative wind and nothing else. It is never used where one decision makes a return final.
         """
         decision_s, changes = float(self._known.shared["decision_s"][0]), self._known.difficulty.weather_changes
         due = looks_back(self._decisions, self._position_m, self._vehicle.cruise_mps, decision_s, changes)
@@ -177,7 +176,7 @@ class Belief:
         return plans
 
     def margin(self, plans: NDArray[np.void], risk: float) -> Margin:
-        """What plans leave, see `homeward.estimation.Estimator.margin`; without the quantile where the risk is 0."""
+        """Margins of plans, see `homeward.estimation.Estimator.margin`; without the quantile if the risk is 0."""
         return self.estimator.margin(plans, risk)
 
     def estimate(self) -> StateEstimate:

@@ -1,7 +1,7 @@
-"""A policy on a robot: asked once per decision, from what the robot reads, for what it would do in its environment.
+"""A trained policy on a robot: evaluated once per decision, on the observation of its environment made from readings.
 
-`homeward.companion.Companion(policy=load_onboard("ppo", "OutAndBack"))` asks it with every reading that it is updated
-with; without a companion, `Onboard.update` does the same.
+`homeward.companion.Companion(policy=load_onboard("ppo", "OutAndBack"))` evaluates it with its updates; without a
+companion, `Onboard.update` does the same.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ from homeward.physics.jit import announce_first_compilation
 Action = tuple[float, float, str]
 """Speed (m/s, 0 where it stops), sensing rate (Hz), and `stop`, `go` or `return`; no `go` once a return is final."""
 
-_MOST_BYTES = 100_000_000  # of an unpacked state; chosen: bounds the memory that a damaged text may take
+_MOST_BYTES = 100_000_000  # of an unpacked state; chosen: bounds the memory for a damaged text
 _SOON = 1e-6
-"""Share of a decision by which a reading may come too early to end it: times are rounded. Chosen: above the rounding
+"""Share of a decision by which a reading may be too early to end it: times are rounded. Chosen: above the rounding
 of seconds since 1970 in double precision for decisions of a second and more."""
 
 
 class Onboard:
-    """Asks a policy once per `decision_s`, and remembers what it needs to between.
+    """Evaluates a policy once per `decision_s`, and keeps the state in between.
 
     The mission is that of the environment: it begins at home with the first reading, a return is final once it was
-    asked for in some decisions in a row, and a patrol stands at its posts for the pit stop.
+    chosen in several decisions in a row, and a patrol stands at its posts for the pit stop.
 
     Args:
-        policy: Of `homeward.agents`, for the environment that `known` is of.
-        known: Constants of that environment; its decisions, distances and times are meant.
-        forecast: The route as it is forecast, see `homeward.envs.observer.Observer`.
-        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s. If left out, beliefs hold
-            any wind for possible, and a policy that sees none takes it for calm.
-        mean_grade: Mean sine of the route's slope; that of the forecast if left out.
+        policy: A `homeward.agents.Policy` for the environment of `known`.
+        known: Constants of that environment, such as decisions, distances and times.
+        forecast: The route as forecast, see `homeward.envs.observer.Observer`.
+        forecast_mps: Forecast of the wind: components towards where it comes from, east and north, m/s. By default the
+            belief allows any wind, and a policy without a belief assumes calm.
+        mean_grade: Mean sine of the route's slope; by default that of the forecast.
 
     Attributes:
-        robot: The robot that it is asked for.
+        robot: The robot of the environment.
         decision_s: Time between decisions, s.
 
     Raises:
@@ -85,7 +85,7 @@ class Onboard:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a mission with the next reading, as with another battery."""
+        """Begin a mission with the next reading, as after a swap of the battery."""
         self._observer = Observer(self.known, *self._given)
         self._observations: list[NDArray[np.float32]] = []
         self._action = encode_actions(self.known, 0.0, 0.0, GO)
@@ -94,10 +94,10 @@ class Onboard:
         self._energy_j = self._read_s = 0.0
 
     def see(self, position_m: float, grade_rad: float = math.nan, interest: float = math.nan) -> None:
-        """Note what the robot sees of a place ahead of it, better than it is forecast.
+        """Store what the robot sees of a place ahead, better than the forecast.
 
         Args:
-            position_m: Where, metres from home along the route.
+            position_m: Position, m from home along the route.
             grade_rad: Slope along the way out, rad.
             interest: Its interest, a weight.
         """
@@ -116,21 +116,21 @@ class Onboard:
         temperature_c: float = math.nan,
         interest: float = math.nan,
     ) -> Action | None:
-        """Take in what was read at a time, NaN where an instrument was silent, and say what the policy asks for now.
+        """Process the readings of a moment, NaN where an instrument was not read, and return the present command.
 
         Args:
-            time_s: When, s: later than before.
+            time_s: Time, s, later than before.
             position_m: Metres from home along the way.
             speed_mps: Speed, m/s.
             power_w: Mean power out of the battery since the reading before, W.
-            soc: State of charge, a share.
+            soc: State of charge, 0 to 1.
             grade_rad: Slope in the direction of travel, rad, uphill positive.
             heading_rad: Direction of travel, rad counter-clockwise from east.
-            temperature_c: Temperature of the air, C.
+            temperature_c: Air temperature, C.
             interest: Interest here, a weight.
 
         Returns:
-            Speed (m/s), sensing rate (Hz) and mode, until the next decision; None where the mission is over.
+            Speed (m/s), sensing rate (Hz) and mode, until the next decision; None if the mission is over.
         """
         first = math.isnan(self._due_s)
         since_s = 0.0 if first else time_s - self._time_s
@@ -143,7 +143,7 @@ class Onboard:
         if moved_m or first:
             sign, turned_rad = (1.0, 0.0) if self._outwards else (-1.0, math.pi)
             self._observer.see(position_m, sign * grade_rad, interest, heading_rad + turned_rad, self._outwards)
-        else:  # one that stands may have turned round, and reads no other slope
+        else:  # a standing robot may have turned round, and reads no other slope
             self._observer.see(position_m, interest=interest, outwards=self._outwards)
         read = Read(position_m, soc=soc, speed_mps=speed_mps, temperature_c=temperature_c)
         if first:
@@ -154,7 +154,7 @@ class Onboard:
         return self.action
 
     def _follow(self, time_s: float, read: Read) -> None:
-        """Decide as often as is due: several times where nothing was read for a while."""
+        """Decide as often as is due: several times after a gap in the readings."""
         due = math.floor((time_s - self._due_s) / self.decision_s + _SOON) + 1
         if due <= 0:
             return
@@ -170,7 +170,7 @@ class Onboard:
             self._due_s += self.decision_s
 
     def _ask(self, observation: NDArray[np.float32]) -> None:
-        """Show the policy an observation; what it then asks for is kept."""
+        """Pass an observation to the policy, and store its command."""
         begun = not self._observations
         self._observations.append(observation)
         self._action = self._policy.act(observation, np.array([begun]))
@@ -180,7 +180,7 @@ class Onboard:
 
     @property
     def action(self) -> Action | None:
-        """What the policy asks for, see `update`; None, too, before the first reading."""
+        """The present command, see `update`; None also before the first reading."""
         if not self._observations or len(self._observations) > self._most or self._observer.home:
             return None
         commands = decode_actions(self.known, self._action)
@@ -190,7 +190,7 @@ class Onboard:
         return float(commands.driven_mps[0]), float(commands.sensing_hz[0]), mode
 
     def state(self) -> dict[str, Any]:
-        """What a restart needs, for JSON: some tens of kilobytes."""
+        """State for a restart, for JSON: some tens of kilobytes."""
         seen = np.concatenate(self._observations) if self._observations else np.zeros((0, len(FEATURES)), np.float32)
         return {
             "observer": _packed(self._observer.state()), "observations": _packed(seen.tobytes()),
@@ -199,10 +199,10 @@ class Onboard:
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`, made alike: the policy is shown once more what it has seen.
+        """Continue from `state`, with the same arguments: past observations are passed to the policy again.
 
         Raises:
-            KeyError, TypeError, ValueError, zlib.error: It is none, or of one made otherwise.
+            KeyError, TypeError, ValueError, zlib.error: The state is invalid, or of other arguments.
         """
         self.begin()
         self._observer.restore(_unpacked(state["observer"]))
@@ -224,18 +224,18 @@ def load_onboard(
     """A trained policy, ready for a robot.
 
     Args:
-        policy: `ppo` or `ppo_scratch`, which ship, the folder that `train.py` wrote, or a file that
+        policy: `ppo` or `ppo_scratch` (shipped), the folder that `train.py` wrote, or a file that
             `homeward.agents.trained.onnx_export` wrote.
-        mission: `OutAndBack`, `Survey` or `Patrol`; of a policy that ships.
-        robot: Preset name, path of a robot file, or a `Robot`; the one of the training if left out. With another, it
-            meets what it was not trained for.
-        route: The route as it is forecast: path of a profile or track, or a `Route`. If left out, as long as generated
-            routes are and flat, with their mean interest.
-        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s; see `Onboard`.
+        mission: `OutAndBack`, `Survey` or `Patrol`, for a shipped policy.
+        robot: Preset name, path of a robot file, or a `Robot`; by default that of the training. With another robot the
+            policy is used outside its training.
+        route: The route as forecast: path of a profile or track, or a `Route`. By default flat, with the length and the
+            mean interest of generated routes.
+        forecast_mps: Forecast of the wind, see `Onboard`.
 
     Raises:
-        AgentError: There is no such policy.
-        PolicyFileError, OptionError, RobotError, RouteError: It, or what it is to be used with, cannot be used.
+        AgentError: The policy does not exist.
+        PolicyFileError, OptionError, RobotError, RouteError: Its file or another argument is invalid.
 
     >>> onboard = load_onboard("ppo", "OutAndBack")
     >>> onboard.robot.name, onboard.decision_s
@@ -258,7 +258,7 @@ def load_onboard(
 
 
 def _load(policy: str | Path, other: dict[str, Any]) -> tuple[Policy, Known]:
-    """A policy and constants of its environment, with some keywords of that other than in its training."""
+    """A policy and constants of its environment, with some keywords changed from those of its training."""
     if Path(policy).suffix == ".onnx":
         return load_onnx(policy, **other)
     known = known_of(options_of(load_policy(policy), **other))

@@ -31,13 +31,13 @@ class AgentError(ValueError):
 
 @dataclass(frozen=True)
 class Request:
-    """What a loader makes an agent from.
+    """Arguments of a loader.
 
     Attributes:
         known: Constants of the environment.
-        file: To load, or None.
-        seed: Of those that draw.
-        reserve: What is kept back, in the agent's own measure, instead of what was tuned.
+        file: File to load, or None.
+        seed: Seed of random agents.
+        reserve: Reserve in the agent's own measure, instead of the tuned one.
     """
 
     known: Known
@@ -85,7 +85,7 @@ def _trained(start: str) -> Callable[[Request], Policy]:
 
 
 def shipped(mission: str, start: str) -> Path:
-    """Folder of the policy that ships for a mission, by what its training started from: `dmax` or `scratch`."""
+    """Folder of the shipped policy of a mission, by its start: `dmax` or `scratch`."""
     return SHIPPED / (mission if start == DMAX else f"{mission}_{start}")
 
 
@@ -111,13 +111,13 @@ SWEPT: dict[str, tuple[float, ...]] = {
     "dmax_belief": _DEVIATIONS,
     "planner": _DEVIATIONS,
 }
-"""Reserves that are tried of the agents that have one, as many of each; `benchmarks/agents/tune.py` tries others."""
+"""Reserves that are tried for agents with one, equally many for each; `benchmarks/agents/tune.py` tries others."""
 
 FROM_FILES = frozenset({"ppo", "ppo_scratch"})
-"""Agents that take a file."""
+"""Agents that accept a file."""
 
 SHIPPED = Path(__file__).parent / "policies"
-"""Trained policies, for where no file is given, see `shipped`; each with the card that says how it was trained."""
+"""Trained policies that ship, see `shipped`; each has a card that describes its training."""
 
 
 def _of_factory(path: str, known: Known) -> Policy:
@@ -127,7 +127,7 @@ def _of_factory(path: str, known: Known) -> Policy:
     except (ImportError, AttributeError) as error:
         raise AgentError(f"{path}: {error}; give package.module:factory, from a folder that Python looks in") from None
     if not isinstance(policy, Policy):
-        raise AgentError(f"{path} answers a {type(policy).__name__}, not a homeward.agents.Policy")
+        raise AgentError(f"{path} returns a {type(policy).__name__}, not a homeward.agents.Policy")
     return policy
 
 
@@ -139,13 +139,13 @@ def make_policy(
     Args:
         name: One of `AGENTS`.
         env: A `homeward` environment, scalar or vector, wrapped or not; only what its robot can know is used.
-        file: Where a trained policy lies, if not the one that ships for the mission is wanted; of another name
-            `package.module:factory`, which is called with the environment's `Known` and answers a `Policy`.
-        seed: Seed of agents that draw.
-        reserve: What an agent of `SWEPT` keeps back, in its own measure, instead of what was tuned.
+        file: Folder of a trained policy, instead of the shipped one; for another name `package.module:factory`, which
+            is called with the environment's `Known` and returns a `Policy`.
+        seed: Seed of random agents.
+        reserve: Reserve of an agent of `SWEPT`, in its own measure, instead of the tuned one.
 
     Raises:
-        AgentError: The name is unknown, or the file is missing, not wanted, or cannot be used.
+        AgentError: The name is unknown, or the file is missing, unexpected or invalid.
 
     >>> import gymnasium as gym, homeward
     >>> env = gym.make_vec("homeward/OutAndBack-v0", num_envs=2, vectorization_mode="vector_entry_point")

@@ -1,4 +1,4 @@
-"""Shows the doctests inside docstrings as code: Markdown alone would take `>>>` for a quotation."""
+"""Show doctests in docstrings as code; Markdown would read `>>>` as a quotation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _BLOCK = re.compile(r"^( *)>>> .*(?:\n *\S.*)*", re.MULTILINE)
 
 
 class Examples(Extension):
-    """Puts fences around every block from `>>>` to the next empty line."""
+    """Put fences around every block from `>>>` to the next empty line."""
 
     def on_object(self, *, obj: Object, **_: Any) -> None:
         """Change the docstring of one object, see `griffe.Extension.on_object`."""

@@ -1,6 +1,7 @@
-"""What the pages take from the code when the site is built, so that it cannot drift; MkDocs calls the hooks by name.
+"""Parts of the pages that are generated from the code. MkDocs calls the hooks by name.
 
-A page asks with a comment on a line of its own: `<!-- generated: features -->`. An unknown name fails the build.
+A page includes one by a comment on a line of its own: `<!-- generated: features -->`. An unknown name fails the
+build.
 """
 
 from __future__ import annotations
@@ -53,18 +54,18 @@ DRAWN_WORDS = (
     "capacity of the battery, times",
     "rolling resistance, times",
     "payload, over the robot's mass,",
-    "how much harder the roughest ground rolls, as a share,",
+    "additional rolling resistance of the roughest ground, as a share,",
 )
-"""What is drawn, in the order of `homeward.envs.conditions.difficulty.DRAWN`."""
+"""Hidden quantities, in the order of `homeward.envs.conditions.difficulty.DRAWN`."""
 
 AGENT_WORDS = {
-    "random": "draws from the action space: the least that any agent must beat",
+    "random": "samples uniformly from the action space, as a lower baseline",
     "soc50": "turns back at half charge",
-    "dmax": "the paper's rule: turns back when Eq. 8, at the average grade, just reaches home",
-    "dmax_mapped": "predicts the energy of the way home from the ground that it drove on the way out",
+    "dmax": "the paper's rule: turns back when the range by Eq. 8, at the mean grade, just reaches home",
+    "dmax_mapped": "predicts the energy of the way home from the ground of the way out",
     "dmax_adaptive": "scales that prediction by the measured consumption, and keeps a reserve of k standard deviations",
-    "dmax_belief": "estimates robot and wind, predicts the way home, and keeps a reserve of k standard deviations",
-    "planner": "estimates robot and wind, turns back by that, and plans speed, sensing and stops",
+    "dmax_belief": "estimates robot and wind online, predicts the way home, with a reserve of k standard deviations",
+    "planner": "estimates robot and wind online, turns back accordingly, and plans speed, sensing and stops",
     "ppo": "a network trained by PPO from the d_max rule, with the estimated robot and wind as inputs",
     "ppo_scratch": "a network trained by PPO from nothing, on the observation alone",
 }
@@ -78,12 +79,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def features() -> str:
-    """What an agent observes."""
+    """Observed features."""
     rows = (
         [str(i), f"`{name}`", *(f"{bound:g}" for bound in RANGES[name]), unit, meaning]
         for i, (name, unit, meaning) in enumerate(FEATURES)
     )
-    return table(("index", "feature", "least", "most", "in units of", "what it is"), rows)
+    return table(("index", "feature", "lowest", "highest", "unit", "meaning"), rows)
 
 
 def spaces(mission: str) -> str:
@@ -112,7 +113,7 @@ def reference_scores(mission: str) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
     return (
         f"{found['episodes']} episodes at `uncertain`, seed {found['seed']}; "
-        "[how they are measured](../environments.md#reference-scores).\n\n"
+        "[how these are measured](../environments.md#reference-scores).\n\n"
         f"{table(head, rows)}\n\n```\n{found['command']}\n```\n\n{versions}"
     )
 
@@ -140,12 +141,12 @@ def missions() -> str:
                 *(f"{s['decision_s']:g} s", f"{s['max_decisions']}", f"{s['score_scale']:.4g}"),
             )
         )
-    head = ("id", "route", "cruise", "decision every", "time limit, decisions", "good score")
+    head = ("id", "route", "cruise speed", "length of a decision", "time limit, decisions", "good score")
     return table(head, rows)
 
 
 def difficulties() -> str:
-    """What is hidden at each difficulty, from the table of it."""
+    """Hidden quantities at each difficulty."""
     rows = []
     for name, one in DIFFICULTY.items():
         drawn = [
@@ -155,12 +156,10 @@ def difficulties() -> str:
         ]
         rows.append((
             *(f"`{name}`", f"`{one.instruments}`", "changes" if one.weather_changes else "as at the start"),
-            "known" if one.route_is_known else "seen two places ahead, forecast beyond",
+            "known" if one.route_is_known else "two places ahead in sight, the rest forecast",
             "; ".join(drawn) or "nothing",
         ))  # fmt: skip
-    return table(
-        ("difficulty", "instruments", "weather", "route and wind", "drawn anew for each mission, hidden"), rows
-    )
+    return table(("difficulty", "instruments", "weather", "route and wind", "hidden, drawn for each mission"), rows)
 
 
 def instruments() -> str:
@@ -182,7 +181,7 @@ def robots() -> str:
             )
         )
     return table(
-        ("robot", "mass", "battery", "speed with the longest range", "d_max on the flat, sensing nothing"), rows
+        ("robot", "mass", "battery", "speed with the longest range", "d_max on level ground, without sensing"), rows
     )
 
 
@@ -194,7 +193,7 @@ def robot_file() -> str:
             default = "required" if field.default is dataclasses.MISSING else f"{field.default:g}"
             said = field.metadata
             rows.append((said["section"], f"`{field.name}`", said["meaning"], str(said["bounds"]), default))
-    return table(("section", "name", "what it is", "allowed", "if left out"), sorted(rows, key=lambda row: row[0]))
+    return table(("section", "name", "meaning", "allowed", "default"), sorted(rows, key=lambda row: row[0]))
 
 
 def agents() -> str:
@@ -205,13 +204,13 @@ def agents() -> str:
 def effects() -> str:
     """Every effect and every fault of an instrument: a table of all, then one section each."""
     rows = ([f"[`{name}`](#{name})", ENTERS[one.entry.kind], one.entry.sentence] for name, one in CATALOGUE.items())
-    return "\n\n".join([table(("id", "enters", "in words"), rows), *map(_effect, CATALOGUE)])
+    return "\n\n".join([table(("id", "enters", "description"), rows), *map(_effect, CATALOGUE)])
 
 
 def _effect(name: str) -> str:
     hypothesis = CATALOGUE[name]
     one = hypothesis.entry
-    head = ("parameter", "unit", "least", "most", "if left out", "what it is")
+    head = ("parameter", "unit", "minimum", "maximum", "default", "meaning")
     numbers = [_number(parameter, hypothesis.physical) for parameter in one.parameters]
     alike = ", ".join(f"[`{other}`](#{other})" for other in one.confused_with) or "nothing"
     switch = one.switch.name
@@ -242,17 +241,17 @@ def _number(parameter: Parameter, physical: bool) -> list[str]:
 
 LEVELS = {
     "speed": ("speed, of top speed", 1.0, ""),
-    "turning": ("turning, of what half the top speed allows on the spot", 1.0, ""),
+    "turning": ("turning rate, of that on the spot at half the top speed", 1.0, ""),
     "yaw_rate_radps": ("turning rate", 1.0, " rad/s"),
     "grade_rad": ("slope", 180.0 / np.pi, "°"),
-    "heading_rad": ("heading, off where the wind comes from", 180.0 / np.pi, "°"),
+    "heading_rad": ("heading, from the direction of the wind", 180.0 / np.pi, "°"),
     "sensing": ("sensing rate, of the fastest", 1.0, ""),
     "switched_on": ("switched on", 1.0, ""),
-    "known_mass": ("mass on top, of the robot's own", 1.0, ""),
-    "temperature_c": ("air", 1.0, " °C"),
-    "base_distance_s": ("distance from base, in seconds at top speed", 1.0, ""),
+    "known_mass": ("additional mass, of the robot's own", 1.0, ""),
+    "temperature_c": ("air temperature", 1.0, " °C"),
+    "base_distance_s": ("distance from base, in driving time at top speed", 1.0, ""),
 }
-"""What a drive of the menu sets: in words, and the factor and unit that it is shown in."""
+"""Quantities that a drive sets: name, and the factor and unit in which it is shown."""
 _MOST_LEVELS = 8  # of a series that is written out
 
 
@@ -299,11 +298,11 @@ def channels() -> str:
     for name, one in CHANNELS.items():
         asking = [_effect_link(effect) for effect, which in CATALOGUE.items() if name in which.entry.needs]
         rows.append((f"`{name}`", one.unit, one.meaning, ", ".join(asking)))
-    return table(("channel", "unit", "what it is", "effects that cannot be seen without it"), rows)
+    return table(("channel", "unit", "meaning", "effects that need it"), rows)
 
 
 def bench() -> str:
-    """The measurement that identifies each effect by itself."""
+    """The measurement that identifies each effect alone."""
     return table(("effect", "measurement"), ((_effect_link(name), one.measurement) for name, one in CATALOGUE.items()))
 
 
@@ -314,13 +313,13 @@ def _effect_link(name: str) -> str:
 def counts() -> str:
     """How many hypotheses there are."""
     return (
-        f"{len(CATALOGUE)} hypotheses: {len(EFFECTS)} effects, which the environments know too, and "
-        f"{len(CATALOGUE) - len(EFFECTS)} faults of instruments, which correct the reading and nothing else."
+        f"{len(CATALOGUE)} hypotheses: {len(EFFECTS)} effects, which the environments also have, and "
+        f"{len(CATALOGUE) - len(EFFECTS)} faults of instruments, which change only the readings."
     )
 
 
 def results(heading: str) -> str:
-    """A section of the page of results, so that they stand in one place."""
+    """A section of the page of results, for inclusion in other pages."""
     sections = re.split(r"^## +(.+)\n", (ROOT / "docs" / "results.md").read_text("utf-8"), flags=re.MULTILINE)
     found = dict(zip(sections[1::2], sections[2::2], strict=True))
     if heading not in found:
@@ -330,7 +329,7 @@ def results(heading: str) -> str:
 
 @functools.cache
 def _diagnosed() -> tuple[str, bytes]:
-    """What `diagnose.py` prints of the recording that ships, and its report."""
+    """Output of `diagnose.py` for the shipped recording, and its report."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, str(ROOT / "diagnose.py"), "--robot", "husky", "--out", folder]
         run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "COLUMNS": "80"})
@@ -340,7 +339,7 @@ def _diagnosed() -> tuple[str, bytes]:
 
 
 def worked_case() -> str:
-    """What the command of the page on diagnosis prints."""
+    """Output of the command on the page of the diagnosis."""
     return f"```text\n{_diagnosed()[0].rstrip()}\n```"
 
 
@@ -351,11 +350,11 @@ GENERATED: dict[str, Callable[..., str]] = {
         reference_scores, results, robot_file, robots, spaces, worked_case,
     )
 }  # fmt: skip
-"""What pages may ask for; some take an argument, as in `<!-- generated: results Speed -->`."""
+"""Parts by the name that pages use; some take an argument, as in `<!-- generated: results Speed -->`."""
 
 
 def on_config(config: Any) -> Any:
-    """Put pages that the navigation does not name yet at its end, so that none is lost."""
+    """Append pages that the navigation lacks."""
     named = set(re.findall(r"[\w/]+\.md", repr(config["nav"])))
     docs = Path(config["docs_dir"])
     others = sorted(path.relative_to(docs).as_posix() for path in docs.rglob("*.md"))
@@ -371,7 +370,7 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Fill in what is generated. A link to a file outside the pages becomes its name: the site holds pages only."""
+    """Insert the generated parts. A link to a file outside the site becomes the file's name."""
     filled = re.sub(
         r"^<!-- generated: (\w+) ?(.*?) -->$",
         lambda mark: GENERATED[mark[1]](*filter(None, [mark[2]])),
@@ -388,7 +387,7 @@ def _outside(link: re.Match[str]) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Turn equations into MathML, which browsers set by themselves: no script, nothing to fetch."""
+    """Turn equations into MathML, which browsers render without scripts."""
     return re.sub(r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>', _equation, content, flags=re.DOTALL)
 
 

@@ -1,8 +1,8 @@
 """Gymnasium environments whose dynamics are the battery-dissemination model.
 
-`homeward/OutAndBack-v0`, `homeward/Survey-v0` and `homeward/Patrol-v0`, registered on `import homeward`; without an
-import, `gym.make("homeward:homeward/Survey-v0")` does both. `homeward/MOSurvey-v0` and its like have a vector of
-rewards, see `homeward.envs.multi_objective`.
+`homeward/OutAndBack-v0`, `homeward/Survey-v0` and `homeward/Patrol-v0` are registered on `import homeward`; without an
+import use `gym.make("homeward:homeward/Survey-v0")`. `homeward/MOOutAndBack-v0`, `homeward/MOSurvey-v0` and
+`homeward/MOPatrol-v0` have a vector of rewards, see `homeward.envs.multi_objective`.
 """
 
 if __name__ == "envs":
@@ -22,7 +22,7 @@ MULTI_OBJECTIVE_IDS = {mission: f"homeward/MO{mission}-v0" for mission in IDS}
 
 
 def register() -> None:
-    """Register the environments with Gymnasium; called on `import homeward`, and doing nothing a second time."""
+    """Register the environments with Gymnasium; called on `import homeward`. A second call does nothing."""
     for mission, env_id in IDS.items():
         if env_id not in registration.registry:
             registration.register(
@@ -36,6 +36,6 @@ def register() -> None:
             registration.register(
                 env_id,
                 entry_point="homeward.envs.multi_objective:MultiObjectiveEnv",
-                disable_env_checker=True,  # it expects one number
+                disable_env_checker=True,  # it expects a scalar reward
                 kwargs={"mission": mission, "shaping": "none"},
             )

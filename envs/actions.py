@@ -1,8 +1,8 @@
-"""Actions: what the numbers of `env.step` command, and the numbers for a command. Written here, once.
+"""Actions: from the numbers of `env.step` to commands, and back.
 
-An action is a speed, a sensing rate, and one of stop, go and return. A return heads home at once, and is final once it
-has been asked for in some decisions in a row (`homeward.envs.options.RETURN_SHARE`): a policy that explores does not
-end its mission by the first return that it tries, and one that means it loses nothing.
+An action is a speed, a sensing rate, and one of stop, go and return. A return heads home at once. It is final once it
+has been chosen in several decisions in a row (`homeward.envs.options.RETURN_SHARE`), so that a policy that explores
+does not end its mission by the first return that it tries.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from homeward.envs.state import RETURN, STOP
 from homeward.physics.jit import inline
 
 LEVELS = 5
-"""Levels of speed and of sensing rate that a discrete action chooses from. Chosen: steps of a quarter, and a table of
+"""Number of levels of speed and of sensing rate in the discrete action space. Chosen: steps of a quarter, and
 75 actions."""
 MODES = ("stop", "go", "return")
 
 
 @dataclass(frozen=True)
 class Commands:
-    """What actions command, arrays of shape (n,).
+    """Commands of actions, arrays of shape (n,).
 
     Attributes:
-        speed_mps: Speed, m/s; that of the action also where it stops.
+        speed_mps: Speed, m/s; that of the action also when it stops.
         sensing_hz: Sensing rate, Hz.
         mode: `STOP`, `GO` or `RETURN` of `homeward.envs.state`.
     """
@@ -40,12 +40,12 @@ class Commands:
 
     @property
     def driven_mps(self) -> NDArray[np.float64]:
-        """Speed with which they drive, m/s: 0 where they stop."""
+        """Speed driven, m/s: 0 when stopping."""
         return np.where(self.mode == STOP, 0.0, self.speed_mps)
 
     @property
     def returns(self) -> NDArray[np.bool_]:
-        """Which ask for the return."""
+        """Which commands are returns."""
         return np.asarray(self.mode == RETURN)
 
 
@@ -55,25 +55,25 @@ def action_space(discrete: bool) -> spaces.Space[Any]:
 
 
 def allowed_actions(discrete: bool) -> str:
-    """What an action may be, in words."""
+    """Allowed actions, in words."""
     if discrete:
         return f"speed and sensing levels 0 to {LEVELS - 1} and 0 (stop), 1 (go) or 2 (return)"
     return "three numbers within [-1, 1]"
 
 
 def limits(known: Known) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Least and most of the speed (m/s) and of the sensing rate (Hz) that can be commanded."""
+    """Lowest and highest speed (m/s) and sensing rate (Hz) that can be commanded."""
     shared = known.shared[0]
     return (float(shared["min_speed_mps"]), float(shared["max_speed_mps"])), (0.0, float(shared["max_sensing_hz"]))
 
 
 def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mode: ArrayLike) -> NDArray[Any]:
-    """Actions that carry out commands: exactly in a continuous space, at the nearest levels in a discrete one.
+    """Actions for commands: exact in a continuous space, at the nearest levels in a discrete one.
 
     Commands beyond the robot's limits become the limits.
 
     Args:
-        known: Constants of the environment; its action type is the one encoded for.
+        known: Constants of the environment; actions are of its type.
         speed_mps: Speed, m/s, shape (n,) or a number for all.
         sensing_hz: Sensing rate, Hz, shape (n,) or a number for all.
         mode: `STOP`, `GO` or `RETURN` of `homeward.envs.state`, shape (n,) or one for all.
@@ -94,12 +94,12 @@ def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mo
         speed, sensing = (np.rint((LEVELS - 1) * share) for share in columns[:2])
         return np.stack((speed, sensing, columns[2]), axis=-1).astype(np.int64)
     speed, sensing = (2.0 * share - 1.0 for share in columns[:2])
-    # Each mode has a third of [-1, 1]; its middle stands for it.
+    # Each mode has a third of [-1, 1]; the middle of it is used.
     return np.stack((speed, sensing, (columns[2] - 1.0) * 2.0 / 3.0), axis=-1).astype(np.float32)
 
 
 def decode_actions(known: Known, actions: NDArray[Any]) -> Commands:
-    """What actions of shape (n, 3) command: what the environment does with them.
+    """Commands of actions, shape (n, 3).
 
     >>> from homeward.envs.options import Options, known_of
     >>> decode_actions(known_of(Options("Survey")), np.array([[2, 4, 2]])).speed_mps.tolist()
@@ -121,26 +121,27 @@ def modes(actions: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def thirds(actions: NDArray[Any]) -> NDArray[np.float64]:
-    """Where the last number of continuous actions, shape (n, 3), lies in thirds of [-1, 1]: a mode has one, (n,)."""
+    """Position of the last number of continuous actions, shape (n, 3), in thirds of [-1, 1], one per mode; shape
+    (n,)."""
     return 0.5 * len(MODES) * (actions[:, 2].astype(np.float64) + 1.0)
 
 
 def silenced(actions: NDArray[Any], which: NDArray[np.bool_]) -> NDArray[Any]:
-    """Actions, shape (n, 3) of either space, of which some, shape (n,), sense nothing."""
+    """Actions, shape (n, 3) of either space, of which some, shape (n,), get a sensing rate of 0."""
     kept: NDArray[Any] = actions.copy()
     kept[which, 1] = -1 if actions.dtype.kind == "f" else 0
     return kept
 
 
 def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
-    """Where a value lies between two limits, from 0 to 1; 1 where the limits are one."""
+    """Position of a value between two limits, from 0 to 1; 1 if the limits are equal."""
     value = np.asarray(value, dtype=np.float64)
     return np.clip((value - low) / (high - low), 0.0, 1.0) if high > low else np.ones(value.shape)
 
 
 @inline
 def at_level(level: Any, low: float, high: float) -> Any:
-    """What a level of the discrete action space commands, between the least and the most; in compiled code too.
+    """Value of a level of the discrete action space, between the lowest and the highest; also for compiled code.
 
     >>> at_level(np.arange(LEVELS), 0.1, 0.9).round(2).tolist()
     [0.1, 0.3, 0.5, 0.7, 0.9]

@@ -1,4 +1,4 @@
-"""A batch of missions: the records, one random generator each, and the calls into the kernel."""
+"""A batch of missions: the records, one random generator each, and the calls of the kernel."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ _NO_CHOICES, _NO_LEVELS = np.empty((0, 3), np.int64), np.empty((0, 3), np.float3
 
 
 def _by_cache_lines(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Zeros that begin where a line of the processor's cache does."""
+    """Zeros that begin at a cache line of the processor."""
     room = np.zeros(count * dtype.itemsize + _CACHE_LINE, np.uint8)
     start = -room.ctypes.data % _CACHE_LINE
     return room[start : start + count * dtype.itemsize].view(dtype)
 
 
 class EnergyLedger(Mapping[str, float]):
-    """Energy that left the battery, J, by cause: a mapping over an array, as to fill a dictionary takes long.
+    """Energy that left the battery, J, by cause: a mapping over an array, because filling a dictionary is slow.
 
     Args:
-        joules: One number a cause, shape (len(CAUSES),).
+        joules: Energy of each cause, J, shape (len(CAUSES),).
     """
 
     __slots__ = ("joules",)
@@ -57,7 +57,7 @@ class EnergyLedger(Mapping[str, float]):
         return repr(dict(zip(CAUSES, self.joules.tolist(), strict=True)))
 
     def total(self) -> float:
-        """Sum over all causes, J: what the battery has lost."""
+        """Sum over all causes, J: the energy that the battery has lost."""
         return float(self.joules.sum())
 
 
@@ -69,13 +69,13 @@ INFO_KEYS = ("energy_j", "reward_terms", "score", "cost", "position_m", "home", 
 
 
 def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
-    """What missions hold in `info`: the truth, for scoring, not what the robot reads.
+    """The `info` of missions: true values, for scoring, not the robot's readings.
 
-    Read-only arrays of shape (n,), in `energy_j` by cause, in `reward_terms` by term.
+    Read-only arrays of shape (n,); `energy_j` has one per cause, `reward_terms` one per term.
 
     Args:
         records: `MISSION_DTYPE`, shape (n,).
-        live: Whether the arrays are to follow the missions, or to keep what they came to.
+        live: Whether the arrays follow the missions or are copies.
     """
 
     def column(field: str) -> NDArray[Any]:
@@ -120,23 +120,23 @@ class Batch:
         self._action_shape = (count, 3)
 
     def __getstate__(self) -> dict[str, Any]:
-        # numba's lists do not travel; this one is rebuilt.
+        # numba's lists cannot be pickled; this one is rebuilt.
         return self.__dict__ | {"_typed_generators": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._settle()
-        self.threads = Threads(self.count) if Threads.pay(self.count) else None  # of the machine where this is now
+        self.threads = Threads(self.count) if Threads.pay(self.count) else None  # of the present machine
 
     def _settle(self) -> None:
-        """Lay what is known and what is hidden out as one record for the kernels."""
+        """Write the known and the hidden constants into one record for the kernels."""
         known, hidden, constants = self.known, self.hidden, self._constants[0]
         constants["shared"], constants["nominal"] = known.shared[0], known.robot.record()[0]
         constants["hidden"] = hidden.record[0]
 
     @property
     def generators(self) -> Sequence[np.random.Generator]:
-        """One random generator a mission."""
+        """One random generator for each mission."""
         return self._generators
 
     @generators.setter
@@ -151,16 +151,17 @@ class Batch:
 
     @property
     def routes(self) -> NDArray[np.void]:
-        """Routes, `ROUTE_DTYPE`, shape (count,); a setting says how many of their places are used."""
+        """Routes, `ROUTE_DTYPE`, shape (count,); the constants give the number of used places."""
         return self._routes
 
     @property
     def constants(self) -> NDArray[np.void]:
-        """Constants of the environment as the kernels have them, `CONSTANTS_DTYPE`, shape (1,), the hidden ones too."""
+        """Constants of the environment in the form of the kernels, `CONSTANTS_DTYPE`, shape (1,), hidden ones
+        included."""
         return self._constants
 
     def reset(self, begin: NDArray[np.bool_], observations: NDArray[np.float32]) -> None:
-        """Begin new missions where a mask of shape (count,) says so, and write their observations."""
+        """Begin new missions where a mask of shape (count,) is true, and write their observations."""
         kernel.reset_missions(
             begin.nonzero()[0], self._numbas_generators(), self._constants, self.records, self._robots, self._routes,
             self._rows(observations),
@@ -177,7 +178,7 @@ class Batch:
     ) -> int:
         """Step every mission that is not over; write the results and return how many ended.
 
-        Where the mask `begin` of shape (count,) says so, a new mission begins instead; its action is not used.
+        Where the mask `begin` of shape (count,) is true, a new mission begins instead; its action is not used.
 
         Raises:
             OptionError: An action is not in the action space; no mission was stepped.
@@ -226,7 +227,7 @@ class Batch:
         if array.dtype != dtype:
             if array.dtype.kind not in ("iu" if dtype is np.int64 else "iuf"):
                 raise OptionError(f"actions have dtype {array.dtype}; give {np.dtype(dtype)}")
-            with np.errstate(over="ignore"):  # infinity is refused as any number beyond the bounds
+            with np.errstate(over="ignore"):  # infinity is refused like any number beyond the bounds
                 array = array.astype(dtype)
         return np.ascontiguousarray(array)
 

@@ -1,4 +1,5 @@
-"""One decision, compiled: driven place by place through the physics kernel, and costed by the robot's own model."""
+"""One decision, compiled: driven place by place through the physics kernel, with the prediction of the robot's own
+model."""
 
 from __future__ import annotations
 
@@ -68,14 +69,14 @@ def decide(
             cross(m, p, route, nominal, shared)
     if heads_home and not m.returning and m.direction < 0.0:
         m.direction = outwards
-        # One that runs empty at home, while it waits for its return to be final, is home.
+        # A robot whose battery runs empty at home, before its return is final, is home.
         m.home = m.depleted and m.position_m <= 0.0 and m.furthest_m > 0.0
         m.depleted = m.depleted and not m.home
 
 
 @inline
 def _may_drive(m: Any, shared: Any, heads_home_for_now: bool) -> Any:
-    """Whether there is a way ahead: not beyond the end of the route, nor out again while a return is asked for."""
+    """Whether the robot may drive on: not beyond the end of the route, nor outwards while a return is chosen."""
     if heads_home_for_now:
         return m.direction < 0.0 and m.position_m > 0.0
     return m.direction < 0.0 or m.position_m < shared.length_m
@@ -83,7 +84,7 @@ def _may_drive(m: Any, shared: Any, heads_home_for_now: bool) -> Any:
 
 @inline
 def cross(m: Any, p: Any, route: Any, nominal: Any, shared: Any) -> None:
-    """Pass the border ahead: into the next place, or to an end of the route."""
+    """Cross the border ahead: into the next place, or to an end of the route."""
     ahead = m.place + (1 if m.direction > 0.0 else -1)
     if ahead < 0 or ahead == shared.places:
         _arrive(m, shared)
@@ -98,7 +99,7 @@ def cross(m: Any, p: Any, route: Any, nominal: Any, shared: Any) -> None:
 
 @inline
 def _arrive(m: Any, shared: Any) -> None:
-    """Reach an end of the route: home ends a mission that returns, and a patrol turns round after a pit stop."""
+    """Reach an end of the route: home ends a mission that returns, and a patrol turns after a pit stop."""
     if shared.mission == PATROL and (m.position_m > 0.0 or m.legs % 2.0 == 1.0):
         m.legs += 1.0
     if m.returning:
@@ -112,11 +113,11 @@ def _arrive(m: Any, shared: Any) -> None:
 def map_place(
     m: Any, p: Any, place: Any, believed: Any, shared: Any, home_cost_j: float, true_home_cost_j: float
 ) -> None:
-    """Cost the place that the robot comes to for the first time by its own model and the grade that it reads."""
+    """Predict the energy of a place at the first visit, by the robot's own model and the grade as read."""
     place.home_cost_j, place.true_home_cost_j = home_cost_j, true_home_cost_j
     cruise = shared.cruise_mps
     headwind = weather.headwind(m, place) if shared.route_is_known else 0.0
-    # The model's powers are worked out in the mission's own record, as if its windings were cold and its clock at 0.
+    # The model's powers are computed in the mission's own record, with cold windings and the clock at 0.
     kept = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.traction_n, m.drive_w, m.power_w
     m.time_s, m.step_s, m.speed_mps, m.winding_k = 0.0, shared.decision_s, cruise, 0.0
     true_home_w = demand(p, m, _conditions(m, place, cruise, 0.0, 0.0, weather.headwind(m, place), -1.0))
@@ -136,7 +137,7 @@ def map_place(
 
 @inline
 def _account(m: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: float) -> None:
-    """Book what the robot's own model says of a stretch, and what was sensed and sent on it."""
+    """Book the prediction of the robot's own model for a stretch, and the samples taken and sent on it."""
     here = m.here
     drive_j_per_m = here.out_j_per_m if x.direction > 0.0 else here.back_j_per_m
     drive_j_per_m += shared.drag_j_per_m * (x.speed_mps * x.speed_mps - shared.cruise_mps * shared.cruise_mps)

@@ -1,7 +1,7 @@
-"""The observation: one table of named features, and nothing in it that the robot cannot know.
+"""The observation: one table of named features, without hidden variables.
 
-Energies are read by the robot's instruments (`homeward.envs.conditions.instruments`); ways and loads are costed by its
-own model.
+Energies are readings of the robot's instruments (`homeward.envs.conditions.instruments`). Ways and loads are predicted
+by its own model.
 """
 
 from __future__ import annotations
@@ -16,48 +16,48 @@ from homeward.physics import model
 from homeward.physics.jit import inline
 
 GAINS = (10.0, 40.0, 100.0)
-"""Gains at which margins are shown once more, cut at -1 and 1: a hundredth of the battery decides about the turn, and
-on the scale of the whole battery a network hardly sees it. Chosen: full scale is a tenth, a fortieth and a hundredth
-of the battery."""
+"""Gains at which margins are observed again, clipped to -1 and 1: a hundredth of the battery decides about the turn,
+which a network hardly resolves on the scale of the whole battery. Chosen: full scale is a tenth, a fortieth and a
+hundredth of the battery."""
 _DRAWN = 0.05
-"""Share of the battery, both used and modelled, with which the consumption is drawn to that of the model."""
+"""Share of the battery, added to both used and modelled energy, that draws the consumption towards the model's."""
 _STRETCHES = tuple(
-    (first, f"places {first} to {last - 1} from here outwards, {'seen' if k < IN_SIGHT else 'known or forecast'}")
+    (first, f"places {first} to {last - 1} from here outwards, {'in sight' if k < IN_SIGHT else 'known or forecast'}")
     for k, (first, last) in enumerate(AHEAD)
 )
 
 FEATURES: tuple[tuple[str, str, str], ...] = (
-    ("energy", "usable energy", "state of charge according to the gauge"),
+    ("energy", "usable energy", "state-of-charge reading"),
     (
         "metered",
         "usable energy",
-        "state of charge by the power meter, which learns the capacity from the gauge",
+        "state of charge by the power meter, which estimates the capacity from the state-of-charge reading",
     ),
     ("power", "cruise power", "mean power of the last decision by the power meter"),
     ("distance", "reach", "distance from home"),
-    ("home_cost", "usable energy", "energy to get home over the ground already driven, by the robot's own model"),
+    ("home_cost", "usable energy", "energy to get home over the driven ground, by the robot's own model"),
     ("margin", "usable energy", "metered minus home_cost: the d_max margin"),
-    *((f"margin_{gain:g}", "-1 to 1", f"the same times {gain:g}, cut at -1 and 1") for gain in GAINS),
+    *((f"margin_{gain:g}", "-1 to 1", f"the same times {gain:g}, clipped to -1 and 1") for gain in GAINS),
     ("corrected", "usable energy", "metered minus home_cost times 1 + consumption"),
-    *((f"corrected_{gain:g}", "-1 to 1", f"the same times {gain:g}, cut at -1 and 1") for gain in GAINS),
-    ("consumption", "1", "metered use over the model's, both drawn to each other by 0.05, minus 1, within [-1, 1]"),
-    ("modelled", "usable energy", "used so far by the robot's own model"),
-    ("returning", "1", "1 once the return is final; before, the share of the decisions in a row that it takes"),
+    *((f"corrected_{gain:g}", "-1 to 1", f"the same times {gain:g}, clipped to -1 and 1") for gain in GAINS),
+    ("consumption", "1", "metered over modelled energy used, each plus 0.05, minus 1, within [-1, 1]"),
+    ("modelled", "usable energy", "energy used so far by the robot's own model"),
+    ("returning", "1", "1 once the return is final; before, the share of the required decisions in a row"),
     ("outbound", "1", "1 if the next metre leads away from home, -1 if towards it"),
-    ("speed", "top speed", "speed of the last decision, as it is read"),
+    ("speed", "top speed", "speed reading of the last decision"),
     ("sensing", "top rate", "sensing rate of the last decision"),
-    ("grade", "sine 0.1", "slope here in the direction of travel, as it is read"),
+    ("grade", "sine 0.1", "slope reading here in the direction of travel"),
     *((f"grade_{first}", "sine 0.1", f"mean slope of {where}") for first, where in _STRETCHES),
     ("grade_mean", "sine 0.1", "mean slope of the whole route, known beforehand"),
     ("interest", "2", "interest here"),
     *((f"interest_{first}", "2", f"mean interest of {where}") for first, where in _STRETCHES),
     ("backlog", "memory", "samples on board"),
-    ("link", "1", "share of its rate that the radio keeps here"),
+    ("link", "1", "share of the radio's rate at this distance"),
     ("headwind", "10 m/s", "wind against the direction of travel, by the forecast"),
-    ("forecast_east", "10 m/s", "forecast of the wind at the start, where it comes from: its part towards east"),
-    ("forecast_north", "10 m/s", "its part towards north"),
-    ("east", "1", "direction of travel, as the compass has it: its part towards east"),
-    ("north", "1", "its part towards north"),
+    ("forecast_east", "10 m/s", "forecast of the wind at the start, towards where it comes from: east component"),
+    ("forecast_north", "10 m/s", "its north component"),
+    ("east", "1", "direction of travel by compass: east component"),
+    ("north", "1", "its north component"),
     ("temperature", "20 K", "air temperature above 10 C"),
     ("score", "good score", "score if the robot were home now"),
     ("time", "time limit", "decisions taken"),
@@ -68,9 +68,9 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
 NAMES = tuple(name for name, _, _ in FEATURES)
 INDEX = {name: index for index, name in enumerate(NAMES)}
 LIMIT = 10.0
-"""Bound of every feature; values are cut there."""
+"""Bound of every feature; values are clipped to it."""
 
-_STEEPEST = 8.0  # in units of a sine of 0.1: the largest sine that an instrument reads is 0.8
+_STEEPEST = 8.0  # in units of a sine of 0.1: the largest sine that can be read is 0.8
 _SHARE, _SIGNED, _POSITIVE = (0.0, 1.0), (-1.0, 1.0), (0.0, LIMIT)
 
 RANGES: dict[str, tuple[float, float]] = {
@@ -82,13 +82,13 @@ RANGES: dict[str, tuple[float, float]] = {
     **dict.fromkeys((name for name in NAMES if name.startswith("interest")), _POSITIVE),
     **dict.fromkeys(("grade", "grade_mean"), (-_STEEPEST, _STEEPEST)),
 }
-"""Least and most of each feature, in its units: the whole interval that is allowed where nothing narrower is sure."""
+"""Lowest and highest value of each feature, in its units: the allowed interval if nothing narrower is certain."""
 
 _AT = {name: INDEX[f"{name}_{AHEAD[0][0]}"] for name in ("grade", "interest")}
 
 
 def _row_dtype() -> np.dtype[np.void]:
-    """One observation as a record: a field a feature, and one for each profile of the way ahead."""
+    """One observation as a record: a field for each feature, and one for each profile of the way ahead."""
     fields: list[Any] = []
     for name in NAMES:
         kind, _, first = name.rpartition("_")
@@ -106,7 +106,7 @@ OBSERVATION_DTYPE = _row_dtype()
 
 @inline
 def home_cost(m: Any, shared: Any) -> Any:
-    """Energy to get home over the ground already driven, J, an estimate by the robot's own model."""
+    """Energy to get home over the driven ground, J, predicted by the robot's own model."""
     return m.here.home_cost_j + (m.position_m - m.place * shared.place_m) * m.here.home_j_per_m
 
 

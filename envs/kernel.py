@@ -1,4 +1,4 @@
-"""The compiled step and reset of missions, one after another or on all cores."""
+"""The compiled step and reset of missions, one after another or on several cores."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from homeward.physics.jit import compiled, inline, prefetch
 
 _FETCH_AHEAD = 4  # missions
 _FORECAST_PLACES = 4
-"""Places that the forecast takes together: an eighth of a generated route."""
+"""Places that the forecast averages: an eighth of a generated route."""
 _FORECAST_SINE = 0.01
 """Standard deviation of the forecast's error of a grade's sine: elevation models of 30 m cells are good to some metres
 (Tadono and others, 2014: 5 m), on stretches of several hundred."""
 _FORECAST_INTEREST = 0.3
-"""Standard deviation of the forecast's error of the interest, as a share: chosen so that the forecast ranks stretches
-rightly as a rule, and does not say what there is to find."""
+"""Relative standard deviation of the forecast's error of the interest: chosen so that the forecast usually ranks
+stretches correctly without revealing their interest."""
 _KEYS = 2.0**53  # as many keys as `random` has values (53 bits)
 _PER_COUNT = 1.0 / np.maximum(np.arange(MAX_PLACES + 1), 1)
-"""Inverse of a number of places, as there is no time for hundreds of divisions at each start; that of none is 1."""
+"""Inverse of a number of places, because hundreds of divisions at each start are slow; that of none is 1."""
 
 
 @inline
 def _add_up_interest(route: Any, shared: Any) -> None:
-    """Note at each place an offset: in it, the interest of all metres up to x is offset + interest * x."""
+    """Store an offset for each place: the interest of all metres up to x is offset + interest * x."""
     total = 0.0
     for k in range(shared.places):
         place = route.places[k]
@@ -43,10 +43,10 @@ def _add_up_interest(route: Any, shared: Any) -> None:
 
 @inline
 def _read_route(m: Any, route: Any, shared: Any) -> None:
-    """Note at each place what is seen and forecast of the way ahead: mean slope and interest by stretch."""
+    """Store for each place the mean slope and interest of the stretches ahead, as seen and forecast."""
     count = shared.places
     _add_up_interest(route, shared)
-    # Running totals of what is seen, and of what is forecast, to each place.
+    # Cumulative sums to each place, as seen and as forecast.
     sines, interests = np.zeros((2, MAX_PLACES + 1)), np.zeros((2, MAX_PLACES + 1))
     for first in range(0, count, _FORECAST_PLACES):
         last = min(first + _FORECAST_PLACES, count)
@@ -68,12 +68,12 @@ def _read_route(m: Any, route: Any, shared: Any) -> None:
 
 @inline
 def note_ahead(route: Any, shared: Any, sines: Any, interests: Any) -> None:
-    """Note at each place the mean slope and interest of the stretches ahead.
+    """Store for each place the mean slope and interest of the stretches ahead.
 
     Args:
         route: Route record.
         shared: Shared record.
-        sines: Running totals to each place, shape (2, places + 1): of what is seen, and of what is forecast.
+        sines: Cumulative sums to each place, shape (2, places + 1): as seen, and as forecast.
         interests: The same of the interest.
     """
     count = shared.places
@@ -112,7 +112,7 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
             route.places[k] = hidden.fixed.places[k]
         m.temperature_c, m.wind_mps, m.wind_from_rad = hidden.temperature_c, hidden.wind_mps, hidden.wind_from_rad
     if p.effects == 0:
-        m.wind_mps = 0.0  # the paper's robot feels none
+        m.wind_mps = 0.0  # the paper's robot is not affected by wind
     weather.begin(m, rng, shared, hidden)
     rise = 0.0
     for k in range(shared.places):
@@ -126,7 +126,7 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
 
 @inline
 def _margin(m: Any, shared: Any) -> Any:
-    """True energy beyond the way home over the ground already driven, J, as the true robot would drive it at cruise."""
+    """True energy beyond the way home over the driven ground, J, as the true robot would drive it at cruise."""
     here_m = m.position_m - m.place * shared.place_m
     return m.energy_j - (m.here.true_home_cost_j + here_m * m.here.true_home_j_per_m)
 
@@ -140,7 +140,7 @@ def _begin(m: Any, p: Any, route: Any, rng: Any, c: Any, row: Any) -> None:
 
 @inline
 def _fetch_next_place(records: Any, routes: Any, i: int) -> None:
-    """Ask for the place that a mission some turns ahead may come to: it lies far from all else and takes long."""
+    """Prefetch the place that a mission some turns ahead may reach: it is far from other data and slow to load."""
     if i < len(records):
         m = records[i]
         prefetch(routes[i].places[max(m.place + (1 if m.direction > 0.0 else -1), 0)])
@@ -149,7 +149,7 @@ def _fetch_next_place(records: Any, routes: Any, i: int) -> None:
 @inline
 def _step(m: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int) -> Any:
     """Step a mission by one decision and return the reward."""
-    # Where nothing is hidden, all missions have the robot of the file: one record, always in the cache.
+    # If nothing is hidden, all missions have the robot of the file: one record, always in the cache.
     p = robot if c.hidden.own_robots else c.nominal
     shared, before_j = c.shared, m.energy_j
     decide(m, p, route, c.nominal, shared, speed_mps, sensing_hz, mode)
@@ -174,7 +174,7 @@ def step_in_turn(
     terminated: Any,
     truncated: Any,
 ) -> int:
-    """Step every mission by one decision; those that are over are left as they are, without an observation.
+    """Step every mission by one decision; finished ones are left unchanged, without an observation.
 
     Args:
         choices: Discrete actions, int64, shape (n, 3): speed level, sensing level, stop / go / return; or (0, 3).
@@ -189,8 +189,8 @@ def step_in_turn(
         truncated: Written, shape (n,).
 
     Returns:
-        Number of missions that ended in this step, or -1 - i if action i is not in the action space: then nothing
-        was done.
+        Number of missions that ended in this step, or -1 - i if action i is not in the action space: then no mission
+        was stepped.
     """
     bad = first_bad_action(choices, levels, constants[0].shared)
     if bad >= 0:
@@ -224,10 +224,10 @@ def step_in_parallel(
     terminated: Any,
     truncated: Any,
 ) -> int:
-    """Step missions on all cores, with arguments as in turn and in the reset, and begin others meanwhile.
+    """Step missions on several cores and begin others; arguments as for one core and for the reset.
 
     Args:
-        begin: Which missions to begin anew instead, bool, shape (n,).
+        begin: Which missions to restart instead, bool, shape (n,).
     """
     bad = first_bad_action(choices, levels, constants[0].shared)
     if bad >= 0:
@@ -254,11 +254,11 @@ def step_in_parallel(
 def reset_missions(
     indices: Any, generators: Any, constants: Any, records: Any, robots: Any, routes: Any, observations: Any
 ) -> None:
-    """Begin new missions at some indices, with arguments as in the step and some more.
+    """Begin new missions at some indices; arguments as for the step and some more.
 
     Args:
         indices: Which missions, int64, shape (k,).
-        generators: One `numpy.random.Generator` a mission, a typed list of length n.
+        generators: One `numpy.random.Generator` for each mission, a typed list of length n.
     """
     for i in indices:
         c = constants[0]

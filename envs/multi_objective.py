@@ -1,4 +1,4 @@
-"""The environments with a vector of rewards, as MO-Gymnasium and multi-objective learners ask for it."""
+"""The environments with a vector of rewards, for MO-Gymnasium and multi-objective learners."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ OBJECTIVES = ("reward", "stranding", "energy", "time")
 """Entries of the vector, each to be maximised:
 
 - `reward`: the reward of the environment with one objective: the score over that of a good mission, and its shaping.
-- `stranding`: -1 when the robot strands, else 0.
-- `energy`: minus what the decision drew from the battery, over the usable energy of the robot's file.
+- `stranding`: -1 when the robot strands, otherwise 0.
+- `energy`: minus the energy drawn from the battery in the decision, over the usable energy of the robot's file.
 - `time`: minus one decision, over the time limit.
 """
 
 
 class MultiObjectiveEnv(HomewardEnv):
-    """A mission whose reward is a vector, see `OBJECTIVES`; the weights (1, 0, 0, 0) give its one reward back.
+    """A mission whose reward is a vector, see `OBJECTIVES`; the weights (1, 0, 0, 0) give the scalar reward.
 
-    `mo_gymnasium.make("homeward/MOSurvey-v0")` and `gymnasium.make` make it, unless asked without shaping, so that
+    `mo_gymnasium.make("homeward/MOSurvey-v0")` and `gymnasium.make` create it, by default without shaping, so that
     returns are the objectives themselves.
 
     Args:

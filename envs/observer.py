@@ -1,8 +1,8 @@
-"""The observation on a robot: what its instruments read, as the environments show it to their agents.
+"""The observation on a robot: from its readings, as the environments show it to their agents.
 
-The robot follows its own mission in a mission record of the environments, by their own code: the decision as it was
-commanded, corrected to where the robot says that it is, the map home by the slopes that were read, the instruments as
-they were read. So a policy sees on a robot what it would see in the environment on the same readings.
+The environments' own code follows the robot's mission in a mission record: decisions as commanded, corrected to the
+position readings; the map of the way home by the slope readings; the instruments as read. So on the same readings a
+policy sees the same on a robot as in the environment.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from homeward.physics.jit import compiled, inline
 Array = NDArray[np.float64]
 
 _SLACK = 0.1
-"""Share of a decision's way at top speed by which a robot may be elsewhere than its command took it: beyond that, it is
-taken to have driven evenly, as fast as its positions say."""
-_STANDING_MPS = 1e-6  # chosen: above 0, as the kernel divides by speed, and no way in a decision
+"""Share of a decision's way at top speed by which a robot may differ from its command: beyond that, it is assumed to
+have driven evenly between its positions."""
+_STANDING_MPS = 1e-6  # chosen: above 0, because the kernel divides by speed, and no distance in a decision
 _BORDER = 1e-6
-"""Share of a place within which a robot is taken to be on its border."""
-_PLENTY = 1e3  # full batteries: what the robot has left is read, not worked out; chosen: any number far above 1
+"""Share of a place within which a robot counts as being on its border."""
+_PLENTY = 1e3  # full batteries: the energy left is read, not computed; chosen: any number far above 1
 
 
 class Read(NamedTuple):
-    """What a robot read in the time of a decision, NaN where an instrument was silent.
+    """Readings of a robot over a decision, NaN where an instrument was not read.
 
     Attributes:
-        position_m: Along the route at its end, home is 0.
-        power_w: Mean power out of the battery.
-        soc: State of charge at its end, a share.
-        speed_mps: Speed at its end.
-        temperature_c: Temperature of the air at its end.
+        position_m: Position along the route at its end, m; home is 0.
+        power_w: Mean power out of the battery, W.
+        soc: State of charge at its end, 0 to 1.
+        speed_mps: Speed at its end, m/s.
+        temperature_c: Air temperature at its end, C.
     """
 
     position_m: float
@@ -54,14 +54,14 @@ class Read(NamedTuple):
 
 
 class Observer:
-    """Makes the observations of one mission from what the robot reads.
+    """Makes the observations of one mission from a robot's readings.
 
     Args:
-        known: Constants of the environment whose observations are made.
-        forecast: The route as it is forecast, cut into the places that `known` has: slopes, headings and interest. A
-            flat one with the mean interest of generated routes if left out.
-        forecast_mps: Forecast of the wind, towards where it comes from, east and north, m/s.
-        mean_grade: Mean sine of the route's slope; that of the forecast if left out.
+        known: Constants of the environment.
+        forecast: The route as forecast, in the places of `known`: slopes, headings and interest; by default flat, with
+            the mean interest of generated routes.
+        forecast_mps: Forecast of the wind: components towards where it comes from, east and north, m/s.
+        mean_grade: Mean sine of the route's slope; by default that of the forecast.
 
     Raises:
         ValueError: The forecast has other places than `known`.
@@ -89,7 +89,7 @@ class Observer:
         self._constants = np.zeros(1, CONSTANTS_DTYPE)
         self._constants["shared"], self._constants["nominal"] = s, known.robot.record()[0]
         self._records, self._routes = np.zeros(1, MISSION_DTYPE), np.zeros(1, ROUTE_DTYPE)
-        self._sines, self._readings = np.zeros((2, self._count))  # of each place: sum of what was read, and how often
+        self._sines, self._readings = np.zeros((2, self._count))  # for each place: sum and number of readings
         self._interest = forecast.interest.copy()
         m, places = self._records[0], self._routes["places"][0, : self._count]
         places["curvature_per_m"] = forecast.curvature_per_m
@@ -105,7 +105,7 @@ class Observer:
         m["energy_j"] = m["capacity_j"] = _PLENTY * usable_j
         m["temperature_c"] = _or(read.temperature_c, float(m["temperature_c"]))
         m["soc"] = m["metered"] = _or(read.soc, 1.0)
-        # What is not in the battery counts as if it had been driven as the model has it.
+        # Energy missing from the battery counts as used, as the model predicts it.
         m["metered_followed"] = 1.0 - m["soc"]
         m["metered_j"] = m["modelled_j"] = m["metered_followed"] * usable_j
         self._note_places()
@@ -121,14 +121,14 @@ class Observer:
         heading_rad: float = math.nan,
         outwards: bool = True,
     ) -> None:
-        """Note what is read of the ground, here or of a place that is seen ahead. Slopes read in a place are averaged.
+        """Store a reading of the ground, here or at a place in sight. Slopes read in a place are averaged.
 
         Args:
-            position_m: Where, along the route.
+            position_m: Position along the route, m.
             grade_rad: Slope along the way out, rad; NaN: not seen.
             interest: Its interest; NaN: not seen.
             heading_rad: Direction of the way out there, rad counter-clockwise from east; NaN: not seen.
-            outwards: On a border between places: whether that beyond it is meant.
+            outwards: On a border between places: whether the place beyond it is meant.
         """
         at = position_m / self._place_m
         place = round(at) - (not outwards) if abs(at - round(at)) < _BORDER else math.floor(at)
@@ -143,11 +143,11 @@ class Observer:
             self._routes["places"][0, place]["north"] = math.sin(heading_rad)
 
     def decide(self, action: NDArray[Any], read: Read) -> NDArray[np.float32]:
-        """Follow a decision, and observe what came of it, shape (1, features).
+        """Follow a decision, and observe its result, shape (1, features).
 
         Args:
-            action: That the robot was commanded, shape (1, 3).
-            read: What it read meanwhile.
+            action: The commanded action, shape (1, 3).
+            read: The readings meanwhile.
         """
         s, decision_s = self.known.shared[0], float(self.known.shared[0]["decision_s"])
         self._note_places()
@@ -169,7 +169,7 @@ class Observer:
         return _as_features(rows)
 
     def _drive(self, action: NDArray[Any], along_mps: float | None) -> None:
-        """Drive as commanded; if that was not so, as fast as the positions say, along the way out."""
+        """Drive as commanded; if the positions contradict that, as fast as they say, along the way out."""
         commands = decode_actions(self.known, action)
         speed_mps, mode = float(commands.speed_mps[0]), int(commands.mode[0])
         if along_mps is not None:
@@ -179,11 +179,11 @@ class Observer:
         _drive(self._records, self._routes, self._constants, speed_mps, sensing_hz, mode)
 
     def state(self) -> bytes:
-        """What a restart needs."""
+        """State for a restart."""
         return b"".join(one.tobytes() for one in self._memory())
 
     def restore(self, state: bytes) -> None:
-        """Go on from `state`, made alike.
+        """Continue from `state`, with the same arguments.
 
         Raises:
             ValueError: The state is of another mission.
@@ -200,16 +200,16 @@ class Observer:
 
     @property
     def returning(self) -> bool:
-        """Whether the robot heads home for good."""
+        """Whether the return is final."""
         return bool(self._records["returning"][0])
 
     @property
     def home(self) -> bool:
-        """Whether the robot has come home for good."""
+        """Whether the robot is home after a final return."""
         return bool(self._records["home"][0])
 
     def _note_places(self) -> None:
-        """Lay what is seen and forecast out for the kernels."""
+        """Write what is seen and forecast for the kernels."""
         places, forecast = self._routes["places"][0, : self._count], self._forecast
         known = self._readings > 0.0
         sine = np.sin(forecast.grade_rad)
@@ -224,7 +224,7 @@ def _or(value: float, otherwise: float) -> float:
 
 
 def _totals(rows: Array) -> Array:
-    """Running totals to each place, shape (2, places + 1)."""
+    """Cumulative sums to each place, shape (2, places + 1)."""
     return np.pad(np.cumsum(rows, axis=1), ((0, 0), (1, 0)))
 
 
@@ -243,7 +243,7 @@ def _begin(records: Any, routes: Any, constants: Any, position_m: float, rows: A
 
 @compiled
 def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any) -> None:
-    """Note what is ahead of each place; one that the robot just came to is costed anew by the slopes read since."""
+    """Store what is ahead of each place; the present place is predicted anew with the slopes read since."""
     m, route, c = records[0], routes[0], constants[0]
     note_ahead(route, c.shared, sines, interests)
     here = route.places[m.place]
@@ -261,7 +261,7 @@ def _drive(records: Any, routes: Any, constants: Any, speed_mps: float, sensing_
 
 @compiled
 def _read(records: Any, routes: Any, constants: Any, position_m: float, temperature_c: float, rows: Any) -> None:
-    """Take in where the robot is and what it read, and observe."""
+    """Set the robot's position and readings, and observe."""
     m, c = records[0], constants[0]
     _move_to(m, routes[0], c, position_m)
     meter(m, c.shared)
@@ -272,7 +272,7 @@ def _read(records: Any, routes: Any, constants: Any, position_m: float, temperat
 
 @inline
 def _move_to(m: Any, route: Any, c: Any, position_m: float) -> None:
-    """Be where the robot says that it is."""
+    """Move to the robot's position reading."""
     slack_m, outwards = _BORDER * c.shared.place_m, m.direction
     m.position_m, m.furthest_m = position_m, max(m.furthest_m, position_m)
     m.direction = 1.0

@@ -1,4 +1,4 @@
-"""What an environment is made with: keyword arguments, checked, and the constants that follow from them."""
+"""Keyword arguments of the environments, checked, and the constants that follow from them."""
 
 from __future__ import annotations
 
@@ -36,53 +36,53 @@ SHAPINGS = ("dmax", "none")
 RANDOMISATIONS = ("generic", "file")
 WEATHERS = ("still", "changing")
 RETURN_SHARE = 0.015
-"""Decisions in a row that must ask for the return before it is final, over those in which the battery lasts at cruise:
-as a rule three of two hundred. With one, a policy that chooses at random ends its mission after three decisions; with
-eight it never comes to know what a return is worth: stable-baselines3's PPO had learned to stand still after 0.3 M
-decisions of OutAndBack, and with three to come home (0.4 M, 96 % of 200 unseen missions; one seed of training each, at
-commit b39fd99, which had other features). `benchmarks/agents/plain_ppo.py` measures what it comes to today."""
+"""Decisions in a row that make a return final, over those in which the battery lasts at cruise: usually three of two
+hundred. With one, a random policy ends its mission after three decisions. With eight, the value of a return is hardly
+learned: stable-baselines3's PPO had learned to stand still after 0.3 M decisions of OutAndBack, and with three to come
+home (0.4 M, 96 % of 200 unseen missions; one seed of training each, at commit b39fd99, which had other features).
+`benchmarks/agents/plain_ppo.py` measures the present result."""
 _MOST_HALF = 0.6
-"""Half of the widest range of a robot's number that is drawn from its file."""
+"""Half of the widest range that is drawn from a file's uncertainty."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
 _PATROL_PLACES = 4  # between the two posts; chosen: a decision passes one at cruise speed
 _DECISIONS = 200
-"""Decisions in which a robot that senses nothing drives its battery empty, unless `decision_s` says otherwise."""
+"""Decisions in which a robot without sensing drives its battery empty, unless `decision_s` says otherwise."""
 _FEWEST_DECISIONS, _MOST_DECISIONS = 5, 20_000
-"""Bounds of the same. With fewer, one decision is so much of the way that the moment to turn home is a matter of luck;
-with more, an episode takes tens of thousands of steps. One second is allowed for every preset."""
+"""Bounds of the same. With fewer, one decision is so much of the way that the moment to turn is a matter of luck; with
+more, an episode takes tens of thousands of steps. One second is allowed for every preset."""
 _REACH = 0.625
-"""Distance scale and length of generated routes, over d_max. Chosen as a quarter more than the half from which a robot
-comes home, so that the battery and not the end of the route turns it round: of 1,000 missions out and back each, driven
-by `dmax_adaptive` (uncertain) and by `dmax_mapped` (known, also with hidden wind), none came to the end."""
+"""Distance scale and length of generated routes, over d_max. Chosen a quarter above the half from which a robot comes
+home, so that the battery and not the end of the route limits it: of 1,000 missions out and back each, driven by
+`dmax_adaptive` (uncertain) and by `dmax_mapped` (known, also with hidden wind), none reached the end."""
 _MOST_CROSSINGS = 10_000
-"""Places that may be crossed in one decision: each is a turn of the kernel's loop, and so many take about 2 ms."""
+"""Places that may be crossed in one decision: each is an iteration of the kernel, and this many take about 2 ms."""
 _LONGEST = {OUT_AND_BACK: 4.0, SURVEY: 4.0, PATROL: 1.0}
-"""Longest route, over d_max. From half a d_max a robot comes home: of a way of four d_max, cut into `MAX_PLACES`, that
-is eight places, and on a longer one it would hardly leave the first. A patrol must at least see its far post."""
+"""Longest route, over d_max. A robot comes home from half a d_max. On a route of four d_max, cut into `MAX_PLACES`,
+that is eight places, and on a longer one it would hardly leave the first. A patrol must at least reach its far post."""
 _HALF_INFORMATION = 0.25
-"""Samples per metre that yield half of the information there, over those of the fastest rate at cruise. Chosen so that
-the five sensing levels yield 0, 1/2, 2/3, 3/4 and 4/5 at cruise: the first is worth much, the last little."""
+"""Samples per metre that yield half of the information, over those of the fastest rate at cruise. Chosen so that the
+five sensing levels yield 0, 1/2, 2/3, 3/4 and 4/5 at cruise."""
 _MEMORY = 0.1
 """Samples that fit on board, over those of the fastest rate while the battery lasts at cruise. Chosen so that the
-highest level fills it in a tenth of that time, and careful sensing does not: of 1,000 missions (uncertain), driven
-until the battery is empty at the pace of `dmax_adaptive`, level 4 throughout overflows it in 48 % and level 2 in 15 %;
-with its own levels `dmax_adaptive` loses nothing."""
+highest level fills it in a tenth of that time, and moderate sensing does not. Of 1,000 missions (uncertain), driven
+until the battery is empty with the speed of `dmax_adaptive`, level 4 throughout overflows it in 48 % and level 2 in 15
+%; with its own levels `dmax_adaptive` loses nothing."""
 _RADIO = 0.25
-"""Samples that the radio sends from base, over those of the fastest rate. Chosen so that a robot that stands there
-keeps up with level 1, and one that drives with none."""
+"""Samples that the radio sends at base, over those of the fastest rate. Chosen so that a standing robot there keeps up
+with level 1, and a driving one with none."""
 _LINK = 0.25
-"""Distance at which the radio is half as fast, over the distance scale. Chosen so that a stop to send is worth
-something near base and little from where a robot turns home: at half of d_max 9 % of the rate are left. `dmax_adaptive`
-sends 47 % of its information (1,000 missions, uncertain) and carries the rest home."""
+"""Distance at which the radio is half as fast, over the distance scale. Chosen so that a stop to send gains near base
+and little from where a robot turns: at half of d_max 9 % of the rate are left. `dmax_adaptive` sends 47 % of its
+information (1,000 missions, uncertain) and carries the rest home."""
 
 
 class OptionError(ValueError):
-    """A keyword argument of an environment that cannot be used; the message says what is allowed."""
+    """An invalid keyword argument of an environment; the message says what is allowed."""
 
 
 class RenderModeError(OptionError, TypeError):
-    """A render mode that there is not; a `TypeError` too, from which stable-baselines3 goes on without rendering."""
+    """An unknown render mode; also a `TypeError`, after which stable-baselines3 continues without rendering."""
 
 
 @dataclass(frozen=True)
@@ -90,29 +90,29 @@ class Options:
     """Keyword arguments of the environments.
 
     Attributes:
-        mission: `OutAndBack`, `Survey` or `Patrol`; the id says which.
+        mission: `OutAndBack`, `Survey` or `Patrol`; set by the id.
         robot: Preset name, path of a robot file, or a `Robot`.
-        route: `generated`, `hidden_wind` (generated, with a wind that helps on the way out and hurts on the way home),
-            the name of a profile that ships, the path of a CSV profile or of a track (GPX, FIT, or CSV with positions),
-            or a `Route`. Wind is felt by robots with the effect `wind`: from `uncertain` on, by all.
+        route: `generated`, `hidden_wind` (generated, with a tail wind on the way out that the forecast lacks), the name
+            of a shipped profile, the path of a CSV profile or of a track (GPX, FIT, or CSV with positions), or a
+            `Route`. At `known` wind acts only on robots with the effect `wind`, from `uncertain` on on all.
         difficulty: `known` (as in the files, route and wind known), `uncertain` (battery health, rolling resistance,
-            payload and wind hidden, the weather changes, the route is seen a little ahead and forecast beyond) or
+            payload and wind hidden, changing weather, the route seen a little ahead and forecast beyond) or
             `harsh` (also rough patches); see `homeward.envs.conditions.difficulty`.
-        instruments: What the robot reads itself with: `exact`, `meter`, `gauge`, the path of a TOML file with sizes, or
-            `Instruments`; by default what its difficulty has: these three in turn.
-        weather: `still` (as it is at the start) or `changing` (`homeward.envs.conditions.weather`); by default what its
-            difficulty has. Nothing changes at `known`.
+        instruments: Instruments of the robot: `exact`, `meter`, `gauge`, the path of a TOML file with sizes, or
+            `Instruments`; by default those of the difficulty: these three in turn.
+        weather: `still` (as at the start) or `changing` (`homeward.envs.conditions.weather`); by default that of the
+            difficulty. Nothing changes at `known`.
         action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).
-        shaping: `dmax` (potential-based, from d_max) or `none` (the score on coming home, and nothing else).
-        discount: Discount factor that the shaping is consistent with, in (0, 1].
+        shaping: `dmax` (potential-based, from d_max) or `none` (only the score on coming home).
+        discount: Discount factor of the shaping, in (0, 1].
         decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts at cruise, and
             between a 20,000th and a fifth of it.
-        randomise: `generic` (robots within the ranges of the difficulty) or `file` (robots as uncertain as the table
-            `[uncertainty]` of the robot's file has it, read with the instruments that it gives), from `uncertain` on.
-        true_robot: The robot that really drives, where it is not `robot`, which the robot then only takes itself for:
-            its map home and its commands are those of `robot`, what it consumes is not.
-        scaled_for: The robot that lengths, times and memory are scaled for, where it is not `robot`: robots that differ
-            then meet the same routes and limits.
+        randomise: `generic` (robots within the ranges of the difficulty) or, from `uncertain` on, `file` (robots drawn
+            with the uncertainty in the table `[uncertainty]` of the robot's file, and its instruments).
+        true_robot: The robot that really drives, if it is not `robot`: the map of the way home and the commands are
+            those of `robot`, the consumption is not.
+        scaled_for: The robot for which lengths, times and memory are scaled, if it is not `robot`: different robots
+            then have the same routes and limits.
 
     Raises:
         OptionError: A value is not allowed.
@@ -158,7 +158,7 @@ def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Opt
 
     Args:
         keywords: Names and values.
-        others: Further keywords that the caller takes, to be named among those allowed.
+        others: Further keywords of the caller, named among those allowed.
 
     Raises:
         OptionError: A keyword is unknown or a value is not allowed.
@@ -185,10 +185,10 @@ class Known:
 
     Attributes:
         mission: `OutAndBack`, `Survey` or `Patrol`.
-        robot: As its file says, and as it takes itself to be.
+        robot: The robot of its file, which it assumes itself to be.
         shared: `SHARED_DTYPE`, shape (1,).
-        difficulty: How far robots and days differ from their files.
-        instruments: What the robot reads itself with.
+        difficulty: Distributions of the hidden variables.
+        instruments: Its instruments.
     """
 
     mission: str
@@ -200,10 +200,10 @@ class Known:
 
 @dataclass(frozen=True)
 class Hidden:
-    """What no agent may know.
+    """Hidden constants of the environment.
 
     Attributes:
-        robot: The one that really drives, around which those of missions are drawn.
+        robot: The robot that really drives, around which those of missions are drawn.
         record: `HIDDEN_DTYPE`, shape (1,).
     """
 
@@ -212,25 +212,25 @@ class Hidden:
 
 
 def known_of(options: Options) -> Known:
-    """Work out what an agent may know of an environment; see `constants_of`."""
+    """The constants that an agent may know; see `constants_of`."""
     return constants_of(options)[0]
 
 
 def constants_of(options: Options) -> tuple[Known, Hidden]:
-    """Work out the constants of an environment.
+    """Constants of an environment.
 
-    Everything scales with the robot, or with another that is asked for: distances with its d_max, time with how long
-    its battery lasts, information and memory with its fastest sensing rate, so that a mission takes a few hundred
-    decisions with any robot.
+    Everything scales with the robot, or with `scaled_for`: distances with its d_max, times with its battery's duration,
+    information and memory with its fastest sensing rate, so that a mission takes a few hundred decisions with any
+    robot.
 
     Raises:
-        RobotError, RouteError, OptionError, InstrumentError: An option cannot be used.
+        RobotError, RouteError, OptionError, InstrumentError: An option is invalid.
     """
     robot = load_robot(options.robot)
     truth, scale = (robot if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
     for one in (robot, truth, scale):
         if not np.isfinite(d_max(one)):
-            raise OptionError(f"robot {one.name!r} never runs empty on the flat; check what its effects give back")
+            raise OptionError(f"robot {one.name!r} never runs empty on level ground; check its effects")
     mission = MISSIONS[options.mission]
     cruise = float(optimal_speed(scale))
     range_m = float(d_max(scale))
@@ -308,10 +308,10 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
 def _by_file(
     robot: Robot, difficulty: Difficulty, own_s: float | None, instruments: Instruments
 ) -> tuple[Difficulty, Instruments]:
-    """Ranges and instruments that the robot's file has; of what it does not say, those of the difficulty.
+    """Ranges and instruments of the robot's file; what it lacks is that of the difficulty.
 
-    A range is as wide as makes a uniform number as uncertain as the file has it. Instruments are the file's own where
-    the time between decisions is given: what is read then is a mean over it.
+    A range is that of a uniform distribution with the file's standard deviation. Instruments are the file's own if the
+    time between decisions is given, because a reading is then a mean over it.
     """
     sure = robot.uncertainty
     if sure is None or sure.of != "energy" or difficulty.route_is_known:
@@ -355,11 +355,11 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
         ancillary_power(robot, robot.max_sensing_hz) - ancillary_power(robot, 0.0)
     )
     s["power_offset_w"] = instruments.power_offset * full_w[0]
-    # A metered joule is 1 / (health * gain) of what the file says of a joule: mean and deviation to first order.
+    # A metered joule is 1 / (health * gain) of a joule by the file: mean and deviation to first order.
     health = difficulty.health
     s["soc_per_metered"] = (1.0 + (health.deviation / health.mean) ** 2) / health.mean
     deviation = float(s["soc_per_metered"]) * np.hypot(health.deviation / health.mean, instruments.power_gain / _SQRT_3)
-    # Never none: before anything is metered, what is expected is all there is to go by.
+    # Never zero: before anything is metered, only the prior is known.
     s["soc_prior"] = max(instruments.soc_variance / deviation**2, 1e-12) if deviation > 0.0 else 1e12
 
 

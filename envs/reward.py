@@ -1,10 +1,10 @@
-"""The reward: what a mission scores, and the potential that shapes the way there.
+"""The reward: the score of a mission, and the potential that shapes it.
 
-A decision is rewarded with the score when it brings the robot home, over that of a good mission, and with
-`discount * potential after - potential before`, which changes no policy's order (Ng, Harada, Russell, Policy invariance
-under reward transformations, ICML 1999). The potential is worked out with the true energy, the true way home and the
-interest that lies ahead, not with readings: it is a function of the mission's state, as the theorem asks, and is seen
-in training only.
+A decision that brings the robot home is rewarded with the score over that of a good mission. Every decision is rewarded
+with `discount * potential after - potential before`, which does not change the ranking of policies (Ng, Harada,
+Russell, Policy invariance under reward transformations, ICML 1999). The potential uses the true energy, the true way
+home and the interest ahead, not readings. It is a function of the mission's state, as the theorem requires, and is
+available in training only.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from homeward.envs.state import OUT_AND_BACK, PATROL, SURVEY
 from homeward.physics.jit import inline
 
 TERMS = ("score", "shaping")
-"""Terms of the reward, of which it is the sum."""
+"""Terms of the reward, which is their sum."""
 
 
 @inline
 def score(m: Any, shared: Any) -> Any:
-    """What the mission is worth once the robot is home: furthest distance (m), information, or laps."""
+    """Score of the mission once the robot is home: furthest distance (m), information, or laps."""
     if shared.mission == OUT_AND_BACK:
         return m.furthest_m
     if shared.mission == SURVEY:
@@ -31,12 +31,12 @@ def score(m: Any, shared: Any) -> Any:
 
 @inline
 def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
-    """What the mission may still add to its score with energy beyond the way home, by the range it buys (Eq. 8)."""
+    """Score that the mission may still add with energy beyond the way home, by the range it allows (Eq. 8)."""
     if m.returning:
         return 0.0
     if shared.mission == PATROL:
         return 0.5 * max(margin_j, 0.0) * shared.per_energy_per_m / shared.length_m
-    # Out as the mission drives on average, and home with nothing sensed.
+    # Out as the mission drives on average, and home without sensing.
     out_m = max(margin_j, 0.0) * shared.per_out_and_home_j_per_m
     room_m = min(out_m, shared.length_m - m.position_m)
     if shared.mission == OUT_AND_BACK:
@@ -46,7 +46,7 @@ def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
 
 @inline
 def _findable(m: Any, route: Any, shared: Any, way_m: float) -> Any:
-    """Information ahead, sensed evenly, and as often as memory and radio have room for."""
+    """Information ahead, sensed evenly, and as often as memory and radio allow."""
     radio_hz = sensing.DRIVING_LINK * shared.radio_hz / sensing.fading(m.position_m, shared.per_link_m)
     room = shared.backlog_limit - m.backlog + radio_hz * way_m / shared.cruise_mps
     samples = min(room, shared.max_sensing_hz * way_m / shared.cruise_mps)
@@ -59,10 +59,10 @@ def _findable(m: Any, route: Any, shared: Any, way_m: float) -> Any:
 
 @inline
 def potential(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
-    """Potential of a state, from d_max: the score so far and what is attainable, if the way home still fits.
+    """Potential of a state, from d_max: the score so far and the attainable score, if the way home is still possible.
 
-    It fades to nothing as the energy falls short of the way home by a fiftieth of the battery: in training, a turn that
-    comes too late is known to be one at once.
+    It falls to zero as the energy falls short of the way home by a fiftieth of the battery: in training, a turn that is
+    too late is penalised at once.
     """
     fits = min(max(1.0 + 50.0 * margin_j * shared.per_usable_j, 0.0), 1.0)
     return fits * (m.score + attainable(m, route, shared, margin_j)) * shared.per_score
@@ -70,7 +70,7 @@ def potential(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
 
 @inline
 def reward(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
-    """Score a mission after a decision, note the terms of the reward, and return their sum.
+    """Score a mission after a decision, store the terms of the reward, and return their sum.
 
     Args:
         m: Mission record.

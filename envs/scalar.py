@@ -15,7 +15,7 @@ from homeward.envs.viewer.viewer import FRAMES_PER_S, MODES, Viewer
 
 
 class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
-    """One mission: drive out, gather what scores, and be home before the battery is empty.
+    """One mission: drive out, collect score, and be home before the battery is empty.
 
     Args:
         mission: `OutAndBack`, `Survey` or `Patrol`.

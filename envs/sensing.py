@@ -1,4 +1,4 @@
-"""Information: found where the robot drives and senses, kept on board while there is room, and sent by radio."""
+"""Information: collected where the robot drives and senses, stored on board while there is room, and sent by radio."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 from homeward.physics.jit import inline
 
 DRIVING_LINK = 0.5
-"""Share of its rate that the radio keeps while driving: antennas move and the channel fades. Chosen: 3 dB."""
-_ANY = 1e-9  # samples, against a division by none
+"""Share of the radio's rate while driving: antennas move and the channel fades. Chosen: 3 dB."""
+_ANY = 1e-9  # samples, against a division by zero
 
 
 @inline
@@ -18,7 +18,7 @@ def information(interest: float, new_m: float, samples: float, way_m: float, hal
     Args:
         interest: Weight of the ground.
         new_m: Metres of the stretch that the robot had not reached before.
-        samples: Taken on the stretch.
+        samples: Samples taken on the stretch.
         way_m: Length of the stretch.
         half_per_m: Samples per metre that give half of the information.
     """
@@ -27,14 +27,14 @@ def information(interest: float, new_m: float, samples: float, way_m: float, hal
 
 @inline
 def fading(distance_m: float, per_half_m: float) -> Any:
-    """By how much the radio is slower at a distance from base: 1 + (r / r_half)^2, as power falls in free space."""
+    """Factor by which the radio is slower at a distance from base: 1 + (r / r_half)^2, as power falls in free space."""
     ratio = distance_m * per_half_m
     return 1.0 + ratio * ratio
 
 
 @inline
 def sense(m: Any, place: Any, shared: Any, samples: float, way_m: float, new_m: float) -> None:
-    """Take samples along a stretch: their information goes on board, and what does not fit is lost."""
+    """Take samples along a stretch: their information is stored on board, and what does not fit is lost."""
     found = information(place.interest, new_m, samples, way_m, shared.saturation_per_m)
     if m.backlog + samples > shared.backlog_limit:
         lost = found * (m.backlog + samples - shared.backlog_limit) / samples

@@ -55,7 +55,7 @@ MISSION_DTYPE = np.dtype(
         ("backlog_information", np.float64),  # information in them
         ("delivered", np.float64),  # information sent home by radio
         ("lost", np.float64),  # information that did not fit on board
-        ("modelled_j", np.float64),  # what the robot's own model says it has used
+        ("modelled_j", np.float64),  # energy used by the robot's own model
         # Weather (`homeward.envs.conditions.weather`).
         ("temperature_c", np.float64),  # air, now
         ("warming_k", np.float64),  # in a decision
@@ -72,7 +72,7 @@ MISSION_DTYPE = np.dtype(
         # Instruments (`homeward.envs.conditions.instruments`): what is wrong with them, and what they read.
         ("meter_gain", np.float64),
         ("meter_offset_w", np.float64),
-        ("soc_followed", np.float64),  # state of charge that the gauge has come to
+        ("soc_followed", np.float64),  # lagged state of charge of the gauge
         ("metered_followed", np.float64),  # and what the meter has, with the same lag, as a share of a full battery
         ("sum_used_metered", np.float64),  # sums over the readings, to learn the battery's energy by the meter
         ("sum_metered_squared", np.float64),
@@ -81,7 +81,7 @@ MISSION_DTYPE = np.dtype(
         ("metered_j", np.float64),  # energy by the meter since the start
         ("read_w", np.float64),
         ("read_mps", np.float64),
-        ("key", np.uint64),  # that weather and noise follow from (`homeward.envs.conditions.draws`)
+        ("key", np.uint64),  # determines weather and noise (`homeward.envs.conditions.draws`)
         ("mean_grade", np.float64),  # sine of the route's mean slope, known beforehand
         ("sensing_hz", np.float64),  # in the decision before
         ("potential", np.float64),  # of the state, for the shaping
@@ -147,9 +147,9 @@ SHARED_DTYPE = np.dtype(
         ("place_m", np.float64),  # length of one place
         ("length_m", np.float64),  # of the route
         ("reach_m", np.float64),  # distance scale of the observation
-        ("usable_j", np.float64),  # of a full battery, as the robot believes
+        ("usable_j", np.float64),  # of a full battery, by the robot's file
         ("cruise_w", np.float64),  # power that drives this battery empty at cruise
-        ("cruise_mps", np.float64),  # speed at which the way home is costed
+        ("cruise_mps", np.float64),  # speed at which the way home is predicted
         ("energy_per_m", np.float64),  # of the robot's own model, from d_max
         ("out_and_home_j_per_m", np.float64),  # that out and, with nothing sensed, back home
         ("saturation_per_m", np.float64),  # samples per metre that give half of the information
@@ -171,7 +171,7 @@ SHARED_DTYPE = np.dtype(
         ("power_noise", np.float64),
         ("speed_noise", np.float64),
         ("grade_noise", np.float64),
-        ("soc_per_metered", np.float64),  # expected: state of charge used over energy by the meter, as shares
+        ("soc_per_metered", np.float64),  # prior: state of charge used over energy by the meter, as shares
         ("soc_prior", np.float64),  # weight of that, as a sum of squares of metered shares
         *((name, np.float64) for name in INVERSES),
     ],

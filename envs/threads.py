@@ -1,4 +1,4 @@
-"""How many threads step a batch: as many as it is worth, and one where they would wait for each other."""
+"""Number of threads that step a batch: several where that is faster, and one where they would wait for each other."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import numba
 
 _MISSIONS_A_THREAD = 128
-"""Missions from which a thread takes longer to step them than to be woken: two threads gain from twice as many on."""
+"""Missions below which stepping is faster than waking a thread: two threads gain from twice as many on."""
 _CALIBRATION_S, _CALIBRATION_STEPS = 0.004, 8
-"""How long one thread is timed at least."""
+"""Shortest time for which one thread is timed."""
 _TRUST_S = 0.5
-"""How long that time is believed."""
+"""Time for which that measurement is used."""
 _PATIENCE_S, _CREDIT_S = 0.001, 0.01
 """How much longer than one thread several may take before they are given up; and how much of what they have saved since
 they were tried counts for them: the system itself lets any thread wait for some milliseconds now and then."""
@@ -24,11 +24,11 @@ every try that fails."""
 
 
 class Threads:
-    """Chooses between one thread and several from what steps took.
+    """Chooses between one thread and several by measured step times.
 
-    Several threads end a step together, so each waits for the slowest. Beside other busy processes, or other threads of
-    this one, that is one which the system keeps from running: a step then takes a hundred times as long. Nothing tells
-    of it beforehand, so both ways are timed: one thread now and then, several as long as they are faster.
+    Several threads end a step together, so each waits for the slowest. With other busy processes or threads, the
+    slowest is one that the system keeps from running: a step then takes a hundred times as long. That cannot be
+    predicted, so both ways are timed: one thread now and then, several as long as they are faster.
 
     Args:
         missions: Number of missions in a step.
@@ -48,11 +48,11 @@ class Threads:
 
     @staticmethod
     def pay(missions: int) -> bool:
-        """Whether several threads can be worth it."""
+        """Whether several threads can be faster."""
         return missions >= 2 * _MISSIONS_A_THREAD
 
     def took(self, seconds: float) -> None:
-        """Take in what the step took."""
+        """Record the duration of a step."""
         if self.number > 1:
             self._left_s -= seconds
             self._lost_s = max(self._lost_s + seconds - self._one_s, -_CREDIT_S)

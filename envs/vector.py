@@ -19,9 +19,9 @@ from homeward.envs.options import OptionError, parse_options
 
 
 class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any]]):
-    """Missions side by side; equal, step for step, to as many scalar environments with the same seeds.
+    """Missions side by side; equal, step for step, to scalar environments with the same seeds.
 
-    The arrays in `info` are read-only views of the running missions: copy what is to be kept beyond the next step.
+    The arrays in `info` are read-only views of the running missions: copy what you keep beyond the next step.
 
     Args:
         num_envs: Number of missions.
@@ -76,8 +76,8 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         """Begin new missions, all or those of `options["reset_mask"]`.
 
         Args:
-            seed: One seed, from which environment i takes `seed + i`, or one a mission.
-            options: `reset_mask`, bool of shape (num_envs,): which missions to begin anew.
+            seed: One seed (environment i uses `seed + i`), or one for each mission.
+            options: `reset_mask`, bool of shape (num_envs,): which missions to restart.
 
         Raises:
             OptionError: The seeds or the mask have the wrong length or type.
@@ -96,7 +96,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
     def step(
         self, actions: NDArray[Any]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Step all missions; those that are over are begun anew as the autoreset mode says.
+        """Step all missions; finished ones restart as the autoreset mode says.
 
         Raises:
             OptionError: An action is not in the action space, or with autoreset disabled a mission is over.
@@ -159,7 +159,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         return seeds
 
     def _reset_at_once(self, observations: NDArray[np.float32], info: dict[str, Any]) -> None:
-        """Same-step mode: keep what the ended missions came to, and begin them anew."""
+        """Same-step mode: keep the results of the ended missions, and restart them."""
         over = np.flatnonzero(self._over)
         final = np.full(self.num_envs, None, dtype=object)
         for i in over:

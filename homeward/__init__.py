@@ -18,7 +18,7 @@ __all__ = [
 ]  # fmt: skip
 
 _LATER = ("agents", "companion", "datasets", "diagnosis", "estimation", "logs", "parallel")
-"""Parts that are imported when they are first asked for, so that `import homeward` stays light."""
+"""Parts that are imported at their first use, so that `import homeward` stays light."""
 
 _register()
 

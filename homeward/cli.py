@@ -1,4 +1,4 @@
-"""How the scripts run from the command line, what they print, and how they end."""
+"""Common behaviour of the scripts on the command line: arguments, output and exit codes."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ from rich.text import Text
 Args = TypeVar("Args")
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C: 128 and the number of the signal, as shells have it."""
+"""Exit code after Ctrl-C: 128 plus the number of the signal, as in shells."""
 
 _ANY_WIDTH = 10_000  # columns; chosen: wider than any table
 _LONGEST = 2000
-"""Characters of a message; what quotes a file may quote much of it. Chosen: a screen of a terminal (80 by 25)."""
+"""Maximum length of a message, which may quote a long part of a file. Chosen: a screen of a terminal (80 by 25)."""
 
 
 class Terminal(Console):
-    """A console that prints text as it is: names given by others neither style it nor reach it as control characters.
+    """A console that prints text literally: names from files cannot style it or contain control characters.
 
-    What is styled is given as `rich.text.Text`, made of what `printable` returns.
+    Styled text is given as `rich.text.Text`, made of what `printable` returns.
     """
 
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
 
     def show(self, table: Table, expendable: Sequence[str] = ()) -> None:
-        """Print a table of figures; where the terminal is too narrow, columns are left out and a line names them.
+        """Print a table; if the terminal is too narrow, columns are omitted and a line names them.
 
         Args:
-            table: The table; columns are taken from it. Where the output is no terminal it gets the width it wants.
-            expendable: Headings of columns that may be left out, the least important first.
+            table: The table; columns are removed from it. If the output is not a terminal it gets its full width.
+            expendable: Headings of columns that may be omitted, the least important first.
         """
         wide = not self.is_terminal and "COLUMNS" not in os.environ
         left_out = []
@@ -71,7 +71,7 @@ class Terminal(Console):
 
 
 def printable(text: str) -> str:
-    """Text of one line with a question mark for each character that is none, such as an escape.
+    """Text in one line with a question mark for each unprintable character, such as an escape.
 
     >>> printable("husky\\x1b[31m")
     'husky?[31m'
@@ -80,7 +80,7 @@ def printable(text: str) -> str:
 
 
 def remark(source: str, text: str) -> None:
-    """Say on stderr, in one line, what is to be said of a file."""
+    """Print a message about a file on stderr, in one line."""
     print(printable(f"{source}: {text}"), file=sys.stderr)
 
 
@@ -94,18 +94,18 @@ def run(
     """Run the `main` of a script or a subcommand of `homeward` with the arguments of the command line.
 
     Args:
-        main: Does the work; what it returns is dropped.
+        main: Does the work; its return value is ignored.
         args: Dataclass of the arguments.
         description: Shown by `--help`.
-        refused: Exceptions that say in one line what cannot be used and what to do.
-        interrupted: Said after Ctrl-C.
+        refused: Exceptions with a one-line message that says what cannot be used and what to do.
+        interrupted: Message after Ctrl-C.
 
     Returns:
-        Exit code: 0; 130 after Ctrl-C; 2 for input or output that cannot be used, or the error's own `exit_code`.
-        All but 0 come with one line on stderr.
+        Exit code: 0; 130 after Ctrl-C; 2 for unusable input or output, or the error's own `exit_code`. All but 0 come
+        with one line on stderr.
     """
     program, arguments = _called()
-    for argument in arguments:  # the parser of arguments shows those that it does not know as they are
+    for argument in arguments:  # the parser prints unknown arguments literally
         if any(unicodedata.category(character) == "Cc" for character in argument):
             _say(program, f"argument '{argument}' holds a control character: type it again, or rename the file")
             return 2
@@ -115,7 +115,7 @@ def run(
             warnings.showwarning = _say_warning
             main(tyro.cli(args, prog=program, args=arguments, description=description))
     except (Exception, KeyboardInterrupt) as error:
-        if pressed or isinstance(error, KeyboardInterrupt):  # compiled code may make another error of it
+        if pressed or isinstance(error, KeyboardInterrupt):  # compiled code may turn it into another error
             code, message = INTERRUPTED, f"interrupted: {interrupted}"
         elif isinstance(error, refused):
             code, message = getattr(error, "exit_code", 2), str(error)
@@ -132,7 +132,7 @@ def run(
 
 @contextlib.contextmanager
 def _ctrl_c_noted(pressed: list[int]) -> Iterator[None]:
-    """Append to a list when Ctrl-C is pressed, which raises KeyboardInterrupt as ever."""
+    """Append to a list when Ctrl-C is pressed, which still raises KeyboardInterrupt."""
     before = signal.getsignal(signal.SIGINT)
     if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
         yield
@@ -162,7 +162,7 @@ def _say_warning(message: Warning | str, category: type[Warning], *_: Any, **__:
 
 
 def _called() -> tuple[str, list[str]]:
-    """Name and arguments of what was called: a script, or a subcommand of `homeward`."""
+    """Name and arguments of the called script or subcommand of `homeward`."""
     path, arguments = Path(sys.argv[0]), sys.argv[1:]
     if arguments and (path.stem == "homeward" or (path.parent.name, path.name) == ("homeward", "__main__.py")):
         return f"homeward {arguments[0]}", arguments[1:]

@@ -1,4 +1,5 @@
-"""Public recordings of real robots, fetched once with a checksum and kept in a cache, or taken from a local folder."""
+"""Public recordings of real robots, downloaded once with a checksum and kept in a cache, or read from a local
+folder."""
 
 from __future__ import annotations
 
@@ -14,29 +15,29 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn
 
 LOCAL_FOLDER = "HOMEWARD_DATA"
-"""Environment variable that names a folder with the data sets, to be used instead of the network."""
+"""Environment variable with a folder of data sets, used instead of the network."""
 
 
 class DatasetError(OSError):
-    """A data set that is unknown or cannot be had: the message says what to do."""
+    """A data set that is unknown or not available; the message says what to do."""
 
 
 class DownloadError(DatasetError):
-    """A data set that the network did not give, with an exit code of its own: a script can go on without it."""
+    """A failed download, with an exit code of its own, so that a script can continue without it."""
 
     exit_code = 3
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Where a data set comes from, and the mapping and robot that fit it."""
+    """Source of a data set, with its mapping and robot."""
 
     name: str
     base_url: str
-    columns: str  # mapping file that ships with the package
+    columns: str  # shipped mapping file
     robot: str | None  # preset that drove it
     licence: str
-    group_folder: int = 0  # which folder of a file's path names its group; a number before it, as in 3_EE2, is left out
+    group_folder: int = 0  # index of the folder that names a file's group; a number before it, as in 3_EE2, is removed
 
 
 DATASETS = {
@@ -85,7 +86,7 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
         progress: Show a progress bar per file.
 
     Raises:
-        DownloadError: No network.
+        DownloadError: The download failed.
         DatasetError: Unknown name or group, a file that differs from its checksum, or a cache that cannot be written.
     """
     if name not in DATASETS:
@@ -103,7 +104,7 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
     )  # fmt: skip
     downloader = pooch.HTTPDownloader(progressbar=_Bar() if progress else False, timeout=30)
     pooch.get_logger().setLevel("WARNING")
-    import requests  # only now, as pooch does: it is slow to load
+    import requests  # only now, as in pooch: it is slow to load
 
     paths = []
     for file in wanted:
@@ -114,12 +115,12 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
         except requests.exceptions.RequestException as error:
             raise DownloadError(
                 f"{name}: {file} cannot be downloaded ({type(error).__name__}); without network set {LOCAL_FOLDER} "
-                f"to a folder that holds {name}/, or run on the recording that ships with the package"
+                f"to a folder that contains {name}/, or use the recording that is part of the package"
             ) from error
         except OSError as error:
             raise DatasetError(
                 f"{name}: {source.path} cannot be written ({error.strerror or error}); set XDG_CACHE_HOME to a folder "
-                f"with room, or {LOCAL_FOLDER} to one that holds {name}/"
+                f"with enough space, or {LOCAL_FOLDER} to one that contains {name}/"
             ) from error
     return paths
 
@@ -157,12 +158,12 @@ def url_of(name: str, file: str) -> str:
 
 
 def shipped_recording() -> Path:
-    """The recording that ships with the package: synthetic, of a Husky that differs from the preset `husky`."""
+    """The recording that is part of the package: synthetic, of a Husky that differs from the preset `husky`."""
     return Path(str(files("homeward") / "recordings" / "synthetic_husky.csv.gz"))
 
 
 class _Bar:
-    """A rich progress bar in the form that pooch takes: one per file, gone when the file is there."""
+    """A rich progress bar with the interface that pooch expects: one per file, removed when it is complete."""
 
     def __init__(self) -> None:
         self.total = 0

@@ -1,4 +1,4 @@
-"""Files that are read within limits, and written whole or not at all."""
+"""Files that are read within limits, and written completely or not at all."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 STANDARD_INPUT = "-"
-"""Name that stands for standard input."""
+"""Name of standard input."""
 
 _MOST_BYTES = 1_000_000
-"""More than any settings file that the project reads, TOML or JSON: some kilobytes."""
+"""Limit for the project's settings files, TOML or JSON, which have some kilobytes."""
 _DEEPEST = 20
-"""More than any of them is nested."""
+"""Limit of their nesting."""
 
 
 def open_regular(path: str | Path) -> BinaryIO:
@@ -38,11 +38,11 @@ def open_regular(path: str | Path) -> BinaryIO:
 
 
 def read_bytes(path: str | Path, most_bytes: int = _MOST_BYTES) -> bytes:
-    """All that a regular file holds or, where the path is "-", standard input.
+    """Content of a regular file or, if the path is "-", of standard input.
 
     Args:
         path: The file.
-        most_bytes: What is larger is refused before it fills the memory.
+        most_bytes: Larger files are refused before they fill the memory.
 
     Raises:
         ValueError: It is larger.
@@ -59,16 +59,16 @@ def read_bytes(path: str | Path, most_bytes: int = _MOST_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, most_bytes: int = _MOST_BYTES) -> str:
-    """As `read_bytes`, decoded as UTF-8, with or without a byte order mark; a ValueError where it is something else."""
+    """Like `read_bytes`, decoded as UTF-8, with or without a byte order mark; a ValueError for other encodings."""
     return read_bytes(path, most_bytes).decode("utf-8-sig")
 
 
 def read_json(path: str | Path) -> Any:
-    """What a small JSON file holds.
+    """Content of a small JSON file.
 
     Raises:
-        ValueError: It is no JSON, too large to be one of the project's, or nested too deeply.
-        OSError: It cannot be read, or is no regular file.
+        ValueError: It is not JSON, larger than the project's files, or nested too deeply.
+        OSError: It cannot be read, or is not a regular file.
     """
     content = read_bytes(path)
     try:
@@ -80,14 +80,14 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """What a small TOML file holds.
+    """Content of a small TOML file.
 
     Raises:
-        ValueError: It is no TOML, too large to be one of the project's, or nested too deeply.
-        OSError: It cannot be read, or is no regular file.
+        ValueError: It is not TOML, larger than the project's files, or nested too deeply.
+        OSError: It cannot be read, or is not a regular file.
     """
     text = read_text(path)
-    # A key of many dots takes the parser time and memory that grow with their square.
+    # A key of many dots costs the parser quadratic time and memory.
     if any(line.count(".") > _MOST_DOTS for line in text.splitlines() if "=" in line or line.lstrip()[:1] == "["):
         raise ValueError("a line has too many dots")
     try:
@@ -99,11 +99,11 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 _MOST_DOTS = 1000
-"""In a line of a settings file; a row of numbers has some."""
+"""Limit in a line of a settings file; a row of numbers has some."""
 
 
 def refuse_deep(data: Any) -> None:
-    """Raise ValueError where lists and tables are nested deeper than a settings file's; they could not be shown."""
+    """Raise ValueError if lists and tables are nested deeper than in settings files; they could not be shown."""
     level, depth = [data], 0
     while level:
         if depth > _DEEPEST:
@@ -113,14 +113,14 @@ def refuse_deep(data: Any) -> None:
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
-    """Write a file under a temporary name beside it and rename it; its folder is made where it is missing.
+    """Write a file under a temporary name beside it and rename it; missing folders are created.
 
     Args:
-        path: Where to; an older file there is replaced.
+        path: Path of the file; an older one is replaced.
         content: Text, written as UTF-8, or bytes.
 
     Raises:
-        OSError: The folder cannot be written to; whatever was there before is still there.
+        OSError: The folder cannot be written to; an older file remains.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What is installed, and how to get what is not: one line instead of a traceback. Needs nothing but Python itself."""
+"""Missing packages: one line with the command to install them, instead of a traceback. Needs only Python itself."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ NEEDED = (
     "cloudpickle", "filelock", "gymnasium", "jinja2", "joblib", "matplotlib", "numba", "numpy", "pandas", "plotly",
     "pooch", "pyarrow", "rich", "ruptures", "safetensors", "sklearn", "scipy", "threadpoolctl", "tyro",
 )  # fmt: skip
-"""What every installation has, by the names that they are imported under."""
+"""Packages of every installation, by their import names."""
 
-_PACKAGE = {"sklearn": "scikit-learn"}  # where an index knows it by another name
+_PACKAGE = {"sklearn": "scikit-learn"}  # where the package has another name
 _ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -21,15 +21,15 @@ def advice(extra: str, package: str) -> str:
     """The command that adds an extra to this installation of homeward.
 
     Args:
-        extra: Such as `logs`.
-        package: What is missing of it; named itself where the installation is of a version without that extra.
+        extra: Name of the extra, such as `logs`.
+        package: The missing package; installed itself if the installation is of a version without that extra.
 
     >>> advice("logs", "rosbags").startswith("pip install ")
     True
     """
     try:
         about = metadata.metadata("homeward")
-    except metadata.PackageNotFoundError:  # a checkout on the path: another index's homeward is not meant
+    except metadata.PackageNotFoundError:  # a checkout on the path, and not a homeward from an index
         return f"pip install -e '{_ROOT}[{extra}]'" if _is_checkout() else f"pip install {package}"
     known = extra in (about.get_all("Provides-Extra") or ())
     return f"pip install 'homeward[{extra}]'" if known else f"pip install {package}"
@@ -50,7 +50,7 @@ def _is_checkout() -> bool:
 
 
 def _refuse_incomplete() -> None:
-    """End a program of this project, as `needed` does, where something is missing that every installation has."""
+    """End a program of this project, like `needed`, if a package of every installation is missing."""
     if _is_own_program() and (missing := _missing(NEEDED)):
         python = _ROOT / ".venv" / "bin" / "python"
         install = (

@@ -1,4 +1,4 @@
-"""Many tasks at once: processes of this machine (joblib) or the nodes of a Ray cluster, with the same results."""
+"""Many tasks in parallel: processes of this machine (joblib) or the nodes of a Ray cluster, with the same results."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 _RETRIES = 5
-"""How often a task starts anew whose node or process died; one that kills its process again and again gives up."""
+"""Restarts of a task whose node or process died, before it counts as failed."""
 _MOST_PER_CORE = 8
-"""Jobs for each core of this machine that are allowed: more only wait for each other, and each takes memory."""
+"""Allowed jobs per core of this machine: more only wait for each other, and each needs memory."""
 _ANSWER_S = 5.0
-"""How long a cluster may take to answer, s."""
+"""Time in which a cluster must respond, s."""
 
 
 class TaskError(RuntimeError):
-    """A task that failed; the message says which one and why, in one line, and a note holds the traceback."""
+    """A failed task; the message says which one and why, in one line, and a note contains the traceback."""
 
 
 class ClusterError(RuntimeError):
-    """Workers that cannot be had; the message says what to change."""
+    """Workers that are not available; the message says what to change."""
 
 
 def run_tasks(
@@ -60,25 +60,25 @@ def run_tasks(
 ) -> dict[str, Result]:
     """Apply a function to every task.
 
-    Results do not depend on where they were worked out, as long as a task brings along all that it needs: its seed, and
-    data instead of the paths of files that only this machine has. A task whose node dies starts anew on another.
+    Results do not depend on where they are computed, as long as a task contains everything that it needs: its seed, and
+    data instead of the paths of local files. A task whose node dies restarts on another.
 
     Args:
         function: Takes a task; it, the tasks and their results can be pickled.
-        tasks: By name, which errors are reported under.
-        jobs: Tasks at once on this machine; 1 needs no further process.
+        tasks: Tasks by name; errors are reported under the name.
+        jobs: Processes on this machine; 1 needs no further process.
         cluster: Address of a Ray cluster, HOST:PORT, whose cores are used instead.
-        keep: Called here with the name and result of each task as it ends, in any order; what it writes need not be
-            worked out again after an interruption.
-        title: What the progress bar on stderr counts.
-        size: How many of them a task is.
+        keep: Called here with the name and result of each task as it ends, in any order; results that it writes need
+            not be computed again after an interruption.
+        title: Unit that the progress bar on stderr counts.
+        size: Number of units of a task.
 
     Returns:
         Result of each task, in the order of the tasks.
 
     Raises:
-        TaskError: A task failed; those that are not done are given up.
-        ClusterError: The number of jobs is not allowed, or the cluster cannot be used.
+        TaskError: A task failed; unfinished ones are cancelled.
+        ClusterError: The number of jobs is not allowed, or the cluster cannot be reached.
 
     >>> run_tasks(len, {"short": "ab", "long": "abcdef"})
     {'short': 2, 'long': 6}
@@ -102,14 +102,14 @@ def run_tasks(
 
 
 def check_workers(jobs: int, cluster: str | None) -> None:
-    """Refuse workers that cannot be had, before anything is read or written for them.
+    """Refuse unavailable workers before anything is read or written for them.
 
     Args:
-        jobs: Tasks at once on this machine.
-        cluster: Address of a Ray cluster, HOST:PORT, if one is to be used.
+        jobs: Processes on this machine.
+        cluster: Address of a Ray cluster, HOST:PORT, if one is used.
 
     Raises:
-        ClusterError: The number of jobs is not allowed, Ray is not installed, or no cluster answers.
+        ClusterError: The number of jobs is not allowed, Ray is not installed, or no cluster responds.
     """
     cores = os.cpu_count() or 1
     if not 1 <= jobs <= _MOST_PER_CORE * cores:
@@ -124,7 +124,7 @@ def check_workers(jobs: int, cluster: str | None) -> None:
         raise ClusterError(f"--cluster needs {error.name}: {advice('ray', str(error.name))}") from None
     host, _, port = cluster.rpartition(":")
     try:
-        # Ray itself goes on asking for many minutes.
+        # Ray itself would retry for many minutes.
         socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
     except (OSError, ValueError):
         raise ClusterError(
@@ -148,12 +148,12 @@ def _on_this_machine(
             yield name, _result(name, cloudpickle.loads(outcome))
     except BrokenProcessPool:
         raise TaskError(
-            f"a process died, perhaps for want of memory, before these were done: {', '.join(sorted(left))}; "
+            f"a process died, perhaps from lack of memory, before these were done: {', '.join(sorted(left))}; "
             "try fewer jobs"
         ) from None
     finally:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)  # is meant, after a failure
+            warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)  # intended, after a failure
             outcomes.close()
 
 
@@ -180,7 +180,7 @@ def _on_cluster(
 
 @contextlib.contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    """Ray, connected to a cluster; what it says of lost nodes goes to stderr, as stdout is the caller's."""
+    """Ray, connected to a cluster; its messages about lost nodes go to stderr, because stdout is the caller's."""
     import ray
 
     with contextlib.redirect_stdout(sys.stderr):
@@ -195,22 +195,22 @@ def _connected(address: str) -> Iterator[Any]:
 
 
 def _orders(function: Callable[[Task], Result], tasks: Mapping[str, Task]) -> Iterator[tuple[str, bytes]]:
-    """Each task with its function as bytes: what comes out of them is a copy that may be written to, unlike Ray's."""
+    """Each task with its function as bytes, because results then are writable copies, unlike Ray's."""
     for name, task in tasks.items():
         yield name, cloudpickle.dumps((function, task))
 
 
 def _work(name: str, order: bytes) -> tuple[str, bytes]:
-    """Carry out a task in another process of this machine."""
+    """Run a task in another process of this machine."""
     function, task = cloudpickle.loads(order)
     outcome: bytes = cloudpickle.dumps(_attempt(function, task))
     return name, outcome
 
 
 def _work_alone(name: str, order: bytes, code: str) -> bytes:
-    """Carry out a task on one core of a cluster's node."""
+    """Run a task on one core of a cluster's node."""
     if code != code_hash():
-        advice = "has homeward of other code than this machine: install the same version on all nodes"
+        advice = "has other code of homeward than this machine: install the same version on all nodes"
         refusal: bytes = cloudpickle.dumps(_Failure(f"node {platform.node()} {advice}", ""))
         return refusal
     numba.set_num_threads(1)
@@ -224,7 +224,7 @@ class _Failure:
 
 
 def _attempt(function: Callable[[Task], Result], task: Task) -> Result | _Failure:
-    # Exceptions do not all survive pickling, and none keeps its traceback: they travel as text.
+    # Some exceptions cannot be pickled, and none keeps its traceback: they are sent as text.
     try:
         return function(task)
     except Exception as error:

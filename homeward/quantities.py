@@ -1,4 +1,4 @@
-"""Quantities as people read them: a number of few digits and a unit that suits it."""
+"""Quantities for people: a number with few digits and a suitable unit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A search over settings with Optuna, which goes on after a kill as if it had not been."""
+"""A search over settings with Optuna, which continues after a kill like an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def search(
 
     What a trial tries follows from its number and the scores before it alone (Bergstra et al., Algorithms for
     hyper-parameter optimization, NeurIPS 2011). Called again with an objective that returns the same scores, it
-    repeats the same trials; an objective that keeps its results thereby goes on after a kill.
+    repeats the same trials; an objective that keeps its results thereby continues after a kill.
 
     Args:
         space: Range or choices of each setting, by name.

@@ -73,7 +73,7 @@ def test_ctrl_c_that_compiled_code_makes_another_error_of_is_one_line(
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         monkeypatch.setattr(train, "main", unboxed)
-        assert end(train, [], monkeypatch, capsys) == (130, "train.py: interrupted: go on with --resume\n")
+        assert end(train, [], monkeypatch, capsys) == (130, "train.py: interrupted: continue with --resume\n")
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)

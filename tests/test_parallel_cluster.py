@@ -84,7 +84,7 @@ def test_a_task_that_fails_is_named_in_one_line(cluster: Any) -> None:
 
 def test_other_code_on_a_node_is_refused(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("homeward.parallel.code_hash", lambda: "other")
-    with pytest.raises(TaskError, match="has homeward of other code than this machine: install the same"):
+    with pytest.raises(TaskError, match="has other code of homeward than this machine: install the same"):
         run_tasks(draws, {"one": 1}, cluster=cluster.address)
 
 

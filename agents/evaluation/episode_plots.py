@@ -1,4 +1,4 @@
-"""Pictures of one episode as every agent went through it, over time and over the route."""
+"""Plots of one episode of every agent, over time and over the route."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _OUT, _HOME = "#0072b2", "#d55e00"
 
 
 def episode_png(evaluation: Evaluation) -> bytes:
-    """One episode as every agent went through it: energy, position, speed and sensing rate over time."""
+    """One episode of every agent: energy, position, speed and sensing rate over time."""
     episode = typical_episode(evaluation)
     names, known = list(evaluation.runs), known_of(evaluation.options)
     shared = known.shared[0]
@@ -52,7 +52,7 @@ def episode_png(evaluation: Evaluation) -> bytes:
         axis.set_ylim(0.0, float(top))
         axis.set_xlim(left=0.0)
     tidy(*grid.flat)
-    note = ", shaded where there is more to find" if evaluation.options.mission == "Survey" else ""
+    note = ", shaded by interest" if evaluation.options.mission == "Survey" else ""
     figure.suptitle(f"{title_of(evaluation)}: episode {episode}{note}", fontsize=11)
     figure.supxlabel("strokes on the position: standing", fontsize=8, color="#888888")
     figure.align_ylabels(grid[:, 0])
@@ -76,7 +76,7 @@ def route_png(evaluation: Evaluation) -> bytes:
         position_m, stands = trace["position_m"], trace["speed_mps"] == 0.0
         furthest_m = max(furthest_m, float(position_m.max()))
         turn = int(np.argmax(position_m))
-        # The way home is drawn thinner, so that the way out shows beside it where both are alike.
+        # The way home is drawn thinner, so that the way out is visible beside it where both are equal.
         for part, colour, way, width in (
             (slice(None, turn + 1), _OUT, "out", 3.0), (slice(turn, None), _HOME, "home", 1.3)
         ):  # fmt: skip
@@ -107,7 +107,7 @@ def route_png(evaluation: Evaluation) -> bytes:
         axis.set_ylim(0.0, None if top is None else float(top))
         axis.set_xlim(0.0, 1.03 * max(furthest_m, 1e-3 * length_m))
     tidy(*grid.flat)
-    note = ", shaded where there is more to find" if evaluation.options.mission == "Survey" else ""
+    note = ", shaded by interest" if evaluation.options.mission == "Survey" else ""
     figure.suptitle(f"{title_of(evaluation)}: episode {episode} over the route{note}", fontsize=11)
     figure.align_ylabels(grid[:, 0])
     return png(figure)

@@ -1,4 +1,4 @@
-"""Agents on the same episodes: seeds, and what comes of each episode; `summary` makes figures of it."""
+"""Agents on the same episodes: seeds, and the result of each episode; `summary` computes statistics."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
 SIDE_BY_SIDE = 512
-"""Missions that run at once. Chosen: work for four threads (`_MISSIONS_A_THREAD` in `homeward.envs.threads`), in
+"""Missions that run side by side. Chosen: work for four threads (`_MISSIONS_A_THREAD` in `homeward.envs.threads`), in
 records of less than 1 MB."""
 
 
 @dataclass(frozen=True)
 class Episodes:
-    """What came of an agent's episodes; arrays of shape (episodes,), in columns of `episodes.csv`.
+    """Results of an agent's episodes; arrays of shape (episodes,), in columns of `episodes.csv`.
 
     Attributes:
         score: Score of the mission, 0 unless the robot got home.
         home: Whether it got home.
-        stranded: Whether its battery ran empty on the way.
-        timed_out: Whether the time limit came first.
+        stranded: Whether its battery was empty before home.
+        timed_out: Whether the time limit was reached.
         energy_left_j: Energy in the battery at the end, J.
         furthest_m: Furthest distance from home along the route, m.
         time_s: Duration, s.
@@ -49,7 +49,7 @@ TRACE_COLUMNS = ("time_s", "energy_share", "position_m", "speed_mps", "sensing_h
 
 @dataclass(frozen=True)
 class Run:
-    """An agent's episodes, the median time of a decision in microseconds, and how the first missions went.
+    """An agent's episodes, the median time of a decision in microseconds, and traces of the first missions.
 
     `traces` has shape (decisions + 1, missions, TRACE_COLUMNS): the start of the first missions and the end of every
     decision; a mission that is over stays as it is. `interest` is that of their routes, shape (missions, places).
@@ -70,7 +70,7 @@ class Run:
         return replace(self, episodes=Episodes(**whole), decision_us=decision_us)
 
     def without_traces(self) -> Run:
-        """The same run without what shows how its missions went."""
+        """The same run without traces."""
         return replace(
             self, traces=np.empty((0, 0, len(TRACE_COLUMNS)), np.float32), interest=np.empty((0, 0), np.float32)
         )
@@ -79,7 +79,7 @@ class Run:
 def episode_seeds(seed: int, count: int) -> list[int]:
     """Seeds of episodes, one each; the first ones are the same for any count.
 
-    They are at least 2^63, so that no evaluation meets an episode of training, whose seeds are small.
+    They are at least 2^63, so that no evaluation uses an episode of training, whose seeds are small.
 
     Args:
         seed: Seed of the evaluation, 0 or above.
@@ -109,7 +109,7 @@ def run_episodes(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
 
 
 def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
-    """Run missions to their ends on the bare batch, which leaves those that are over as they are."""
+    """Run missions to their ends on the bare batch, which leaves finished ones unchanged."""
     count = len(seeds)
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
     batch = env.batch

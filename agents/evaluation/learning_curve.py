@@ -1,4 +1,4 @@
-"""The learning curve: what the policy, as it will be deployed, is worth from time to time during training."""
+"""The learning curve: the score of the policy, as it would be deployed, from time to time during training."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from homeward.envs.options import Options
 from homeward.files import write_whole
 
 EPISODES = 500
-"""Of a point of a curve. Chosen: a share of them is known to 4.4 percentage points or better (95 %)."""
+"""Episodes of a point. Chosen: a share of them has an error of at most 4.4 percentage points (95 %)."""
 SEED = 1_000_003
 """Seed of the episodes of curves: neither those of training nor, unless asked for, those of an evaluation."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """A policy at some point of its training; `trained_s` leaves out what the curve itself takes."""
+    """A policy at some point of its training; `trained_s` excludes the time of the curve itself."""
 
     steps: int
     trained_s: float
@@ -39,7 +39,7 @@ def measure(policy: Policy, options: Options, steps: int, trained_s: float) -> P
 
 
 def read_curve(folder: Path) -> list[Point]:
-    """The curve of a run, empty where there is none.
+    """The curve of a run, empty if there is none.
 
     Raises:
         TrainingError: The file is damaged.
@@ -50,11 +50,11 @@ def read_curve(folder: Path) -> list[Point]:
         rows = csv.DictReader(io.StringIO((folder / CURVE).read_text("utf-8")))
         return [Point(int(row["steps"]), *(float(row[field.name]) for field in fields(Point)[1:])) for row in rows]
     except (ValueError, KeyError, TypeError, csv.Error):
-        raise TrainingError(f"{folder / CURVE} is damaged: delete it to go on with a new curve") from None
+        raise TrainingError(f"{folder / CURVE} is damaged: delete it to continue with a new curve") from None
 
 
 def write_curve(folder: Path, points: list[Point]) -> None:
-    """Write the curve of a run, whole.
+    """Write the curve of a run, completely or not at all.
 
     Raises:
         OSError: The folder cannot be written to.

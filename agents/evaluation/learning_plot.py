@@ -15,12 +15,12 @@ from homeward.agents.evaluation.summary import Evaluation
 def learning_png(
     evaluation: Evaluation, summary: dict[str, Any], curves: Mapping[str, Sequence[Sequence[Point]]]
 ) -> bytes:
-    """Score and rate of stranding over the decisions of training, and what the other agents come to.
+    """Score and stranding rate over the decisions of training, and those of the other agents.
 
     Args:
-        evaluation: Of all agents.
-        summary: Of the same.
-        curves: By agent the learning curve of each of its training seeds.
+        evaluation: Evaluation of all agents.
+        summary: Its summary.
+        curves: Learning curve of each training seed, by agent.
     """
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))

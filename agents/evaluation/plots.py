@@ -1,4 +1,4 @@
-"""Pictures of an evaluation: scores and strandings of all agents, and their performance profiles."""
+"""Plots of an evaluation: scores and strandings of all agents, and their performance profiles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _GREY = "#888888"
 
 
 def unit_of(mission: str) -> str:
-    """What the score of a mission counts."""
+    """Unit of a mission's score."""
     return _UNITS[mission]
 
 
@@ -55,7 +55,7 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
 
 
 def profiles_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
-    """Performance profiles, and how probably each agent beats the first one on an episode."""
+    """Performance profiles, and the probability that each agent beats the first one on an episode."""
     names, thresholds = list(evaluation.runs), evaluation.thresholds()
     several = len(names) > 1
     height = max(3.6, 1.6 + 0.45 * len(names))
@@ -70,7 +70,7 @@ def profiles_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     axes[0].set_xlabel(f"score ({unit_of(evaluation.options.mission)})")
     axes[0].set_ylabel("share of episodes that score more")
     axes[0].set_ylim(0.0, 1.02)
-    axes[0].set_xlim(0.0, float(thresholds[-1]) or 1.0)  # all may have scored nothing
+    axes[0].set_xlim(0.0, float(thresholds[-1]) or 1.0)  # all scores may be 0
     axes[0].legend(fontsize=8, frameon=False)
     if several:
         for row, name in enumerate(names[1:]):
@@ -110,12 +110,12 @@ def title_of(evaluation: Evaluation) -> str:
 
 
 def colour_of(index: int) -> str:
-    """Colour of an agent by its place among them."""
+    """Colour of an agent by its index."""
     return _COLOURS[index % len(_COLOURS)]
 
 
 def tidy(*axes: Axes) -> None:
-    """Take away what distracts."""
+    """Remove unnecessary lines."""
     for axis in axes:
         axis.spines[["top", "right"]].set_visible(False)
         axis.tick_params(labelsize=8)

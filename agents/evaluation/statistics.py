@@ -1,10 +1,10 @@
 """Statistics of evaluations: intervals over training seeds and episodes, IQM, probability of improvement, profiles.
 
 Definitions are those of Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (NeurIPS
-2021, arXiv 2108.13264, and its package `rliable`), with training seeds as runs and episodes as tasks, as every agent
-meets the same episodes. Its intervals resample runs alone and take the tasks as given: one training seed would have no
-interval, and many episodes would not count as more evidence. Here both are drawn anew: the episodes once for all
-agents, so that comparisons are paired, and the training seeds of each agent for themselves.
+2021, arXiv 2108.13264, and its package `rliable`), with training seeds as runs and episodes as tasks, because every
+agent meets the same episodes. Its intervals resample runs only and treat the tasks as fixed: one training seed would
+have no interval, and many episodes would not count as more evidence. Here both are resampled: the episodes once for all
+agents, so that comparisons are paired, and the training seeds of each agent separately.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 RESAMPLES = 9999
-"""Of a bootstrap. Chosen: the share beyond an end of a 95 % interval is then 2.5 % with a standard error of 0.16 %."""
+"""Resamples. Chosen: the share beyond an end of a 95 % interval is then 2.5 % with a standard error of 0.16 %."""
 _CHUNK = 4_000_000
-"""Numbers that a bootstrap holds at once. Chosen: 32 MB."""
+"""Numbers that a bootstrap holds in memory. Chosen: 32 MB."""
 
 Scores = NDArray[np.float64]  # (training seeds, episodes)
 
 
 def wilson(events: int, trials: int) -> list[float]:
-    """95 % interval of a rate, which holds for rates near zero too (Wilson 1927).
+    """95 % interval of a rate, which is valid for rates near zero too (Wilson 1927).
 
     Args:
-        events: How often it happened.
-        trials: How often it could have.
+        events: Number of events.
+        trials: Number of trials.
 
     >>> [round(end, 5) for end in wilson(0, 4000)]
     [0.0, 0.00096]
@@ -78,12 +78,12 @@ def _wins(first: Scores, second: Scores) -> Scores:
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Resampled episodes and training seeds, as weights: the same ones whenever it is asked.
+    """Resampled episodes and training seeds, as weights; every call uses the same ones.
 
     Attributes:
         scores: Scores of each agent, shape (training seeds, episodes); the episodes are the same for all.
-        seed: Of the draws.
-        resamples: How many.
+        seed: Seed of the resampling.
+        resamples: Number of resamples.
     """
 
     scores: Mapping[str, Scores]
@@ -141,7 +141,7 @@ class Bootstrap:
 
 
 def _draw(rng: np.random.Generator, count: int, size: int) -> Scores:
-    """Weights of things drawn with replacement, as often as there are, shape (size, count)."""
+    """Weights of items drawn with replacement, as many as there are, shape (size, count)."""
     return rng.multinomial(count, np.full(count, 1.0 / count), size) / count
 
 

@@ -1,4 +1,4 @@
-"""What an evaluation says: figures with intervals, comparisons in pairs, `evaluation.json` and `episodes.csv`."""
+"""Summary of an evaluation: statistics with intervals, paired comparisons, `evaluation.json` and `episodes.csv`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from homeward.envs.options import Options
 SCHEMA = 1
 """Of the format of evaluation.json."""
 _FEWER = 1999
-"""Resamples of what takes longer than means. Chosen: the ends of a 95 % interval are then ranks 50 and 1950."""
+"""Resamples for statistics that take longer than means. Chosen: a 95 % interval then ends at ranks 50 and 1950."""
 _THRESHOLDS = 101
 """Scores at which performance profiles are taken. Chosen: a line in steps of 1 %."""
 
@@ -48,15 +48,15 @@ class Optima:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All agents on the same episodes: what `evaluation.json` and `episodes.csv` hold.
+    """All agents on the same episodes: the content of `evaluation.json` and `episodes.csv`.
 
     Attributes:
         env: Id of the environment.
         options: Its keyword arguments.
-        seed: Of the evaluation.
-        seeds: Of the episodes.
-        runs: Of each agent, one run a training seed.
-        optimum: Bounds of each episode's optimum, if an oracle was asked.
+        seed: Seed of the evaluation.
+        seeds: Seeds of the episodes.
+        runs: Runs of each agent, one per training seed.
+        optimum: Bounds of each episode's optimum, if computed.
     """
 
     env: str
@@ -157,7 +157,7 @@ def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:
 
 
 def _shares(scores: Scores, optimum: Optima | None) -> dict[str, float | None]:
-    """Mean score over that of the oracle's rollout, and over the bound that nothing exceeds: the truth is between."""
+    """Mean score over that of the oracle's rollout, and over the upper bound: the true share is between."""
     if optimum is None:
         return {"share_of_optimum": None, "share_of_optimum_at_least": None}
     mean = float(scores.mean())

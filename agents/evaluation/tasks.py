@@ -19,7 +19,7 @@ from homeward.physics import load_robot
 
 @dataclass(frozen=True)
 class _Task:
-    """As many episodes as run side by side, for any number of jobs, so that the outcome is the same."""
+    """Episodes that run side by side, the same for any number of jobs, so that the results are equal."""
 
     policy: Policy
     options: Options
@@ -35,21 +35,21 @@ def run_agents(
     jobs: int = 1,
     cluster: str | None = None,
 ) -> dict[str, list[Run]]:
-    """Run agents on the same episodes, with the same outcome wherever they run.
+    """Run agents on the same episodes, with the same results wherever they run.
 
     Args:
-        agents: By label the policy of each training seed, made for such an environment.
+        agents: Policies of each training seed by label, made for such an environment.
         options: Keyword arguments of the environment.
         seeds: Seed of each episode, at least one.
         jobs: Processes at once on this machine.
         cluster: HOST:PORT of a Ray cluster to use instead.
 
     Returns:
-        By label the run of each training seed.
+        Runs of each training seed by label.
 
     Raises:
         TaskError: An agent failed.
-        ClusterError: The cluster cannot be used.
+        ClusterError: The cluster cannot be reached.
     """
     starts, carried = range(0, len(seeds), SIDE_BY_SIDE), self_contained(options)
     tasks = {
@@ -68,10 +68,10 @@ def run_agents(
 
 
 def self_contained(options: Options) -> Options:
-    """The same environment, with what is in files instead of their paths, which other machines need not have.
+    """The same environment with the contents of files instead of their paths, for other machines.
 
     Raises:
-        RobotError, RouteError, OptionError: An option cannot be used.
+        RobotError, RouteError, OptionError: An option is invalid.
     """
     route = options.route
     if not isinstance(route, Route) and route not in (GENERATED, HIDDEN_WIND):
@@ -89,6 +89,6 @@ def _name(label: str, index: int, start: int) -> str:
 
 
 def _run(task: _Task) -> Run:
-    # A copy, as other processes have: what a policy draws must not depend on the tasks before.
+    # A copy, as in other processes: what a policy draws must not depend on earlier tasks.
     run = run_episodes(copy.deepcopy(task.policy), task.options, task.seeds)
     return run if task.first else run.without_traces()

@@ -1,4 +1,4 @@
-"""Score against stranding: each agent with one reserve after another, and all of them compared at equal stranding."""
+"""Score against stranding: each agent with several reserves, and all of them compared at equal stranding."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from homeward.agents.evaluation.episodes import Run
 from homeward.agents.evaluation.plots import colour_of, png, tidy, unit_of
 
 LEVELS = (0.001, 0.003, 0.01, 0.03)
-"""Rates of stranding at which agents are compared. Chosen: about equal steps of the logarithm, from what 4,000
-episodes can show up to what no user would accept."""
+"""Stranding rates at which agents are compared. Chosen: about equal steps of the logarithm, from what 4,000 episodes
+can show up to what no user would accept."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """What an agent came to with each of its reserves, or a single point where it has none.
+    """Results of an agent with each of its reserves, or a single point if it has none.
 
     Attributes:
-        reserve: What was kept back, in the agent's own measure; None where it has none.
+        reserve: The reserve, in the agent's own measure; None if it has none.
         score: Mean score, 0 unless home.
         stranded: Share of the missions that stranded.
     """
@@ -31,27 +31,25 @@ class Curve:
     stranded: tuple[float, ...]
 
     def at(self, level: float) -> float | None:
-        """Best mean score at no more than a rate of stranding, between two reserves by linear interpolation.
+        """Best mean score at no more than a given stranding rate, interpolated linearly between two reserves.
 
         Returns:
-            None where every reserve strands more.
+            None if every reserve strands more.
 
         >>> Curve((1.0, 0.0), (10.0, 12.0), (0.0, 0.02)).at(0.01)
         11.0
         """
-        order = np.lexsort(
-            (-np.array(self.score), np.array(self.stranded))
-        )  # of those that strand alike the best first
+        order = np.lexsort((-np.array(self.score), np.array(self.stranded)))  # of equal stranding the best first
         stranded, best = np.array(self.stranded)[order], np.maximum.accumulate(np.array(self.score)[order])
         if level < stranded[0]:
             return None
         below = int(np.searchsorted(stranded, level, side="right")) - 1
-        # By rounding alone, interpolation may leave the interval that it is in.
+        # Rounding may move the interpolation out of its interval.
         return float(np.clip(np.interp(level, stranded, best), best[below], best[min(below + 1, len(best) - 1)]))
 
 
 def curve_of(runs: Mapping[float | None, Sequence[Run]]) -> Curve:
-    """The curve of an agent from its runs by reserve, one a training seed."""
+    """The curve of an agent from its runs by reserve, one per training seed."""
     scores, stranded = [], []
     for some in runs.values():
         scores.append(float(np.mean([np.where(run.episodes.home, run.episodes.score, 0.0).mean() for run in some])))

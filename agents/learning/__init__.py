@@ -1,7 +1,7 @@
-"""The learner; it alone imports torch and Stable-Baselines3. What it leaves is read by `homeward.agents.trained`.
+"""The learner, which alone imports torch and Stable-Baselines3. `homeward.agents.trained` reads its results.
 
-Read in this order: `settings` (what is chosen), `homeward.agents.trained.inputs` (what a policy sees, and the first
-one), `network`, `sb3_adapter` (missions under Stable-Baselines3), `ppo` (a run), `callback`, `checkpoint`, `folder`.
+Read in this order: `settings`, `homeward.agents.trained.inputs` (inputs of a policy, and the first policy), `network`,
+`sb3_adapter` (missions under Stable-Baselines3), `ppo` (a run), `callback`, `checkpoint`, `folder`.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 def sb3_vec_env(env_id: str, num_envs: int, *, seed: int = 0, **options: Any) -> SB3Adapter:
-    """Native missions under Stable-Baselines3: one compiled step for all of them.
+    """The native vector environment under Stable-Baselines3: one compiled step for all missions.
 
     Args:
-        env_id: Such as `homeward/Survey-v0`.
-        num_envs: Missions side by side.
+        env_id: Id, such as `homeward/Survey-v0`.
+        num_envs: Number of missions side by side.
         seed: Mission i begins with seed `seed + i`.
-        **options: Of the environment, such as `difficulty="known"`.
+        **options: Options of the environment, such as `difficulty="known"`.
 
     Raises:
         OptionError: The id, an option or a value is not allowed.

@@ -1,4 +1,4 @@
-"""What happens between the updates of a training run: figures, progress bar, checkpoints."""
+"""Between the updates of a training run: statistics, progress bar, checkpoints."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from homeward.agents.learning.tracking import log_point
 from homeward.agents.trained.policy_file import Layer
 
 VALUE_FIRST = 6
-"""Updates that teach the value alone: while it is worth nothing, the first policy would be unlearned."""
+"""First updates that train the value only: an untrained value would destroy the first policy."""
 
 
 class TrainingCallback(BaseCallback):
-    """Logs how missions end, shows the progress and writes checkpoints and the learning curve.
+    """Logs how missions end, shows the progress, and writes checkpoints and the learning curve.
 
     Args:
-        folder, steps: Of the whole run.
+        folder, steps: Folder and decisions of the whole run.
         checkpoints: Decisions after which a checkpoint is written, and `begin_anew` called.
-        console: Where the bar goes; without a terminal, a line for each tenth of the run.
-        every: Least decisions between points of the learning curve.
-        measure: What the policy is worth, a point of the curve, after some decisions and seconds of training.
-        layers: The layers of the policy as it stands.
-        best: The best policy so far, of a run that is continued.
-        begin_anew: Begins missions and draws anew.
+        console: Output of the bar; without a terminal, a line for each tenth of the run.
+        every: Minimum number of decisions between points of the learning curve.
+        measure: Computes a point of the curve, after some decisions and seconds of training.
+        layers: Returns the present layers of the policy.
+        best: The best policy so far, of a continued run.
+        begin_anew: Restarts missions and random numbers.
 
     Attributes:
-        best: What did best on the missions of the curve since training began, the latest of equals.
+        best: The best policy on the missions of the curve since training began, the latest of equals.
     """
 
     def __init__(
@@ -79,13 +79,13 @@ class TrainingCallback(BaseCallback):
         self.model.ent_coef = self._entropy * max(1.0 - self.num_timesteps / self._steps, 0.0)  # type: ignore[attr-defined]
         rollout = self.model.n_steps * self.model.n_envs  # type: ignore[attr-defined]
         self.model.policy.learn_actions(self.num_timesteps >= VALUE_FIRST * rollout)
-        # The update before is done: nothing of it would be lost.
+        # The last update is done: nothing of it would be lost.
         if self.num_timesteps > self._start_step and self.num_timesteps in self._checkpoints:
             save_checkpoint(self.model, self.best, self._folder)  # type: ignore[arg-type]
             self._begin_anew()
 
     def add_to_curve(self) -> None:
-        """Measure the policy as it stands, unless that was just done."""
+        """Measure the present policy, unless that was just done."""
         if self._curve and self.num_timesteps == self._curve[-1].steps:
             return
         now_s = time.monotonic()
@@ -123,5 +123,5 @@ class TrainingCallback(BaseCallback):
         self._tenth = tenth
 
     def close(self) -> None:
-        """Take the progress bar away."""
+        """Remove the progress bar."""
         self._bar.stop()

@@ -1,8 +1,8 @@
-"""Checkpoints of a training run: numbers alone, in one safetensors file with JSON in its header; nothing is unpickled.
+"""Checkpoints of a training run: numbers only, in one safetensors file with JSON in its header; nothing is unpickled.
 
-Parameters and the averages of the optimiser are kept. Missions and draws begin anew at every checkpoint, in a run that
-nobody stops too, so that one that goes on ends alike. All numbers are checked before any is used, as a file may come
-from anywhere.
+Parameters and the averages of the optimiser are kept. Missions and random numbers restart at every checkpoint, also in
+an uninterrupted run, so that a continued run ends with the same weights. All numbers are checked before any is used,
+because a file may come from anywhere.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from homeward.agents.trained.run_folder import CHECKPOINT, PREVIOUS, write_check
 SCHEMA = 3
 """Of the format of checkpoints; one of another schema is refused."""
 _HEADER = "homeward"
-_MOST_HEADER_BYTES = 1_000_000  # chosen: names and shapes of some dozen tensors take kilobytes
+_MOST_HEADER_BYTES = 1_000_000  # chosen: names and shapes of some dozen tensors need kilobytes
 _LARGEST = 1e6
-"""Of a weight: far beyond any that training comes to, and not so large that its square is no number."""
+"""Largest weight: far beyond any in training, with a finite square."""
 
 
 @dataclass(frozen=True)
 class Best:
-    """The policy that did best on the missions of the learning curve so far: when, how well, and its layers."""
+    """The best policy on the missions of the learning curve so far: step, score, and layers."""
 
     steps: int
     score: float
@@ -43,10 +43,10 @@ class Best:
 
 
 def save_checkpoint(model: PPO, best: Best | None, folder: Path) -> None:
-    """Write all that a run needs to go on.
+    """Write everything that is needed to continue a run.
 
     Raises:
-        OSError: The folder cannot be written to; the older checkpoints are still there.
+        OSError: The folder cannot be written to; older checkpoints remain.
     """
     tensors = {f"policy.{name}": value for name, value in model.policy.state_dict().items()}
     for index, layer in enumerate(best.layers if best else ()):
@@ -64,9 +64,9 @@ def restore_checkpoint(model: PPO, folder: Path, most_steps: int) -> Best | None
     """Continue from the latest checkpoint, or from the one before if that is damaged; return the best policy so far.
 
     Args:
-        model: Of the same settings.
-        folder: Of the run.
-        most_steps: That the run is to take in all.
+        model: A learner with the same settings.
+        folder: Folder of the run.
+        most_steps: Total decisions of the run.
 
     Raises:
         TrainingError: No checkpoint can be read.
@@ -105,7 +105,7 @@ def _expect(holds: bool, what: str) -> None:
 
 
 def _expect_like(given: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]) -> None:
-    """Refuse tensors that are not of the names, shapes and types of others, or hold numbers that are none."""
+    """Refuse tensors with other names, shapes or types, or with values that are not finite."""
     _expect(given.keys() == wanted.keys(), "names")
     for name, tensor in given.items():
         _expect(tensor.shape == wanted[name].shape and tensor.dtype == wanted[name].dtype, name)
@@ -113,7 +113,7 @@ def _expect_like(given: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.T
 
 
 def _averages(tensors: Mapping[str, torch.Tensor], model: PPO) -> dict[int, dict[str, torch.Tensor]]:
-    """What Adam keeps of each parameter that it has changed."""
+    """Adam's averages of each parameter that it has changed."""
     like: dict[str, torch.Tensor] = {}
     one = torch.tensor(0.0)
     for index, parameter in enumerate(model.policy.parameters()):

@@ -1,4 +1,4 @@
-"""The learner's network: Stable-Baselines3's, with the inputs handed on to the last layer of the policy."""
+"""The learner's network: that of Stable-Baselines3, with the inputs passed to the last layer of the policy."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from torch import nn
 
 from homeward.agents.trained.policy_file import Layer
 
-_LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so as rarely beside it
+_LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so other modes are as rare
 
 _VALUE_SCALE = 0.1
-"""Of the value's hidden units, from d_max: what is left to learn beyond the potential is a tenth of a good score, and
-steps as large as for numbers around 1 make it noise."""
+"""Scale of the value's hidden units, from d_max: beyond the potential a tenth of a good score is left to learn, and
+steps as large as for numbers around 1 make the value noisy."""
 
 
 class ResidualPolicy(ActorCriticPolicy):
-    """Policy and value, two hidden layers each; the policy's last layer also sees the inputs as they are.
+    """Policy and value with two hidden layers each; the policy's last layer also sees the inputs directly.
 
-    So the first policy can be a linear rule of the inputs, and what is learned a residual on it (Johannink et al. 2019,
+    So the first policy can be a linear rule of the inputs, and learning adds a residual to it (Johannink et al. 2019,
     arXiv 1812.03201).
 
     Args:
@@ -56,13 +56,13 @@ class ResidualPolicy(ActorCriticPolicy):
         self.mlp_extractor = _Layers(self.features_dim, self._hidden, self._valued)  # type: ignore[assignment]
 
     def learn_actions(self, learns: bool) -> None:
-        """Whether updates change what is chosen, or the value alone: that of the first policy is to be known first."""
+        """Choose whether updates change the policy, or the value only, which has to be known first."""
         for part in (self.mlp_extractor.policy_net, self.action_net):
             part.requires_grad_(learns)
 
 
 class _Layers(nn.Module):
-    """Hidden layers of policy and value; behind those of the policy stand the inputs."""
+    """Hidden layers of policy and value; those of the policy are followed by the inputs."""
 
     def __init__(self, inputs: int, hidden: int, valued: torch.Tensor | None) -> None:
         super().__init__()

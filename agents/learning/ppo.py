@@ -35,14 +35,14 @@ from homeward.agents.trained.run_folder import FIRST, LAST, TENSORBOARD
 from homeward.envs.options import Known, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
-_LAST_LEARNING_RATE = 0.01  # over the first; it falls linearly
+_LAST_LEARNING_RATE = 0.01  # relative to the first; it falls linearly
 _STAGGERED = 128
-"""Decisions over which the first missions begin: about as many as one has."""
+"""Decisions over which the first missions begin: about as many as a mission has."""
 
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training run came to: decisions taken, and home rate and mean score of the last missions."""
+    """Result of a training run: number of decisions, and home rate and mean score of the last missions."""
 
     steps: int
     home_rate: float
@@ -63,26 +63,26 @@ def train(
     console: Console,
     wandb: str | None = None,
 ) -> Trained:
-    """Train a policy and write it as it was when it did best on the missions of the learning curve.
+    """Train a policy, and write the one with the best score on the missions of the learning curve.
 
-    The folders `first` and `last` in that of the run hold what training began and ended with.
+    The subfolders `first` and `last` hold the policies at the beginning and the end of training.
 
     Args:
-        options: Of the environment; the shaping's discount is taken from the settings.
-        settings: Of the algorithm.
-        steps: Decisions to train on, made up to whole updates.
-        seed: Of all that is drawn: with the same seed, on the same machine, runs that are not stopped end alike.
-        folder: Of the run: checkpoints, TensorBoard files and the policy.
-        details: More for the policy's description.
-        checkpoints: Equal parts of the run, after each of which a checkpoint is written and missions begin anew.
-        curve: Points of the learning curve, 1 or more, beside the first.
+        options: Options of the environment; the shaping's discount is taken from the settings.
+        settings: Settings of the algorithm.
+        steps: Number of decisions, rounded up to whole updates.
+        seed: Seed of all random numbers: on one machine, uninterrupted runs with the same seed are equal.
+        folder: Folder of the run: checkpoints, TensorBoard files and the policy.
+        details: Additions to the policy's description.
+        checkpoints: Equal parts of the run, after each of which a checkpoint is written and missions restart.
+        curve: Points of the learning curve, 1 or more, besides the first.
         restore: Whether to continue from the folder's checkpoint.
-        console: Where the progress goes.
-        wandb: Project of Weights & Biases that the figures go to, beside TensorBoard.
+        console: Output of the progress.
+        wandb: Project of Weights & Biases for the figures, besides TensorBoard.
 
     Raises:
-        TrainingError: The checkpoint or Weights & Biases cannot be used.
-        DivergedError: The weights are no numbers any more.
+        TrainingError: No checkpoint can be read, or Weights & Biases cannot be used.
+        DivergedError: The weights are not finite any more.
         OSError: The folder cannot be written to.
     """
     total = math.ceil(steps / settings.rollout) * settings.rollout
@@ -128,13 +128,13 @@ def train(
         try:
             model.learn(total - model.num_timesteps, callback, reset_num_timesteps=False)
             callback.add_to_curve()
-            save_checkpoint(model, callback.best, folder)  # for more steps some day
+            save_checkpoint(model, callback.best, folder)  # for more steps later
         except ValueError as error:
             if all(parameter.isfinite().all() for parameter in model.policy.parameters()):
                 raise
             raise DivergedError(
-                "the weights are no finite numbers any more: train with a smaller --learning-rate, or, if the run was "
-                "continued from a checkpoint by someone else, choose another --out"
+                "the weights are not finite any more: train with a smaller --learning-rate, or, if the run was "
+                "continued from someone else's checkpoint, choose another --out"
             ) from error
         finally:
             callback.close()
@@ -146,7 +146,7 @@ def train(
 
 
 def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
-    """An untrained learner on its missions; on the cpu, where a network this small is fastest."""
+    """An untrained learner with its missions, on the CPU, which is fastest for so small a network."""
     by_start, keywords = settings.by_start, vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
     inputs = inputs_of(settings, known := missions.batch.known)
@@ -173,19 +173,19 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
 
 
 def inputs_of(settings: PPOSettings, known: Known) -> BeliefInputs | None:
-    """What a policy sees beside the observation; None from scratch."""
+    """Inputs of a policy beside the observation; None from scratch."""
     return make_inputs(known) if settings.start == DMAX else None
 
 
 def draw_anew(model: PPO, seed: int) -> None:
-    """Begin missions and draws that no other seed, and no other part of a run that was stopped, meets."""
+    """Restart missions and random numbers with those of no other seed, and of no other part of an interrupted run."""
     words = np.random.SeedSequence((seed, model.num_timesteps)).generate_state(2, np.uint64)
     set_random_seed(int(words[0]) % 2**32)
     model.get_env().seed(int(words[1]) >> 2)  # type: ignore[union-attr]  # below those of evaluations
 
 
 def stagger(model: PPO) -> None:
-    """Begin missions in turn, so that updates see all stages at once (Bharthulwar et al. 2025, arXiv 2511.21011)."""
+    """Begin missions in turn, so that updates cover all stages (Bharthulwar et al. 2025, arXiv 2511.21011)."""
     env = model.get_env()
     assert isinstance(env, SB3Adapter)
     begins, ended, seen = np.arange(env.num_envs) % _STAGGERED, np.zeros(env.num_envs, np.bool_), env.reset()
@@ -198,7 +198,7 @@ def stagger(model: PPO) -> None:
 
 
 def deployed(model: PPO, inputs: BeliefInputs | None) -> NetworkPolicy:
-    """The policy as it stands, as it will act once training is over, with inputs of its own."""
+    """The present policy, as it will act after training, with inputs of its own."""
     return NetworkPolicy(tuple(layers_of(model)), model.action_space, ON_THE_GO, inputs)
 
 
@@ -206,7 +206,7 @@ def deployed(model: PPO, inputs: BeliefInputs | None) -> NetworkPolicy:
 def one_thread() -> Iterator[None]:
     """Keep torch, numba and NumPy's linear algebra to one thread each.
 
-    Batches are too small to gain from more, and idle threads of the one starve the other on a busy machine.
+    Batches are too small to gain from more, and idle threads of one library slow the others on a busy machine.
     """
     torch_threads, numba_threads = torch.get_num_threads(), numba.get_num_threads()
     torch.set_num_threads(1)

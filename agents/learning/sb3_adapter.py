@@ -1,4 +1,4 @@
-"""The native vector environment as Stable-Baselines3 sees it."""
+"""The native vector environment with the interface of Stable-Baselines3."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from homeward.envs.vector import HomewardVectorEnv
 class SB3Adapter(VecEnv):
     """A `HomewardVectorEnv` behind the interface of Stable-Baselines3's vector environments.
 
-    Missions that end begin anew in the same step; their entry of `infos` holds the mission's `info`, its
+    Ended missions restart in the same step. Their entry of `infos` has the mission's `info`, its
     `terminal_observation`, `TimeLimit.truncated`, `is_success` (home), and `episode` with return `r`, length `l` and
-    time `t`, as Stable-Baselines3's `Monitor` writes them. The entries of missions that go on are empty.
+    time `t`, as Stable-Baselines3's `Monitor` writes them. The entries of other missions are empty.
 
     Args:
         env: Made with `autoreset_mode="SameStep"`.
-        stranding_cost: Taken from the reward of a mission that strands.
-        inputs: What makes the learner's inputs from observations, if they are not the observations.
-        late_is_lost: Whether the time limit ends a mission as stranding does: nothing is scored and nothing is left to
-            expect, as the time is observed and a part of the task. Else it truncates, as Gymnasium has it. With
+        stranding_cost: Subtracted from the reward of a mission that strands.
+        inputs: Computes the learner's inputs from observations, if they are not the observations.
+        late_is_lost: Whether the time limit ends a mission as stranding does, with a score of 0 and no value to
+            bootstrap: the time is observed and is a part of the task. Otherwise it truncates, as in Gymnasium. With
             `inputs` it is always lost.
-        senses_on_the_go: Whether who stops or heads home senses nothing, see `sensing_on_the_go`.
+        senses_on_the_go: Whether a robot that stops or heads home does not sense, see `sensing_on_the_go`.
 
     Raises:
-        ValueError: The environment resets in another way, or a late mission is to go on with `inputs`.
+        ValueError: The environment resets in another way, or `late_is_lost` is False with `inputs`.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class SB3Adapter(VecEnv):
         if env.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode is {env.autoreset_mode.value}; make the environment with SameStep")
         if inputs is not None and not late_is_lost:
-            raise ValueError("late_is_lost is False; what is believed at the end of a mission is not worked out")
+            raise ValueError("late_is_lost = False is not possible with inputs; leave it out")
         self.env = env
         columns = len(FEATURES) + (0 if inputs is None else len(COLUMNS))
         space = spaces.Box(-LIMIT, LIMIT, (columns,), np.float32)
@@ -76,13 +76,13 @@ class SB3Adapter(VecEnv):
         return self._seen(observations, np.ones(self.num_envs, np.bool_))
 
     def begin(self, which: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Begin the missions of a mask of shape (num_envs,) anew, whatever they have come to; the others wait."""
+        """Restart the missions of a mask of shape (num_envs,), whatever their state; the others wait."""
         observations, _ = self.env.reset(options={"reset_mask": which})
         self._returns[which], self._lengths[which] = 0.0, 0
         return self._seen(observations, which)
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Take the actions of the next step."""
+        """Store the actions of the next step."""
         self._actions = sensing_on_the_go(np.asarray(actions)) if self._senses_on_the_go else actions
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -144,5 +144,5 @@ class SB3Adapter(VecEnv):
 
 
 def _of_one(values: Any, i: int) -> Any:
-    """What one mission tells, of arrays or dictionaries of them."""
+    """The values of one mission, from arrays or dictionaries of them."""
     return {name: one[i].item() for name, one in values.items()} if isinstance(values, dict) else values[i].item()

@@ -1,4 +1,4 @@
-"""What a training run is made with; free of torch, so that options can be read and checked before it is loaded."""
+"""Settings of a training run, without torch, so that they can be read and checked before it is loaded."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _BY_START = {
 
 
 class DivergedError(TrainingError):
-    """A training run whose weights are no finite numbers any more."""
+    """A training run whose weights are not finite any more."""
 
 
 def check_seed(seed: int) -> None:
-    """Refuse a seed that the libraries do not take.
+    """Refuse a seed that the libraries do not accept.
 
     Raises:
         TrainingError: It is below 0 or does not fit into 32 bits.
@@ -36,7 +36,7 @@ class PPOSettings:
     """Settings of proximal policy optimisation (Schulman et al. 2017, arXiv 1707.06347)."""
 
     start: str = DMAX
-    """dmax: the first policy is the d_max rule, and beliefs are inputs; scratch: the observation alone, no rule."""
+    """dmax: the first policy is the d_max rule, and the belief is an input; scratch: only the observation, no rule."""
     n_envs: int = 512
     """Missions side by side."""
     n_steps: int = 64
@@ -46,17 +46,18 @@ class PPOSettings:
     epochs: int = 4
     """Passes over the decisions in an update."""
     learning_rate: float | None = None
-    """Step size of Adam at the start; it falls linearly to a hundredth. By default 2e-3 from dmax, else 3e-3."""
+    """Step size of Adam at the start; it falls linearly to a hundredth. By default 2e-3 from dmax, otherwise 3e-3."""
     discount: float = 0.9997
-    """Discount factor, also of the shaping; the way home is about a hundred decisions long and must still count."""
+    """Discount factor, also of the shaping; the way home takes about a hundred decisions and must still count."""
     gae_lambda: float = 0.98
-    """How far advantages look ahead (generalised advantage estimation): with 0.9 patrols are unlearned from dmax."""
+    """Lambda of generalised advantage estimation; with 0.9 patrols are unlearned from dmax."""
     clip: float = 0.2
-    """How far an update may move the probability of an action."""
+    """Clip range: largest change of an action's probability ratio in an update."""
     entropy: float | None = None
     """Weight of the entropy bonus at the start; it falls to 0. By default 0.003 from dmax, 0 from scratch."""
     stranding_cost: float = 0.5
-    """Reward lost by stranding beyond the score, as a share of a good score: without it, gambling scores too well."""
+    """Penalty of stranding beyond the lost score, as a share of a good score: without it, risky policies score too
+    well."""
     hidden: int = 64
     """Width of the two hidden layers, of the policy and of the value."""
 
@@ -84,7 +85,7 @@ class PPOSettings:
 
     @property
     def by_start(self) -> dict[str, float]:
-        """The settings whose defaults hang on the start, as they are given or by default."""
+        """Settings whose defaults depend on the start, as given or by default."""
         given = {name: getattr(self, name) for name in _BY_START[self.start]}
         return _BY_START[self.start] | {name: value for name, value in given.items() if value is not None}
 

@@ -1,4 +1,4 @@
-"""Where the figures of a training run go: TensorBoard and, where it is asked for, Weights & Biases."""
+"""Output of a training run's figures: TensorBoard and, if requested, Weights & Biases."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _CURVE = {f"curve/{name}": name for name in ("score", "stranded_rate", "late_rat
 
 
 def log_settings(logger: Logger, settings: Mapping[str, Any]) -> None:
-    """Log what a run is made with, so that TensorBoard's page HPARAMS compares the runs of a folder by their curves."""
+    """Log the settings of a run, so that TensorBoard's page HPARAMS compares the runs of a folder by their curves."""
     _write(logger, {"settings": HParam(settings, dict.fromkeys(_CURVE, 0.0))}, 0)
 
 
 def log_point(logger: Logger, point: Point) -> None:
-    """Log a point of the learning curve at the decisions that it was measured after."""
+    """Log a point of the learning curve at its number of decisions."""
     _write(logger, {tag: getattr(point, name) for tag, name in _CURVE.items()}, point.steps)
 
 
@@ -34,20 +34,20 @@ def _write(logger: Logger, values: Mapping[str, Any], steps: int) -> None:
 
 
 class WandbOutput(KVWriter):
-    """Logs to Weights & Biases what TensorBoard gets; runs beside each other in a folder are one group there.
+    """Logs the same to Weights & Biases as to TensorBoard; runs side by side in a folder form a group there.
 
     Args:
         project: Name of the project.
-        folder: Of the training run; a run that is continued goes on under the id that is kept there.
-        settings: What the run is made with.
+        folder: Folder of the training run; a continued run keeps the id that is stored there.
+        settings: Settings of the run.
 
     Raises:
-        TrainingError: Weights & Biases cannot be used: nobody is logged in, or it does not answer.
+        TrainingError: Weights & Biases cannot be used: nobody is logged in, or it does not respond.
         OSError: The folder cannot be written to.
     """
 
     def __init__(self, project: str, folder: Path, settings: Mapping[str, Any]) -> None:
-        import wandb  # an option: most have it not, and it takes long to import
+        import wandb  # an option, and slow to import
 
         folder = folder.resolve()
         kept = folder / WANDB / "id.txt"
@@ -72,11 +72,11 @@ class WandbOutput(KVWriter):
         self._run.define_metric("*", step_metric="steps")
 
     def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
-        """Log the numbers among some values."""
+        """Log the numbers among the values."""
         figures = {key: float(value) for key, value in key_values.items() if isinstance(value, numbers.Real)}
         if figures:
             self._run.log({"steps": step, **figures})
 
     def close(self) -> None:
-        """Send or write what is left."""
+        """Send or write the rest."""
         self._run.finish()

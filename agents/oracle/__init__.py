@@ -1,8 +1,8 @@
-"""The optimum of a mission with full knowledge of its route and of what is hidden, as two figures.
+"""The optimum of a mission with full knowledge of its route and its hidden variables, as two scores.
 
 The upper one is a bound that no policy on the same action grid exceeds, see `homeward.agents.oracle.bound`. The lower
-one is the score that a sequence of actions has in the environment: dynamic programming over the environment's own
-decisions finds it, around the plan and with the prices of the bound, see `homeward.agents.oracle.kernel.search`.
+one is the score that a sequence of actions has in the environment. Dynamic programming over the environment's own step
+finds it, around the plan and with the Lagrange multipliers of the bound, see `homeward.agents.oracle.kernel.search`.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Optimum:
 
     Attributes:
         lower: Score of the actions in the environment, shape (episodes,).
-        upper: What no policy on the action grid exceeds, shape (episodes,).
-        actions: Speed level, sensing level and mode of each decision, one array of shape (decisions, 3) an episode.
+        upper: Score that no policy on the action grid exceeds, shape (episodes,).
+        actions: Speed level, sensing level and mode of each decision, one array of shape (decisions, 3) per episode.
     """
 
     lower: NDArray[np.float64]
@@ -51,7 +51,7 @@ class Optimum:
 
 
 def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | None = None) -> Optimum:
-    """Find the optimum of episodes, which are those of an environment reset with the same seeds.
+    """Find the optimum of episodes: those of an environment reset with the same seeds.
 
     Args:
         options: Keyword arguments of the environment.
@@ -87,7 +87,7 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
 
 
 def check(options: Options) -> None:
-    """Refuse an environment that the optimum cannot be bounded in.
+    """Refuse an environment for which there is no bound.
 
     Raises:
         OracleError: The action space is continuous, or the robot has an effect for which there is no bound.
@@ -124,12 +124,12 @@ def _solve(case: Problem) -> tuple[float, NDArray[np.int64]]:
 
 
 def score_of(options: Options, seeds: Sequence[int], actions: Sequence[NDArray[np.int64]]) -> NDArray[np.float64]:
-    """Scores of given actions in the environment, 0 where the robot does not come home, shape (episodes,).
+    """Scores of given actions in the environment, 0 if the robot does not come home, shape (episodes,).
 
     Args:
         options: Keyword arguments of the environment.
         seeds: Seed of each episode.
-        actions: Of each episode, shape (decisions, 3); after the last one the robot returns.
+        actions: Actions of each episode, shape (decisions, 3); after the last one the robot returns.
     """
     count = len(seeds)
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))

@@ -1,4 +1,4 @@
-"""What the planner computes in compiled code: how a survey would go on by the robot's own model and its beliefs."""
+"""The compiled part of the planner: simulation of a survey by the robot's own model and its belief."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from homeward.physics.jit import compiled
 from homeward.physics.model import headwind
 
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
-"""Prices of energy that are tried, over what it buys on average ground, all of it sensed at the middle rate."""
+"""Multipliers of energy that are tried, over the information per energy on average ground at the middle sensing
+rate."""
 STOPS = np.array([-1.0, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.5])
 """Distances up to which it stops for the radio, in half-rate distances of the link; below 0, samples are free."""
 _KINDS = 3
@@ -47,7 +48,7 @@ BELIEF_DTYPE = np.dtype(
         ("interest_ahead", np.float64, (len(AHEAD),)),
     ]
 )
-"""What a robot knows and believes."""
+"""Knowledge and belief of a robot."""
 
 MODEL_DTYPE = np.dtype(
     [
@@ -67,7 +68,7 @@ MODEL_DTYPE = np.dtype(
 
 @compiled
 def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any) -> None:
-    """Choose the next command of surveys on their way out: try prices, follow each to the turn, and take the best.
+    """Choose the next command of surveys on their way out, by the best of several pairs of multipliers.
 
     Args:
         beliefs: `BELIEF_DTYPE`, shape (n,).

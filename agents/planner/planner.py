@@ -41,24 +41,24 @@ _TYPICAL_SHARE = 2.0 / 3.0
 
 @final
 class Planner(Policy):
-    """Plans anew at every decision, as far as the turn, with the robot and the wind that it has estimated.
+    """Plans at every decision, up to the turn, with the estimated robot and wind.
 
-    When to turn back is decided by `BeliefDmaxRule`: as a score never falls on the way out, the best plan goes on
-    until the energy, less a reserve, is down to the way home. A patrol goes by `LapRule` or, where its posts pass
-    unseen, by `AdaptiveDmaxRule`.
+    `BeliefDmaxRule` decides when to turn back: a score never falls on the way out, so the best plan continues until the
+    energy, less a reserve, is down to that of the way home. A patrol uses `LapRule` or, if its pit stops are too short
+    to be observed, `AdaptiveDmaxRule`.
 
-    In a survey energy and memory have prices: that of a joule is the information that going on would buy with it, that
-    of a sample is what it takes to send it from where a stop is just worth it. At every decision pairs of prices are
-    tried: by each the survey is followed to its turn, over the ground that is in sight and then over what is known or
-    forecast beyond, and the pair that finds most decides about speed, sensing rate and stops. These are the
-    oracle's prices, from what the robot knows instead of the truth.
+    In a survey energy and memory have Lagrange multipliers. That of energy is the information that a joule gains by
+    driving on, that of memory the cost of sending a sample from the farthest useful stop. At every decision pairs of
+    multipliers are tried. For each the survey is simulated to its turn, over the ground in sight and then over the
+    known or forecast ground. The pair with the most information determines speed, sensing rate and stops. These are the
+    oracle's multipliers, computed from what the robot knows.
 
     Args:
         known: Constants of the environment.
-        deviations: Standard deviations of the way home kept back, 0 or above.
+        deviations: Reserve in standard deviations of the way home, 0 or above.
 
     Attributes:
-        rule: What decides when to turn back, and holds the beliefs.
+        rule: Decides when to turn back, and holds the belief.
     """
 
     def __init__(self, known: Known, deviations: float) -> None:
@@ -91,13 +91,13 @@ class Planner(Policy):
         model["spread"] = [_spread(last - first) for first, last in AHEAD]
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         return self.drive(observations, self.rule.turns(observations, begun))
 
     def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
-        """Actions as planned for missions that go on or, where `homebound` of shape (n,), head home.
+        """Planned actions of missions that go on or, where `homebound` of shape (n,), head home.
 
-        `rule.turns` must have been called with the same observations before: it updates the beliefs.
+        `rule.turns` must have been called with the same observations before: it updates the belief.
         """
         s, beliefs = self._known.shared[0], self._beliefs(observations)
         outwards = feature(observations, "outbound") if s["mission"] == PATROL else 1.0

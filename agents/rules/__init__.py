@@ -1,1 +1,1 @@
-"""Rules: when to turn back, at one pace that all share."""
+"""Rules for turning back, with one shared choice of speed, sensing and stops."""

@@ -1,4 +1,4 @@
-"""The paper's rule: turn back when d_max, at the average grade known beforehand, is down to the way home."""
+"""The paper's rule: turn back when d_max, at the known mean grade, is down to the way home."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class DmaxRule(TurnBackRule):
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
-        reserve: Share of the usable energy kept back, within [0, 1].
+        reserve: Share of the usable energy kept as a reserve, within [0, 1].
 
-    Source: Tiwari, Xiao, Chong, IROS 2018, Eq. 8; that it takes the mean grade to be known is theirs too.
+    Source: Tiwari, Xiao, Chong, IROS 2018, Eq. 8, with the mean grade assumed known as there.
     """
 
     def __init__(self, known: Known, pace: Pace, reserve: float) -> None:

@@ -14,24 +14,24 @@ from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _PRIOR = np.diag([0.01, 0.05])
-"""Weight of the belief that both ratios are 1, as shares of the battery: electronics are better known than ground."""
+"""Weight of the prior that both ratios are 1, as shares of the battery: electronics are better known than ground."""
 _UNSEEN = 0.1
-"""Standard deviation of the ratio between the way out and the way home, which nothing on the way out can show: wind."""
+"""Standard deviation of the ratio between the way out and the way home that the way out cannot show: wind."""
 
 
 @final
 class AdaptiveDmaxRule(BelievingRule):
-    """Learns on the way how much more than its model the robot consumes, and how much that varies.
+    """Estimates the ratio of measured to modelled consumption on the way, and its variance.
 
-    What a decision took is a ratio times its modelled driving plus another times its modelled sensing, and an error
-    with a variance that grows with both. Weighted least squares, drawn towards ratios of 1, finds the two; with one
-    ratio for both the sensing of the way out would hide what driving home consumes. The way home is scaled by the ratio
-    of driving. Its standard deviation is the spread of decisions around the fit together with what they cannot show.
+    The energy of a decision is a ratio times its modelled driving plus another ratio times its modelled sensing, and an
+    error with a variance that grows with both. Regularised least squares estimate both ratios, with 1 as the prior.
+    (With one ratio for both, the sensing of the way out would hide the consumption of driving home.) The way home is
+    scaled by the ratio of driving. Its standard deviation combines the residuals of the fit and what they cannot show.
 
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
-        deviations: Standard deviations k kept back, 0 or above.
+        deviations: Reserve in standard deviations k, 0 or above.
     """
 
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
@@ -39,7 +39,7 @@ class AdaptiveDmaxRule(BelievingRule):
         self._forget(0)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """What it believes, see `BelievingRule.look`."""
+        """Its belief, see `BelievingRule.look`."""
         self._learn(observations, begun)
         target = (self._moment + np.diag(_PRIOR))[..., None]
         ratios: NDArray[np.float64] = np.linalg.solve(self._normal + _PRIOR, target)[..., 0]
@@ -61,7 +61,7 @@ class AdaptiveDmaxRule(BelievingRule):
         self._square = np.zeros(count)  # and of its square
 
     def _learn(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
-        """Add the decision before to the sums; all energies are shares of the usable energy."""
+        """Add the last decision to the sums; all energies are shares of the usable energy."""
         if len(begun) != len(self._square):
             self._forget(len(begun))
         for total in (self._last, self._normal, self._moment, self._square):
@@ -77,7 +77,7 @@ class AdaptiveDmaxRule(BelievingRule):
         self._square += weight * used * used
 
     def _sensing(self, observations: Observations) -> NDArray[np.float64]:
-        """What the sensing of the decision before consumed by the robot's file."""
+        """Energy of sensing in the last decision by the robot's file."""
         robot, s = self._known.robot, self._known.shared[0]
         rate_hz = feature(observations, "sensing") * s["max_sensing_hz"]
         power_w = ancillary_power(robot, rate_hz) - ancillary_power(robot, 0.0)

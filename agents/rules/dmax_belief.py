@@ -1,4 +1,4 @@
-"""The mapped rule by a robot that estimates its parameters and the wind, with a reserve of k standard deviations."""
+"""The mapped rule with estimated parameters and wind, and a reserve of k standard deviations."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from homeward.envs.options import Known
 from homeward.estimation.prior import PER_CAPACITY
 
 MISSED = 0.02
-"""Probability that a forecast of the wind is taken to say nothing: chosen so that one reading that no forecast explains
-in fifty is enough to doubt it."""
+"""Probability that the forecast is of another wind: chosen so that one reading in fifty that the forecast cannot
+explain is enough to doubt it."""
 
 
 @final
 class BeliefDmaxRule(BelievingRule):
-    """Turns back when going on and then home would leave less than some standard deviations of what is left.
+    """Turns back when going on and then home would leave less than some standard deviations of the margin.
 
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
-        deviations: Standard deviations k kept back, 0 or above.
-        step_mps: Speed of the next decision that there must be energy for, but on patrols; cruise if left out.
+        deviations: Reserve in standard deviations k, 0 or above.
+        step_mps: Speed of the next decision for which there must be energy, except on patrols; cruise by default.
 
     Attributes:
-        belief: What it believes.
+        belief: Its belief.
     """
 
-    chances = 1.0  # it knows what the next one consumes
+    chances = 1.0  # the consumption of the next decision is known
 
     def __init__(self, known: Known, pace: Pace, deviations: float, step_mps: float | None = None) -> None:
         super().__init__(known, pace, deviations)
@@ -44,7 +44,7 @@ class BeliefDmaxRule(BelievingRule):
         self.belief = Belief(known, MISSED)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """What it believes, see `BelievingRule.look`."""
+        """Its belief, see `BelievingRule.look`."""
         self.belief.learn(observations, begun)
         s = self._known.shared[0]
         home = self.belief.plans(observations)

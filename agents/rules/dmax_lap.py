@@ -1,4 +1,4 @@
-"""The rule of a patrol that measures its laps: the next one takes what those before took, with a reserve."""
+"""The rule of a patrol that measures its laps: the next one is predicted from the earlier ones, with a reserve."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _UNSEEN = 0.1
-"""Standard deviation of a lap while there are not two to compare, as a share of it."""
+"""Relative standard deviation of a lap until two can be compared."""
 
 
 @final
 class LapRule(BelievingRule):
     """Measures laps from one arrival at the home post to the next, and goes on while another one fits.
 
-    Whatever ground, wind and battery are like, all laps meet them alike; the first one, which begins without a pit
-    stop, counts until there is another. At the far post it turns for home for good when after this lap no other fits:
-    what is left of the pit stop when the return is final is saved. The standard deviation is that of the laps and of
-    the gauge.
+    All laps meet the same ground, wind and battery. The first one, which begins without a pit stop, counts until there
+    is another. At the far post the robot returns for good if no other lap fits after this one, which saves the rest of
+    the pit stop once the return is final. The standard deviation is that of the laps and of the state-of-charge
+    reading.
 
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
-        deviations: Standard deviations k kept back, 0 or above.
+        deviations: Reserve in standard deviations k, 0 or above.
     """
 
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
         super().__init__(known, pace, deviations)
         s = known.shared[0]
-        # By the file: what hides from a robot makes it more, so that to cut the stop short saves this at least.
+        # By the file: hidden variables only increase it, so that shortening the stop saves at least this.
         saved_s = max(float(s["pit_stop_s"] - (s["return_decisions"] - 1) * s["decision_s"]), 0.0)
         self._stop_share = saved_s * float(ancillary_power(known.robot, 0.0) / s["usable_j"])
         self._gauge_error = float(known.instruments.soc_variance**0.5)
         self._forget(0)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """What it believes at a post, see `BelievingRule.look`."""
+        """Its belief at a post, see `BelievingRule.look`."""
         energy = feature(observations, "metered")
         self._measure(observations, begun)
         count, total, squares = self._laps
@@ -61,13 +61,13 @@ class LapRule(BelievingRule):
         return np.asarray(super()._may_turn(distance_m) | at_far_post)
 
     def _forget(self, count: int) -> None:
-        self._laps = np.zeros((3, count))  # how many, what they took, and the sum of its squares
-        self._first, self._back = np.zeros((2, count))  # what the first lap took, and the last way home
+        self._laps = np.zeros((3, count))  # number, sum of their energy, and of its squares
+        self._first, self._back = np.zeros((2, count))  # energy of the first lap, and of the last way home
         self._arrival, self._left = np.ones((2, count))  # energy on arrival at the last post, and at the home post
         self._away = np.zeros(count, np.bool_)  # whether the last post is the far one
 
     def _measure(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
-        """Take in arrivals at posts; energies are shares of the usable energy."""
+        """Process arrivals at posts; energies are shares of the usable energy."""
         if len(begun) != len(self._away):
             self._forget(len(begun))
         self._laps[:, begun], self._arrival[begun], self._left[begun], self._away[begun] = 0.0, 1.0, 1.0, False

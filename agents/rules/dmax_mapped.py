@@ -1,4 +1,4 @@
-"""Turn back when the energy left is down to the way home over the ground that was driven on the way out."""
+"""Turn back when the energy left is down to that of the way home over the ground of the way out."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from homeward.envs.options import Known
 
 @final
 class MappedDmaxRule(TurnBackRule):
-    """As the paper's rule, with every grade of the way home known from the way out.
+    """The paper's rule, with every grade of the way home known from the way out.
 
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
-        reserve: Share of the usable energy kept back, within [0, 1].
+        reserve: Share of the usable energy kept as a reserve, within [0, 1].
     """
 
     def __init__(self, known: Known, pace: Pace, reserve: float) -> None:

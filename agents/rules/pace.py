@@ -1,8 +1,8 @@
-"""How fast to drive and how often to sense: one rule that all baselines share, so that they differ in turning back.
+"""Speed, sensing rate and stops: one rule that all baselines share, so that they differ only in turning back.
 
 Drive at cruise, the speed with the longest range. On the way out sense at one rate wherever the interest reaches a
-threshold; when the memory is nearly full there, stop and stay silent until the radio has made room. On the way home
-sense nothing.
+threshold; when the memory is nearly full there, stop without sensing until the radio has made room. On the way home do
+not sense.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from homeward.envs.state import GO, RETURN, STOP
 @final
 @dataclass(frozen=True)
 class Pace:
-    """Numbers of the rule; `benchmarks/agents/tune.py` finds them.
+    """Parameters of the rule; `benchmarks/agents/tune.py` finds them.
 
     Attributes:
         rate: Sensing rate as a share of the fastest, within [0, 1].
@@ -45,4 +45,4 @@ class Pace:
 
 
 NO_SENSING = Pace(rate=0.0, interest=0.0, full=1.0)
-"""For missions in which information counts for nothing."""
+"""For missions whose score does not depend on information."""

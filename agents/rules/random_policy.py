@@ -1,4 +1,4 @@
-"""Acts at random: the least that any agent must beat."""
+"""Random actions: a lower baseline."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from homeward.agents.base import Observations, Policy
 
 @final
 class RandomPolicy(Policy):
-    """Draws from the whole action space evenly, every decision anew.
+    """Samples uniformly from the whole action space, independently at every decision.
 
-    A third of the draws are returns: it heads home as often as not, and for good once enough of them come in a row.
+    A third of the samples are returns, which become final once enough of them come in a row.
 
     Args:
         action_space: Space of one action: `MultiDiscrete` or `Box`.
-        rng: Source of the draws.
+        rng: Random generator.
     """
 
     def __init__(self, action_space: spaces.Space[Any], rng: np.random.Generator) -> None:
         self._space, self._rng = action_space, rng
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         shape = (len(observations), *(self._space.shape or ()))
         if isinstance(self._space, spaces.MultiDiscrete):
             return self._rng.integers(0, self._space.nvec, shape)

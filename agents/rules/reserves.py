@@ -1,10 +1,10 @@
-"""Numbers of the baselines for each mission, as `python benchmarks/agents/tune.py` finds them.
+"""Parameters of the baselines for each mission, found by `python benchmarks/agents/tune.py`.
 
-With 2,048 missions a trial, and 4,096 for the planner, whose strandings decide. Each has eight trials a mission, on
-missions with seeds of their own, `uncertain`, with the default robot. A rule has the reserve with the highest mean
-score; the planner, one for OutAndBack and Survey, the highest sum over both at `uncertain` and `harsh`, relative to the
-best of each, with no more than 0.3 % stranded at `uncertain`; on Patrol, where it goes by another rule, its own is
-found in the same way.
+Each has eight trials a mission, on missions with seeds of their own, at `uncertain`, with the default robot: 2,048
+missions a trial, and 4,096 for the planner, whose strandings decide. A rule has the reserve with the highest mean
+score. The planner has one for OutAndBack and Survey: with the highest sum over both at `uncertain` and `harsh`,
+relative to the best of each, with no more than 0.3 % stranded at `uncertain`. On Patrol, where it uses another rule,
+its reserve is found in the same way.
 """
 
 from __future__ import annotations
@@ -25,4 +25,4 @@ RESERVES = {
     "dmax_belief": {"OutAndBack": 3.0, "Survey": 2.0, "Patrol": 1.0},
     "planner": {"OutAndBack": 5.0, "Survey": 5.0, "Patrol": 1.0},
 }
-"""Shares of the usable energy kept back; for `dmax_adaptive`, `dmax_belief` and `planner`, standard deviations."""
+"""Reserves, as shares of the usable energy; for `dmax_adaptive`, `dmax_belief` and `planner`, standard deviations."""

@@ -1,4 +1,4 @@
-"""Turn back at a state of charge, half by default, as most robots do today."""
+"""Turn back at a state of charge, by default half, as many robots do today."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from homeward.envs.options import Known
 
 @final
 class StateOfChargeRule(TurnBackRule):
-    """Turns back when the fuel gauge falls below a threshold, wherever it is.
+    """Turns back when the state-of-charge reading falls below a threshold, wherever the robot is.
 
     Args:
         known: Constants of the environment.

@@ -1,4 +1,4 @@
-"""What all rules for turning back share: when there is no choice, where a patrol may turn, and what going on costs."""
+"""Common part of all rules for turning back: forced turns, where a patrol may turn, and the energy of going on."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from homeward.physics import ancillary_power, d_max
 
 
 class Outlook(NamedTuple):
-    """What a robot believes of itself and its way home, arrays of shape (n,); energies are shares of the usable energy.
+    """A robot's belief about itself and its way home, arrays of shape (n,); energies are shares of the usable energy.
 
     Attributes:
         left: Energy left.
         home: Energy of the way home.
         onwards: Energy of going on to the next chance to turn, and back.
-        deviation: Standard deviation of what both take.
+        deviation: Standard deviation of the energy of both.
     """
 
     left: NDArray[np.float64]
@@ -33,10 +33,10 @@ class Outlook(NamedTuple):
 
 
 class TurnBackRule(Policy):
-    """Goes on while there is energy to spare, and then heads home.
+    """Goes on while there is enough energy, and then heads home.
 
-    It also heads home from the far end of the route, and when the time limit leaves just enough time. A patrol decides
-    at its home post, where the question is whether another lap fits.
+    It also heads home at the far end of the route, and when only enough time is left. A patrol decides at its home post
+    whether another lap fits.
 
     Args:
         known: Constants of the environment.
@@ -44,7 +44,7 @@ class TurnBackRule(Policy):
     """
 
     chances = 2.0
-    """Decisions that going on is costed for: the next one, and another for the surprises of ground not driven yet."""
+    """Decisions that going on is predicted for: the next one, and another for unknown ground."""
 
     def __init__(self, known: Known, pace: Pace) -> None:
         self._known, self._pace = known, pace
@@ -52,7 +52,7 @@ class TurnBackRule(Policy):
         s = known.shared[0]
         self._patrol = bool(s["mission"] == PATROL)
         self._sines = np.linspace(-STEEPEST_SINE, STEEPEST_SINE, 281)
-        # Eq. 8 with a full battery: what a metre consumes of it at each grade.
+        # Eq. 8 with a full battery: share of it that a metre consumes at each grade.
         self._shares_per_m = 1.0 / np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
         self._reach_m = float(s["reach_m"])
         self._sees_posts = sees_posts(known)
@@ -67,7 +67,7 @@ class TurnBackRule(Policy):
         self._round_s = float(2.0 * (outward_s + s["pit_stop_s"]))
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         return self.drive(observations, self.turns(observations, begun))
 
     def turns(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -95,7 +95,7 @@ class TurnBackRule(Policy):
 
     @abstractmethod
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond what going on to the next chance to turn and then home may cost, shape (n,).
+        """Energy beyond that of going on to the next chance to turn and then home, shape (n,).
 
         As a share of the usable energy; the robot turns back when it is negative. Arguments as in `act`.
         """
@@ -119,20 +119,20 @@ class TurnBackRule(Policy):
     def _late(self, observations: Observations, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
-        # A quarter more, for the nearest speed level may lie below cruise.
+        # A quarter more, because the nearest speed level may be below cruise.
         return np.asarray(left_s < 1.25 * (distance_m / s["cruise_mps"] + self._round_s))
 
 
 class BelievingRule(TurnBackRule):
-    """Corrects the way home by what it has measured, and keeps some standard deviations of that in reserve.
+    """Corrects the way home by measurements, and keeps some of their standard deviations in reserve.
 
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
-        deviations: Standard deviations k kept back, 0 or above.
+        deviations: Reserve in standard deviations k, 0 or above.
 
     Attributes:
-        outlook: What it believed when it last decided.
+        outlook: Its belief at the last decision.
     """
 
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
@@ -146,16 +146,16 @@ class BelievingRule(TurnBackRule):
         return self.spare_by(self.outlook)
 
     def spare_by(self, outlook: Outlook) -> NDArray[np.float64]:
-        """The same, by what it believes."""
+        """The same, from a belief."""
         return outlook.left - outlook.home - outlook.onwards - self.deviations * outlook.deviation
 
     @abstractmethod
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """What it believes. Arguments as in `act`; a decision that is shown twice counts once."""
+        """Its belief. Arguments as in `act`; a repeated decision counts once."""
 
 
 def sees_posts(known: Known) -> bool:
-    """Whether a patrol notices its posts: pit stops shorter than a decision can pass unseen."""
+    """Whether a patrol notices its posts: pit stops shorter than a decision may not be observed."""
     s = known.shared[0]
     return bool(s["mission"] == PATROL and s["pit_stop_s"] >= s["decision_s"])
 

@@ -1,4 +1,4 @@
-"""The shield: around any agent, it brings home what would strand."""
+"""The shield: wraps any agent, and brings home missions that would strand."""
 
 from homeward.agents.shield.shield import RISK, Shield
 

@@ -1,4 +1,4 @@
-"""Policies that never turn back: what a shield is tuned and tested with."""
+"""Policies that never turn back, to tune and test the shield."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from homeward.envs.state import GO, STOP
 
 @final
 class Onward(Policy):
-    """Drives on at cruise and senses nothing: only the shield turns it back, at the last moment that it allows."""
+    """Drives on at cruise without sensing: only the shield turns it back, as late as possible."""
 
     def __init__(self, known: Known) -> None:
         self._action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, GO)
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         return np.repeat(self._action, len(observations), axis=0)
 
 
 @final
 class Wanderer(Policy):
-    """Draws speed, sensing rate and, in a tenth of decisions, a stop; it never turns back."""
+    """Random speed, sensing rate and, in a tenth of decisions, a stop; it never turns back."""
 
     def __init__(self, known: Known, rng: np.random.Generator) -> None:
         self._known, self._rng = known, rng
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         count = len(observations)
         levels = self._rng.integers(0, LEVELS, (2, count))
         speed_mps, sensing_hz = (

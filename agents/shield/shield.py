@@ -1,4 +1,4 @@
-"""A shield around any policy: what it wants is done only while the robot would then still get home."""
+"""A shield around any policy: its action is taken only if the robot would still get home afterwards."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from homeward.envs.state import RETURN
 from homeward.physics import ancillary_power
 
 RISK = 1e-6
-"""Risk of each decision with which at least 99.9 % get home: see docs/evaluation.md."""
+"""Risk of each decision at which at least 99.9 % get home: see docs/evaluation.md."""
 _MISSED = 0.2
-"""Probability that a forecast of the wind says nothing, as on the routes `hidden_wind`: a shield reckons with them."""
+"""Probability that the forecast is of another wind, as on the routes `hidden_wind`."""
 _SPARE_DECISIONS = 3.0
-"""Decisions by which a robot is home before the time limit."""
+"""Decisions of time reserve before the time limit."""
 
 
 @final
 class Shield(Policy):
-    """Lets a policy act as long as the robot would afterwards still get home; else it brings the robot home.
+    """Lets a policy act as long as the robot would still get home afterwards; otherwise it brings the robot home.
 
-    It heads home at cruise, without stops and with nothing sensed. On the way home of the policy's own it still asks
-    before every decision whether what the policy wants leaves enough. What is left is a distribution, by what the robot
-    believes of itself and the wind (`homeward.estimation`); its quantile at a small risk counts. So that there is
-    something to learn from, it drives a decision back now and then (`Belief.looks_back`), unless nothing is hidden. The
-    time limit is minded as well.
+    The shield heads home at cruise, without stops and without sensing. During a return of the policy's own it still
+    checks before every decision whether the action leaves enough energy. The energy left is a distribution, by the
+    belief about robot and wind (`homeward.estimation`); its quantile at a small risk decides. To inform the estimator
+    it makes excitation steps (`Belief.looks_back`), unless nothing is hidden. The time limit is treated in the same
+    way.
 
     Args:
-        policy: The policy to be shielded.
+        policy: The policy to shield.
         known: Constants of the environment.
-        risk: Of each decision, within (0, 0.5].
+        risk: Risk of each decision, within (0, 0.5].
     """
 
     def __init__(self, policy: Policy, known: Known, risk: float = RISK) -> None:
@@ -46,7 +46,7 @@ class Shield(Policy):
         self._overruled = np.zeros(0, np.bool_)
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         actions = np.array(self._policy.act(observations, begun))
         self._belief.learn(observations, begun)
         if len(begun) != len(self._overruled):
@@ -56,7 +56,7 @@ class Shield(Policy):
         wanted = decode_actions(self._known, actions)
         wanted = Commands(wanted.speed_mps, wanted.sensing_hz, np.where(returning, RETURN, wanted.mode))
         unsafe = self._margin_j(observations, wanted) < 0.0
-        # What the shield would do needs no leave.
+        # The shield's own action needs no check.
         unsafe &= ~(wanted.returns & (wanted.driven_mps == self._home_mps) & (wanted.sensing_hz == 0.0))
         self._overruled |= unsafe & ~returning
         actions[self._belief.looks_back(observations) & ~returning & ~wanted.returns] = self._belief.back_action
@@ -64,7 +64,7 @@ class Shield(Policy):
         return actions
 
     def _margin_j(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
-        """Energy that is left for sure after a decision and the way home after it, J, shape (n,)."""
+        """Energy left with the given risk after a decision and the way home after it, J, shape (n,)."""
         s = self._known.shared[0]
         position_m = feature(observations, "distance") * s["reach_m"]
         pit_stop_s = feature(observations, "pit_stop") * s["decision_s"]
@@ -74,7 +74,7 @@ class Shield(Policy):
         ends_m = np.where(inwards, np.maximum(position_m - way_m, 0.0), np.minimum(position_m + way_m, s["length_m"]))
         comes_to_post = (way_m > 0.0) & ((ends_m <= 0.0) | (ends_m >= s["length_m"]))
         asked_s = self._asked_s(observations, wanted)
-        # A pit stop goes on until the return is final, and a robot that is home before waits there.
+        # A pit stop continues until the return is final, and a robot that is home before waits there.
         waits_s = np.minimum(np.where(comes_to_post, s["pit_stop_s"], pit_stop_s - stands_s), asked_s)
         waits_s += np.maximum(asked_s - waits_s - ends_m / self._home_mps, 0.0)
         arrives = wanted.returns & (ends_m <= 0.0) & (wanted.driven_mps > 0.0) & (asked_s == 0.0)
@@ -88,7 +88,7 @@ class Shield(Policy):
         return np.asarray(self._belief.margin(plans, self._risk).total["margin_low_j"])
 
     def _asked_s(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
-        """How long after a decision the return has to be asked for until it is final, shape (n,)."""
+        """Time after a decision for which the return must be chosen until it is final, s, shape (n,)."""
         s = self._known.shared[0]
         returning = feature(observations, "returning")
         asked = np.rint(returning * s["return_decisions"]) + 1.0
@@ -97,7 +97,7 @@ class Shield(Policy):
         return np.where(returning >= 1.0, 0.0, np.maximum(left - 1.0, 0.0) * s["decision_s"])
 
     def _late(self, observations: Observations, wanted: Commands) -> NDArray[np.bool_]:
-        """Where the time limit would come before the robot is home."""
+        """Where the time limit would be reached before home."""
         s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         position_m = feature(observations, "distance") * s["reach_m"]

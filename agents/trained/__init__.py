@@ -1,3 +1,3 @@
-"""Trained policies: as files, on the robot, and what they were made with; free of torch."""
+"""Trained policies: as files, on the robot, and with their provenance; without torch."""
 
 __all__ = ["inputs", "onnx_policy", "policy_file"]

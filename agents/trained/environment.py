@@ -1,4 +1,4 @@
-"""The environment that a policy was trained in, from what its file says."""
+"""The environment of a policy's training, from its file."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from homeward.envs.options import Known, Options, known_of
 
 
 def options_of(policy: NetworkPolicy, **other: Any) -> Options:
-    """Keywords of the environment that a policy was trained in.
+    """Keywords of the environment of a policy's training.
 
     Args:
         policy: The policy.
         **other: Keywords to use instead of those of the training.
 
     Raises:
-        PolicyFileError: The description does not say.
-        OptionError: What it says cannot be used.
+        PolicyFileError: The description lacks it.
+        OptionError: Its content is invalid.
     """
     training = policy.description.get("training")
     missions = {env_id: mission for mission, env_id in IDS.items()}
@@ -34,22 +34,22 @@ def options_of(policy: NetworkPolicy, **other: Any) -> Options:
 
 
 def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options, Known]:
-    """The environment that a policy was trained in, from its description.
+    """The environment of a policy's training, from its description.
 
     Args:
         policy: The policy.
         robot: Robot file to use instead of the one that the description names.
 
     Raises:
-        PolicyFileError: The description does not say, or the robot is not the one of the training.
-        OptionError, RobotError, RouteError: What it says cannot be used.
+        PolicyFileError: The description lacks it, or the robot is not that of the training.
+        OptionError, RobotError, RouteError: Its content is invalid.
     """
     options = options_of(policy, **({} if robot is None else {"robot": robot}))
     known = known_of(options)
     made_with = policy.description.get("made_with")
     if isinstance(made_with, dict) and made_with.get("robot", robot_hash(known)) != robot_hash(known):
         raise PolicyFileError(
-            f"robot {str(options.robot)!r} has other numbers than the one that the policy was trained with: "
-            "give that one's file with --robot, or train again"
+            f"robot {str(options.robot)!r} has other parameters than that of the policy's training: "
+            "give the file of that one with --robot, or train again"
         )
     return options, known

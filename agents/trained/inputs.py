@@ -1,7 +1,7 @@
-"""What a policy that starts from d_max sees beside the observation, and the first policies.
+"""Inputs of a policy that starts from d_max, beside the observation, and the first policies.
 
-The columns are worked out outside the network, by what the robot has estimated of itself and the wind
-(`homeward.agents.belief`); none of them says what another agent would do.
+The columns are computed outside the network from the estimates of robot and wind (`homeward.agents.belief`); none of
+them is an action of another agent.
 """
 
 from __future__ import annotations
@@ -27,53 +27,53 @@ from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, 
 from homeward.physics import ancillary_power
 
 COLUMNS: tuple[tuple[str, str], ...] = (
-    ("spare", "thirty times the margin less the reserve of `dmax_belief`, cut at -1 and 1; less where time is short"),
-    ("margin", "believed energy left, less what going on to the next chance to turn and then home takes"),
-    *((f"margin_{gain:g}", f"the same times {gain:g}, cut at -1 and 1") for gain in GAINS),
-    ("deviation", "twenty times the standard deviation of the margin"),
-    ("margin_in_deviations", "a quarter of the margin over its standard deviation, cut at -1 and 2"),
-    ("way", "believed energy of going on and home over that by the robot's own model, minus 1, cut at -1 and 1"),
-    ("rolling", "believed energy of rolling over the model's, both of a full battery, minus 1"),
+    ("spare", "30 times the margin less the reserve of `dmax_belief`, clipped to -1 and 1; less if time is short"),
+    ("margin", "estimated energy left, less that of going on to the next chance to turn and then home"),
+    *((f"margin_{gain:g}", f"the same times {gain:g}, clipped to -1 and 1") for gain in GAINS),
+    ("deviation", "20 times the standard deviation of the margin"),
+    ("margin_in_deviations", "a quarter of the margin over its standard deviation, clipped to -1 and 2"),
+    ("way", "estimated energy of going on and home over that of the robot's own model, minus 1, clipped to -1 and 1"),
+    ("rolling", "estimated energy of rolling over the model's, both of a full battery, minus 1"),
     ("weight", "the same of climbing"),
     ("rest", "the same of all else"),
-    ("headwind", "believed wind against the direction of travel, in 10 m/s"),
-    ("full", "a hundred times the share of the memory in use beyond that at which the rules stop, cut at -1 and 1"),
-    ("to_send", "decisions of standing here in which the radio sends all that is on board, minus 1, cut at 1"),
-    ("worth", "three times the logarithm of the interest here over that from which the rules sense, cut at -1 and 1"),
-    ("look_back", "1 where `Belief.looks_back` would drive a decision home to tell the wind from the ground"),
+    ("headwind", "estimated wind against the direction of travel, in 10 m/s"),
+    ("full", "100 times the used share of the memory beyond that at which the rules stop, clipped to -1 and 1"),
+    ("to_send", "decisions of standing here that send all samples on board, minus 1, at most 1"),
+    ("worth", "3 times the logarithm of the interest here over the rules' threshold for sensing, clipped to -1 and 1"),
+    ("look_back", "1 where `Belief.looks_back` would make an excitation step to estimate the wind"),
 )
-"""Name and meaning of each column; energies are shares of the usable energy. From a final return on there is nothing to
-decide about it, and all are 0, which saves half of the time."""
+"""Name and meaning of each column; energies are shares of the usable energy. After a final return all are 0, because
+nothing can be decided, which saves half of the time."""
 _BELIEVED = tuple(name for name, _ in COLUMNS)
 _SPARE = len(NAMES)
 _FLEETING = (
     "power", "speed", "sensing", "temperature", "forecast_east", "forecast_north", "east", "north", "full", "to_send",
     "worth", "look_back",
 )  # fmt: skip
-"""What says nothing of how a mission will end beyond what the potential holds, as do slopes and interest."""
+"""Inputs that do not predict the end of a mission beyond the potential, like slopes and interest."""
 
-# Logits of the first policies: other choices are to be tried now and then, but so that the trials do not cost much.
+# Logits of the first policies: other choices are explored now and then, but at a small cost.
 _CRUISE, _NO_SENSING, _STOP, _GO, _RETURN = 4.0, 3.0, -3.0, 2.0, -2.2
 _NO_SENSING_ON_SURVEYS = 1.0  # less than elsewhere: a survey scores by sensing
 _AGAIN = 12.0
-"""Of the share of the decisions that make a return final. Without it, one that is tried is hardly ever followed by the
-others, and nobody learns what a return is good for."""
+"""Weight of the share of the decisions that make a return final. Without it, an explored return is hardly ever followed
+by the others, and the value of a return is not learned."""
 _CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 4.0, 6.0, -3.0, 10.0, 12.0
-"""The same where the first policy is the rule; `_RETURN_BY_RULE` is of the spare energy, negated. Chosen: greater, so
-that the rule is followed."""
+"""The same if the first policy is the rule; `_RETURN_BY_RULE` is the weight of the negated spare energy. Chosen:
+greater, so that the rule is followed."""
 _SENSE, _WORTH = 2.5, 4.0
-"""On surveys by the rule: of the pace's sensing rate, and of none by `worth`."""
+"""On surveys by the rule: weight of the rule's sensing rate, and of no sensing by `worth`."""
 _STOP_ON_SURVEYS = (-4.0, 4.0, 5.0, -20.0)
-"""Of a stop for the radio: at all times, by `full`, by `to_send` and on the way home."""
+"""Weights of a stop for the radio: constant, by `full`, by `to_send` and on the way home."""
 _ANY = 1e-6  # keeps divisors above 0; chosen
 
 
 class BeliefInputs:
-    """Makes the inputs of a policy: the observation, and `COLUMNS` behind it.
+    """Computes the inputs of a policy: the observation, followed by `COLUMNS`.
 
     Args:
         known: Constants of the environment.
-        deviations: Standard deviations of the margin that the rule keeps back.
+        deviations: Reserve of the rule in standard deviations of the margin.
     """
 
     def __init__(self, known: Known, deviations: float) -> None:
@@ -84,9 +84,9 @@ class BeliefInputs:
         idle_w = float(ancillary_power(known.robot, 0.0))
         self._patrol, self._sees_posts = bool(s["mission"] == PATROL), sees_posts(known)
         self._pace = PACES[known.mission]
-        self._sent = float(s["radio_hz"] * s["decision_s"] / s["backlog_limit"])  # of the memory, beside the base
+        self._sent = float(s["radio_hz"] * s["decision_s"] / s["backlog_limit"])  # of the memory, at base
         sensing_w = float(ancillary_power(known.robot, self._pace.rate * s["max_sensing_hz"])) - idle_w
-        # The next chance to turn is the next decision; of a patrol, whose posts are seen, a lap with its stops away.
+        # The next chance to turn is the next decision; of a patrol that notices its posts, a lap with its stops away.
         onwards_m = float(s["length_m"] if self._patrol else s["cruise_mps"] * s["decision_s"])
         onwards_s, stops_s = onwards_m / float(s["cruise_mps"]), 2.0 * float(s["pit_stop_s"]) if self._patrol else 0.0
         onwards_j = idle_w * (onwards_s + stops_s) + sensing_w * onwards_s
@@ -95,13 +95,13 @@ class BeliefInputs:
 
     @property
     def description(self) -> dict[str, Any]:
-        """JSON that `inputs_from` makes equal inputs from."""
+        """JSON from which `inputs_from` makes equal inputs."""
         return {"columns": [name for name, _ in COLUMNS], "deviations": self._deviations}
 
     def __call__(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Inputs, float32, shape (n, features + columns); arguments as in `homeward.agents.base.Policy.act`.
 
-        An observation that is shown twice counts once.
+        A repeated observation counts once.
         """
         going = feature(observations, "returning") < 1.0
         inputs = np.zeros((len(observations), len(NAMES) + len(COLUMNS)), np.float32)
@@ -111,19 +111,19 @@ class BeliefInputs:
         return inputs
 
     def forget_forecast(self) -> None:
-        """Nobody has forecast the wind, whatever missions observe; to be said before they begin."""
+        """Ignore the forecast of the wind, whatever missions observe; to be called before they begin."""
         self._belief.forget_forecast()
 
     def recharge(self, soc: float) -> None:
-        """Missions began with another state of charge than a full battery's, a share: after the first call."""
+        """Set another state of charge at the start of missions, 0 to 1; to be called after the first call."""
         self._belief.recharge(soc)
 
     def _spare(self, observations: Observations, spare: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Energy to spare; less where the time is short, nothing at the end of the route, and plenty between posts."""
+        """Energy to spare; less if time is short, nothing at the end of the route, and plenty between posts."""
         s = self._known.shared[0]
         distance_m = feature(observations, "distance") * s["reach_m"]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
-        # A quarter more, for the nearest speed level may lie below cruise.
+        # A quarter more, because the nearest speed level may be below cruise.
         decisions_left = (left_s - 1.25 * (distance_m / s["cruise_mps"] + self._round_s)) / s["decision_s"]
         spare = np.minimum(spare, 0.01 * decisions_left)
         if self._sees_posts:
@@ -169,10 +169,10 @@ def make_inputs(known: Known) -> BeliefInputs:
 
 
 def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
-    """The inputs that a description names.
+    """The inputs of a description.
 
     Raises:
-        ValueError, KeyError, TypeError: It names none, or those of another version.
+        ValueError, KeyError, TypeError: It has none, or those of another version.
     """
     if description["columns"] != [name for name, _ in COLUMNS]:
         raise ValueError("other columns than this version has")
@@ -180,7 +180,7 @@ def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
 
 
 def valued() -> NDArray[np.bool_]:
-    """Which inputs, with beliefs, the value is learned from, shape (inputs,): of the others it learns noise."""
+    """Which inputs, with the belief, the value sees, shape (inputs,): from the others it would learn noise."""
     fleeting = (*_FLEETING, "interest", "grade")
     steady = (name not in fleeting and not name.startswith(("interest_", "grade_")) for name in NAMES + _BELIEVED)
     return np.fromiter(steady, np.bool_)
@@ -189,13 +189,13 @@ def valued() -> NDArray[np.bool_]:
 def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Weight (outputs, inputs) and bias (outputs,) of the policy that training starts from.
 
-    With `inputs` it turns back as the d_max rule does, by what is believed: where `spare` is negative; on a survey it
-    senses and stops for the radio at the pace of the rules. Without, it knows nothing of energy: it cruises, mostly
-    without sensing, now and then tries a return or a stop, and goes on with a return that it has begun.
+    With `inputs` it turns back as the d_max rule does, by the belief: where `spare` is negative. On a survey it senses
+    and stops for the radio as the rules do. Without `inputs` it has no knowledge of energy: it cruises, mostly without
+    sensing, tries a return or a stop now and then, and continues a return that it has begun.
 
     Args:
         known: Constants of the environment.
-        inputs: What the policy sees; the observation alone if None.
+        inputs: Inputs of the policy; only the observation if None.
     """
     columns = len(NAMES) + (0 if inputs is None else len(COLUMNS))
     build = _discrete if known.shared["discrete"][0] else _continuous

@@ -1,8 +1,8 @@
 """A trained policy for the robot itself: physical units in, physical commands out, as one ONNX file.
 
 `python -m homeward.agents.trained.onnx_export POLICY_FOLDER policy.onnx` writes the network with the scaling of the
-observation before it and the decoding of the action behind it, checks it against the original in onnxruntime, and
-prints what goes in and what comes out. The file says the same in its metadata.
+observation before it and the decoding of the action behind it, compares it with the original in onnxruntime, and prints
+inputs and outputs. The file's metadata contain the same.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     import onnx
 
 _CHECKED = 2000
-"""Observations on which the exported network must act as the policy does. Chosen."""
+"""Random observations on which the exported network must act as the policy does. Chosen."""
 _ALMOST = 1e-4
-"""Difference of two outputs of the network below which either action is right: runtimes add up in another order."""
+"""Difference of two outputs of the network below which either action is right: runtimes add in different order."""
 
 
 class ExportError(ValueError):
@@ -55,19 +55,19 @@ class Args:
     out: Annotated[Path, tyro.conf.Positional]
     """File to write, such as policy.onnx."""
     robot: str | None = None
-    """Robot file that the policy was trained with, if it lies elsewhere now."""
+    """Robot file of the policy's training, if it has moved."""
 
 
 def check_equal(content: bytes, policy: NetworkPolicy, known: Known) -> None:
-    """Compare a file with the policy that it was made from, on observations drawn at random.
+    """Compare a file with its policy on random observations.
 
     Args:
-        content: Of the file.
+        content: Content of the file.
         policy: The original.
         known: Constants of its environment.
 
     Raises:
-        ExportError: onnxruntime commands something else.
+        ExportError: onnxruntime gives another command.
     """
     import onnxruntime
 
@@ -100,7 +100,7 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known) -> None:
 
 
 def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDArray[Any]) -> NDArray[np.bool_]:
-    """Where rounding decides, shape (n, 3): two levels come out alike, or a mode lies at a border."""
+    """Where rounding decides, shape (n, 3): two levels have equal outputs, or a mode is at a border."""
     undecided = np.zeros((len(outputs), 3), np.bool_)
     if isinstance(policy.action_space, spaces.MultiDiscrete):
         parts = np.split(outputs, np.cumsum(policy.action_space.nvec)[:-1], axis=1)
@@ -109,12 +109,12 @@ def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDA
     else:
         borders = thirds(actions)
         undecided[:, 2] = np.abs(borders - np.rint(borders)) < _ALMOST
-    undecided[:, 1] |= undecided[:, 2]  # who does not go senses nothing
+    undecided[:, 1] |= undecided[:, 2]  # without go there is no sensing
     return undecided
 
 
 def main(args: Args) -> onnx.ModelProto:
-    """Export, check and print what the file takes and gives.
+    """Export, check and print inputs and outputs.
 
     Raises:
         ExportError, PolicyFileError, OptionError, RobotError, RouteError: The policy cannot be exported.

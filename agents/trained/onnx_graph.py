@@ -24,9 +24,9 @@ from homeward.envs.options import Known, Options
 from homeward.envs.state import GO
 
 _SENSING_IF_IT_GOES = "sensing_if_it_goes"
-_ELSEWHERE = ("robot", "true_robot")  # in a text of its own, and not for a robot to know
+_ELSEWHERE = ("robot", "true_robot")  # in a text of its own, and hidden from a robot
 _OPSET, _IR_VERSION = 17, 8
-"""Of 2022, so that the runtimes of older robots read the file."""
+"""Opset of 2022, so that the runtimes of older robots read the file."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class PhysicalInput:
 
 
 def quantities(known: Known) -> list[PhysicalInput]:
-    """What the columns of the input are in physical units, in the order of `homeward.envs.features.FEATURES`.
+    """Physical units of the input's columns, in the order of `homeward.envs.features.FEATURES`.
 
     Args:
         known: Constants of the environment that the policy was trained in.
@@ -74,11 +74,11 @@ def quantities(known: Known) -> list[PhysicalInput]:
 def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.ModelProto:
     """The policy as a graph.
 
-    Input `observation`, float32 (missions, features) in the units of `quantities`; of a policy that sees beliefs also
-    `belief`, float32 (missions, columns): what `homeward.agents.trained.inputs.BeliefInputs` works out, an estimator
-    with a memory that no graph holds, the columns behind the features of what it answers. `load_onnx` of
-    `homeward.agents.trained.onnx_policy` runs both. Outputs `speed_mps` and `sensing_hz`, float32 (missions,), and
-    `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
+    Input `observation`, float32 (missions, features) in the units of `quantities`. Policies with a belief also have
+    `belief`, float32 (missions, columns): the columns behind the features that
+    `homeward.agents.trained.inputs.BeliefInputs` returns, an estimator with a state that a graph cannot contain.
+    `load_onnx` of `homeward.agents.trained.onnx_policy` runs both. Outputs `speed_mps` and `sensing_hz`, float32
+    (missions,), and `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
 
     Args:
         policy: The policy.
@@ -104,7 +104,7 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
         values = graph.apply("Gemm", values, *parameters, transB=1)
     decode = _decode_levels if isinstance(policy.action_space, spaces.MultiDiscrete) else _decode_box
     decode(graph, values, known)
-    # Who stops or heads home senses nothing, see `homeward.agents.trained.policy_file.sensing_on_the_go`.
+    # Without go there is no sensing, see `homeward.agents.trained.policy_file.sensing_on_the_go`.
     senses = [mode == GO or not policy.senses_on_the_go for mode in range(len(MODES))]
     allowed = graph.apply("Gather", graph.constant("modes_that_sense", senses), "mode")
     graph.apply("Mul", _SENSING_IF_IT_GOES, allowed, into="sensing_hz")
@@ -129,7 +129,7 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
 
 
 def sees_beliefs(policy: NetworkPolicy) -> bool:
-    """Whether a policy takes `belief` too."""
+    """Whether a policy needs `belief` too."""
     return "inputs" in policy.description
 
 
@@ -160,7 +160,7 @@ def _before_mode(output: str) -> str:
 
 
 def _decode_levels(graph: _Graph, values: str, known: Known) -> None:
-    """The likeliest level of each part, as the command that it stands for."""
+    """The most likely level of each part, as a command."""
     starts = np.cumsum([0, LEVELS, LEVELS, len(MODES)])
     for part, output in enumerate(OUTPUTS):
         ends = (
@@ -177,7 +177,7 @@ def _decode_levels(graph: _Graph, values: str, known: Known) -> None:
 
 
 def _decode_box(graph: _Graph, values: str, known: Known) -> None:
-    """The mean action, cut to the box, as the command that it stands for."""
+    """The mean action, clipped to the box, as a command."""
     one = graph.constant("one", 1.0)
     shares = graph.apply("Add", graph.apply("Clip", values, graph.constant("minus_one", -1.0), one), one)  # 0 to 2
     for part, output in enumerate(OUTPUTS):
@@ -209,10 +209,10 @@ def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str
                 for name, (low, high) in _limits(known).items()
             },
             "mode": f"{', '.join(f'{index} {mode}' for index, mode in enumerate(MODES))}; "
-            "a return is final: once begun, go on home whatever comes out",
+            "a return is final: once begun, go on home whatever is output later",
         },
         "weights_sha256": policy.description.get("weights_sha256"),
-        # What `homeward.agents.trained.onnx_policy.load_onnx` makes the policy and its beliefs from.
+        # From these `homeward.agents.trained.onnx_policy.load_onnx` makes the policy and its inputs.
         "setting": {name: _plain(value) for name, value in vars(options).items() if name not in _ELSEWHERE},
         "robot_file": known.robot.to_toml(),
         **({"beliefs": policy.description["inputs"]} if beliefs else {}),
@@ -225,6 +225,6 @@ def _plain(value: Any) -> Any:
 
 
 def decode(actions: NDArray[Any], known: Known) -> NDArray[np.float64]:
-    """Commands that actions stand for: speed (m/s), sensing rate (Hz) and mode, shape (n, 3)."""
+    """Commands of actions: speed (m/s), sensing rate (Hz) and mode, shape (n, 3)."""
     commands = decode_actions(known, actions)
     return np.column_stack([commands.speed_mps, commands.sensing_hz, commands.mode])

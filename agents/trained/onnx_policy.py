@@ -1,4 +1,4 @@
-"""A policy from an ONNX file, with all that the file says of itself: what it acts in, and the beliefs that it takes."""
+"""A policy from an ONNX file, with its environment and the inputs that it needs, from the file's metadata."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "m
 
 
 class OnnxPolicy(Policy):
-    """Runs an exported network in onnxruntime, and beside it the beliefs that no graph holds.
+    """Runs an exported network in onnxruntime, with the estimator beside it.
 
     Args:
         session: An `onnxruntime.InferenceSession`.
-        trained: Constants of the environment of the training, for which the network gives its commands.
+        trained: Constants of the environment of the training, for which the network returns its commands.
         size: Physical size of a feature of 1, shape (features,).
         zero: Physical value of a feature of 0, shape (features,).
-        inputs: What makes the beliefs, if the network takes them.
+        inputs: Computes the belief, if the network needs it.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class OnnxPolicy(Policy):
         self.inputs = inputs
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `homeward.agents.base.Policy.act`."""
+        """Choose one action for each mission, see `homeward.agents.base.Policy.act`."""
         feed = {INPUT: (self._zero + self._size * observations).astype(np.float32)}
         if self.inputs is not None:
             feed[BELIEF] = self.inputs(observations, begun)[:, len(NAMES) :]
@@ -54,28 +54,28 @@ class OnnxPolicy(Policy):
 
 
 def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
-    """Read a file that `homeward.agents.trained.onnx_export` wrote: the policy, and the environment that it acts in.
+    """Read a file that `homeward.agents.trained.onnx_export` wrote: the policy and its environment.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         **other: Keywords of the environment to use instead of those of the training, such as `robot` or `route`.
 
     Raises:
         PolicyFileError: The file cannot be read, or was not written by this version, or onnxruntime is not installed.
-        OptionError, RobotError, RouteError: What it is to be used with cannot be used.
+        OptionError, RobotError, RouteError: A keyword is invalid.
     """
     session = _open(Path(path))
     metadata = session.get_modelmeta().custom_metadata_map
     try:
         columns, setting = json.loads(metadata["inputs"])[INPUT], json.loads(metadata["setting"])
         if [one["name"] for one in columns] != list(NAMES):
-            raise PolicyFileError(f"{path} takes other features than this version has: export it again")
+            raise PolicyFileError(f"{path} needs other features than this version has: export it again")
         setting["robot"] = _robot(metadata["robot_file"])
         trained, known = known_of(Options(**setting)), known_of(Options(**setting | other))
         inputs = inputs_from(json.loads(metadata["beliefs"]), known) if "beliefs" in metadata else None
         size, zero = (np.array([float(one[name]) for one in columns]) for name in ("size", "zero"))
     except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
-        raise PolicyFileError(f"{path} does not say what it acts in: export it again ({error!r})") from None
+        raise PolicyFileError(f"{path} does not contain its environment: export it again ({error!r})") from None
     return OnnxPolicy(session, trained, size, zero, inputs), known
 
 
@@ -92,7 +92,7 @@ def _open(path: Path) -> Any:
     except OSError as error:
         raise PolicyFileError(f"cannot read {path}: {error.strerror}; give a file that onnx_export wrote") from None
     except Exception as error:  # onnxruntime has no class of its own for them
-        raise PolicyFileError(f"{path} is no network that onnxruntime reads: {error}") from None
+        raise PolicyFileError(f"{path} is not a network that onnxruntime reads: {error}") from None
 
 
 def _robot(text: str) -> Robot:

@@ -27,12 +27,12 @@ WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
 SCHEMA = 2
 """Of the format of policy.json; one of another schema is refused."""
 MOST_BYTES = 100_000_000
-"""Of a policy's file. Chosen: 2,500 times those of the policies that ship (40 kB), and it fits in memory."""
+"""Limit of a policy's file. Chosen: 2,500 times those of the shipped policies (40 kB), and it fits in memory."""
 _MOST_LAYERS = 100  # chosen: far more than a policy needs
 ON_THE_GO = {"senses": "on the go"}
-"""Of a description: the policy was trained with `sensing_on_the_go`."""
+"""Entry of a description: the policy was trained with `sensing_on_the_go`."""
 _ROWS = 64
-"""Missions at a time: larger products are spread over threads, whose waiting costs more than they gain."""
+"""Missions at a time: larger products are spread over threads, which costs more than it gains."""
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inputs), bias (outputs,)
 
@@ -42,24 +42,24 @@ class PolicyFileError(ValueError):
 
 
 def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
-    """Actions, shape (n, 3), with nothing sensed by who stops or heads home: there is no new ground to be seen.
+    """Actions, shape (n, 3), without sensing for robots that stop or head home: they pass no new ground.
 
-    Choices of speed, sensing and mode are drawn each for itself: without this, a stop that is tried costs sensing in
-    vain, and learns that stops gain nothing.
+    Speed, sensing and mode are sampled independently: without this, exploring a stop would consume sensing energy for
+    nothing, and stops would be learned to be bad.
     """
     return silenced(actions, modes(actions) != GO)
 
 
 @dataclass(frozen=True)
 class NetworkPolicy(Policy):
-    """A network with tanh between its layers; it takes the likeliest action, or the mean one in a continuous space.
+    """A network with tanh between its layers; it takes the most likely action, or the mean one in a continuous space.
 
     Attributes:
-        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32. Of several, the last one takes the
-            network's inputs behind the outputs of the layer before.
+        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32. Of several, the last one also takes
+            the network's inputs, after the outputs of the layer before.
         action_space: Space of one action: `MultiDiscrete` or `Box`.
-        description: What `policy.json` says: environment, options, spaces, training, versions.
-        inputs: What makes the network's inputs from observations, if they are not the observations.
+        description: Content of `policy.json`: environment, options, spaces, training, versions.
+        inputs: Computes the network's inputs from observations, if they are not the observations.
     """
 
     layers: tuple[Layer, ...]
@@ -69,14 +69,14 @@ class NetworkPolicy(Policy):
 
     @property
     def senses_on_the_go(self) -> bool:
-        """Whether it was trained to sense nothing where it stops or heads home."""
+        """Whether it was trained not to sense where it stops or heads home."""
         return ON_THE_GO.items() <= self.description.items()
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission: int64 levels, or float32 within the box, shape (n, 3).
+        """Choose one action for each mission: int64 levels, or float32 within the box, shape (n, 3).
 
         Raises:
-            PolicyFileError: The policy sees beliefs and was loaded without an environment's known.
+            PolicyFileError: The policy needs a belief and was loaded without an environment's constants.
         """
         return self.choose(self.outputs(self.seen(observations, begun)))
 
@@ -89,11 +89,11 @@ class NetworkPolicy(Policy):
         if self.inputs is not None:
             return self.inputs(observations, begun)
         if "inputs" in self.description:
-            raise PolicyFileError("the policy sees beliefs, which need a robot: load it with an environment's known")
+            raise PolicyFileError("the policy needs a belief: load it with known=, the constants of an environment")
         return observations
 
     def outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What the last layer gives for inputs, shape (n, outputs): logits of all levels, or the mean action."""
+        """Outputs of the last layer, shape (n, outputs): logits of all levels, or the mean action."""
         return np.concatenate([self._outputs(values[i : i + _ROWS]) for i in range(0, len(values), _ROWS)])
 
     def _outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -106,7 +106,7 @@ class NetworkPolicy(Policy):
         return hidden @ weight.T + bias
 
     def choose(self, outputs: NDArray[np.float32]) -> NDArray[Any]:
-        """The likeliest action by outputs of the last layer, or the mean one."""
+        """The most likely action by the outputs of the last layer, or the mean one."""
         if isinstance(self.action_space, spaces.Box):
             clipped: NDArray[np.float32] = np.clip(outputs, self.action_space.low, self.action_space.high)
             return sensing_on_the_go(clipped) if self.senses_on_the_go else clipped
@@ -119,7 +119,7 @@ class NetworkPolicy(Policy):
         """Check that the policy fits an environment.
 
         Raises:
-            PolicyFileError: It observes or acts in other spaces.
+            PolicyFileError: Its spaces are different.
         """
         if observation_space.shape != (len(NAMES),):
             raise PolicyFileError(
@@ -139,14 +139,14 @@ def save_policy(
     details: Mapping[str, Any],
     inputs: BeliefInputs | None = None,
 ) -> None:
-    """Write a policy into a folder, each file whole or not at all.
+    """Write a policy into a folder, each file completely or not at all.
 
     Args:
         folder: Where `policy.safetensors` and `policy.json` go.
         layers: Weight (outputs, inputs) and bias (outputs,) of each layer.
         action_space: `MultiDiscrete` or `Box` of one action.
-        details: More for the description, such as the environment and how the policy was trained.
-        inputs: What makes the network's inputs, if they are not the observation.
+        details: Additions to the description, such as the environment and the training.
+        inputs: Computes the network's inputs, if they are not the observation.
 
     Raises:
         OSError: The folder cannot be written to.
@@ -174,7 +174,7 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
 
     Args:
         path: Folder that training wrote, or one of the two files in it.
-        known: Constants of the environment that it is to act in; a policy that sees beliefs does not act without.
+        known: Constants of the environment that it acts in; required for a policy with a belief.
 
     Raises:
         PolicyFileError: A file is missing, truncated, or not a policy of this version of the observations.
@@ -184,9 +184,7 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
     description = _read_description(folder / DESCRIPTION)
     weights = _read(folder / WEIGHTS)
     if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
-        raise PolicyFileError(
-            f"{folder / WEIGHTS} is truncated or not the one that {DESCRIPTION} describes: train again"
-        )
+        raise PolicyFileError(f"{folder / WEIGHTS} is truncated or not the one of {DESCRIPTION}: train again")
     try:
         tensors = load(weights)
     except (SafetensorError, ValueError, OverflowError, KeyError, TypeError) as error:  # of shapes that numpy refuses
@@ -215,7 +213,7 @@ def _read(path: Path) -> bytes:
     try:
         return read_bytes(path, MOST_BYTES)
     except ValueError as error:
-        raise PolicyFileError(f"{path} is {error}: no policy of homeward") from None
+        raise PolicyFileError(f"{path} is {error}: it is not a policy of homeward") from None
     except OSError as error:
         raise _unreadable(path, error) from None
 

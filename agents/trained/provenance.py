@@ -1,4 +1,4 @@
-"""What a policy was made with, beside its settings; and how the environment that it meets differs from its own."""
+"""Provenance of a policy beside its settings, and differences between an environment and that of its training."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "r
 
 
 def made_with(options: Options) -> dict[str, str]:
-    """Version and hashes of all that the outcome of training follows from, beside its settings.
+    """Version and hashes of everything that determines the result of training, beside its settings.
 
     Args:
-        options: Of the environment; robot, instruments and route are hashed as they are, not by name or path.
+        options: Options of the environment; contents of robot, instruments and route are hashed, not names or paths.
     """
     known, hidden = constants_of(options)
     # Field by field: between them a record may hold anything.
@@ -44,7 +44,7 @@ def made_with(options: Options) -> dict[str, str]:
 
 
 def robot_hash(known: Known) -> str:
-    """Hash of a robot's numbers and effects, whatever it is called and however sure they are."""
+    """Hash of a robot's parameters and effects, without its name and uncertainty."""
     values = {
         field.name: getattr(known.robot, field.name)
         for field in dataclasses.fields(known.robot)
@@ -58,20 +58,20 @@ def _instruments_hash(known: Known) -> str:
 
 
 def differences(description: Mapping[str, Any], env: str, options: Options, known: Known) -> list[str]:
-    """In what an environment is not the one that a policy was trained in.
+    """Differences between an environment and that of a policy's training.
 
-    Shaping and discount change the reward alone, neither what is observed nor the score, and may differ.
+    Shaping and discount affect only the reward, not observation or score, and may differ.
 
     Args:
-        description: What `policy.json` says; what it leaves out is passed over.
+        description: Content of `policy.json`; missing entries are ignored.
         env: Id of the environment.
-        options: Of the environment.
+        options: Options of the environment.
         known: Its constants.
     """
     training, code = (_mapping(description.get(name)) for name in ("training", "made_with"))
     here: dict[str, Any] = {"env": env, **vars(options)}
     different = [name for name in _COMPARED if name in training and str(training[name]) != str(here[name])]
-    # By their numbers: a file may have changed, or lie elsewhere.
+    # By their contents: a file may have changed, or moved.
     for name, numbers in (("robot", robot_hash(known)), ("instruments", _instruments_hash(known))):
         if name in code:
             different = [one for one in different if one != name]
@@ -111,13 +111,13 @@ def _mapping(value: Any) -> Mapping[str, Any]:
 
 @functools.cache
 def _code() -> dict[str, str]:
-    """Hashes of the source files as they are when first asked for, as a process keeps what it has loaded."""
+    """Hashes of the source files as first read, because a process keeps what it has loaded."""
     package = Path(homeward.__file__).parent
     agents = package / "agents"
     training = (agents / "learning").glob("*.py")
     parts = {
         "physics": (package / "physics").rglob("*.py"),
-        "envs": (package / "envs").glob("*.py"),  # how it is shown changes no policy
+        "envs": (package / "envs").glob("*.py"),  # the viewer does not change a policy
         "learner": [*(agents / name for name in _LEARNER), *(package / "estimation").glob("*.py"), *training],
     }
     return {

@@ -1,4 +1,4 @@
-"""The folder of a training run: which run it holds, whether it is finished, and its checkpoints."""
+"""The folder of a training run: its settings, whether it is finished, and its checkpoints."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from homeward.files import read_json, write_whole
 RUN, LOCK, CURVE = "run.json", "run.lock", "curve.csv"
 TENSORBOARD, WANDB = "tensorboard", "wandb"
 FIRST, LAST = "first", "last"
-"""Folders of the policy that training began with and of the one that it ended with."""
+"""Subfolders of the policies at the beginning and the end of training."""
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
@@ -27,7 +27,7 @@ class TrainingError(ValueError):
 
 
 class RunState(Enum):
-    """What is to be done in a run's folder."""
+    """What remains to be done in a run's folder."""
 
     NEW = auto()
     REPLACED = auto()
@@ -37,10 +37,10 @@ class RunState(Enum):
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other trainings out of a run's folder; the system lifts the lock when the process ends, however it ends.
+    """Lock a run's folder against other trainings; the system releases the lock when the process ends, however it ends.
 
     Raises:
-        TrainingError: The folder holds something else than a run, or another training is at work in it.
+        TrainingError: The folder contains something other than a run, or another training uses it.
         OSError: The folder cannot be written to.
     """
     _refuse_strangers(folder)
@@ -48,7 +48,7 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         lock = FileLock(folder / LOCK).acquire(timeout=0)
     except Timeout:
-        raise TrainingError(f"another training is at work in {folder}: wait for it, or choose another --out") from None
+        raise TrainingError(f"another training is using {folder}: wait for it, or choose another --out") from None
     with lock:
         yield
 
@@ -57,29 +57,29 @@ def _refuse_strangers(folder: Path) -> None:
     if (folder / RUN).is_file():
         _read(folder)
     elif any(path.name != LOCK for path in folder.glob("[!.]*")):
-        raise TrainingError(f"{folder} is not empty and holds no training run: choose another --out")
+        raise TrainingError(f"{folder} is not empty and contains no training run: choose another --out")
 
 
 def open_run(
     folder: Path, settings: Mapping[str, Any], made_with: Mapping[str, str], *, resume: bool, replace: bool
 ) -> RunState:
-    """Begin a run in its folder, `locked` by the caller, or find what that already holds of this very run.
+    """Begin a run in its folder, `locked` by the caller, or find the state of the same run in it.
 
     Args:
-        folder: Of the run.
-        settings: All that is chosen, JSON; more `steps` than the folder's run was to take continue it.
-        made_with: Version and hashes of the rest that the result depends on.
-        resume: Whether an unfinished run is to be continued.
-        replace: Whether a run with other settings or made with other code is to be removed; never a longer one.
+        folder: Folder of the run.
+        settings: All settings, JSON; more `steps` than before continue the folder's run.
+        made_with: Version and hashes of everything else that determines the result.
+        resume: Whether to continue an unfinished run.
+        replace: Whether to remove a run with other settings or of other code; never a longer one.
 
     Raises:
-        TrainingError: The folder holds a run that is not to be continued or replaced.
+        TrainingError: The folder contains a run that must not be continued or replaced.
         OSError: The folder cannot be written to.
     """
     run: dict[str, Any] = json.loads(json.dumps({"settings": settings, "made_with": made_with, "extended_from": []}))
     if not (folder / RUN).is_file():
         return _write(folder, run, RunState.NEW)
-    for leftover in folder.glob(".*.safetensors.*"):  # of a write that was killed
+    for leftover in folder.glob(".*.safetensors.*"):  # of a killed write
         leftover.unlink()
     if not any((folder / name).is_file() for name in (DESCRIPTION, CHECKPOINT, PREVIOUS)):
         return _write(folder, run, RunState.NEW)
@@ -100,13 +100,13 @@ def _keep_longer(folder: Path, known: Mapping[str, Any], steps: int) -> None:
     taken = _steps_of_policy(folder)
     if taken is not None and steps < max(taken, known["settings"]["steps"]):
         raise TrainingError(
-            f"{folder} holds a policy trained on {taken} steps, and {steps} steps replace no longer run: "
+            f"{folder} contains a policy trained on {taken} steps, which a run of {steps} steps must not replace: "
             "choose another --out, or delete it first"
         )
 
 
 def extended_from(folder: Path) -> list[int]:
-    """Steps that the folder's run was to take before it was given more; the learning rate had fallen at each."""
+    """Numbers of steps of the folder's run before it was extended; the learning rate had fallen at each."""
     return list(_read(folder)["extended_from"])
 
 
@@ -121,7 +121,7 @@ def _go_on(folder: Path, known: dict[str, Any], steps: int, resume: bool) -> Run
     if steps == goal:
         return RunState.CONTINUED
     if not any((folder / name).is_file() for name in (CHECKPOINT, PREVIOUS)):
-        raise TrainingError(f"{folder} holds no checkpoint to continue from: choose another --out")
+        raise TrainingError(f"{folder} contains no checkpoint to continue from: choose another --out")
     extended = {"settings": known["settings"] | {"steps": steps}, "extended_from": [*known["extended_from"], goal]}
     return _write(folder, known | extended, RunState.CONTINUED)
 
@@ -145,7 +145,7 @@ def _read(folder: Path) -> dict[str, Any]:
 
 
 def _difference(known: Mapping[str, Any], run: Mapping[str, Any]) -> str:
-    """What the folder's run was made with, where it is not what this one is; more steps are not another run."""
+    """Difference between the folder's run and this one; more steps are no difference."""
     settings, wanted = known["settings"], run["settings"]
     others = [
         f"{name} {settings.get(name)!r}"
@@ -169,7 +169,7 @@ def _steps_of_policy(folder: Path) -> int | None:
 
 
 def _remove(folder: Path) -> None:
-    """Remove what a run wrote, and what says so last: a kill between leaves a run that is still another one."""
+    """Remove the files of a run, its description last: after a kill in between it is still another run."""
     for part in (TENSORBOARD, WANDB, FIRST, LAST):
         shutil.rmtree(folder / part, ignore_errors=True)
     for name in (DESCRIPTION, WEIGHTS, CURVE, CHECKPOINT, PREVIOUS, RUN):
@@ -177,10 +177,10 @@ def _remove(folder: Path) -> None:
 
 
 def write_checkpoint(folder: Path, content: bytes) -> None:
-    """Write a checkpoint, keeping the one before; a kill at any moment leaves at least one whole.
+    """Write a checkpoint, keeping the one before; a kill at any moment leaves at least one intact.
 
     Raises:
-        OSError: The folder cannot be written to; the older checkpoints are still there.
+        OSError: The folder cannot be written to; older checkpoints remain.
     """
     fresh = folder / "next.safetensors"
     write_whole(fresh, content)

@@ -1,1 +1,1 @@
-"""What a mission meets: ranges of each difficulty, weather, instruments, and the random numbers behind both."""
+"""Episode conditions: ranges of each difficulty, weather, instruments, and their random numbers."""

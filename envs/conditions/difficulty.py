@@ -1,4 +1,4 @@
-"""How far robots and days differ from their files: one table, from which missions are drawn and agents have priors."""
+"""Difficulties: the distributions of hidden variables, from which missions are drawn and agents have their priors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _WIND, _PAYLOAD, _SURFACE = _BIT["wind"], _BIT["payload"], _BIT["surface"]
 
 @dataclass(frozen=True)
 class Uniform:
-    """A number that is anything between two limits.
+    """A uniform distribution between two limits.
 
     >>> round(Uniform(0.8, 1.0).deviation, 4)
     0.0577
@@ -38,16 +38,16 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Difficulty:
-    """What is hidden from a robot, and how much of it there is.
+    """Which variables are hidden from a robot, and their ranges.
 
     Attributes:
-        instruments: What it reads itself with, unless `Options.instruments` says otherwise.
-        health: Capacity of the battery over that of the file.
-        rolling: Rolling resistance over that of the file.
+        instruments: Its instruments, unless `Options.instruments` says otherwise.
+        health: Capacity of the battery over the file's.
+        rolling: Rolling resistance over the file's.
         payload: Payload over the robot's mass.
-        surface: How much harder the roughest ground rolls, as a share; a robot keeps what its file says beyond that.
-        route_is_known: Whether all of the route and the wind are seen, or two places ahead and a forecast.
-        weather_changes: Whether wind and temperature change on the way (`homeward.envs.conditions.weather`).
+        surface: Additional rolling resistance of the roughest ground, as a share, beyond an effect in the robot's file.
+        route_is_known: Whether the whole route and the wind are known, or two places ahead and a forecast.
+        weather_changes: Whether wind and temperature change during the mission (`homeward.envs.conditions.weather`).
     """
 
     instruments: str
@@ -60,8 +60,8 @@ class Difficulty:
 
 
 # The paper gives no ranges; these are chosen. Health: electric vehicles' batteries are retired at 80 % of their
-# capacity (USABC, Electric vehicle battery test procedures manual, 1996). Rolling resistance and payload: what the same
-# robot meets from one path, and one day's load, to the next. Rough ground: at most twice the rolling resistance.
+# capacity (USABC, Electric vehicle battery test procedures manual, 1996). Rolling resistance and payload: differences
+# between paths and loads of one robot. Rough ground: at most twice the rolling resistance.
 DIFFICULTY: dict[str, Difficulty] = {
     "known": Difficulty(
         instruments="exact",
@@ -88,14 +88,14 @@ DIFFICULTY["harsh"] = replace(DIFFICULTY["uncertain"], instruments="gauge", surf
 DIFFICULTIES = tuple(DIFFICULTY)
 
 DRAWN = ("health", "rolling", "payload", "surface")
-"""Numbers of a difficulty that are drawn for each mission."""
+"""Hidden numbers that are drawn for each mission."""
 
 
 @inline
 def draw(rng: Any, p: Any, base: Any, m: Any, hidden: Any) -> None:
-    """Draw the true robot of a mission around a base, as a rule that of the file.
+    """Draw the true robot of a mission around a base, usually the robot of the file.
 
-    The same numbers are taken from the generator at every difficulty, so that a seed means the same conditions.
+    Every difficulty consumes the same random numbers, so that a seed gives the same conditions.
     """
     drawn = hidden.drawn
     health, rolling, payload, surface = rng.random(), rng.random(), rng.random(), rng.random()

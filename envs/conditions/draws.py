@@ -1,6 +1,6 @@
-"""Random numbers that a key, the number of a decision and a channel determine, whatever was drawn before.
+"""Random numbers determined by a key, the number of a decision and a channel, whatever was drawn before.
 
-Missions that are copied, or driven by another policy, thus meet the same weather and the same noise.
+Missions that are copied, or driven by another policy, therefore have the same weather and the same noise.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from homeward.physics.jit import inline
 
 SOC, POWER, SPEED, GRADE, GUST_EAST, GUST_NORTH, FORECAST_GRADE, FORECAST_INTEREST = range(8)
-"""Channels, each with numbers of its own."""
+"""Channels with independent numbers."""
 
 # SplitMix64 (Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014).
 _WEYL, _MIX_1, _MIX_2 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -24,11 +24,11 @@ _MEAN, _DEVIATION = 4 * 65535 / 2, float(np.sqrt(4 * (65536**2 - 1) / 12))
 
 @inline
 def normal(key: Any, number: Any, channel: Any) -> Any:
-    """Number of mean 0 and standard deviation 1: a sum of four uniform ones, near a normal one, within +-3.46.
+    """Approximately standard normal number: a sum of four uniform ones, within +-3.46.
 
     Args:
-        key: Of the mission, uint64.
-        number: Of the decision or the place.
+        key: Key of the mission, uint64.
+        number: Number of the decision or the place.
         channel: One of the channels.
     """
     z = key + (np.uint64(number) * _CHANNELS + np.uint64(channel)) * _WEYL

@@ -1,4 +1,4 @@
-"""What a robot reads of itself: state of charge, power, speed and grade, with the errors that instruments have."""
+"""Readings of a robot: state of charge, power, speed and grade, with the errors of instruments."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from homeward.physics.uncertainty import MOST_ERROR, MOST_LAG_S
 
 
 class InstrumentError(ValueError):
-    """Instruments that cannot be used; the message says what is allowed."""
+    """Invalid instruments; the message says what is allowed."""
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """Sizes of the errors with which a robot reads itself; 0 throughout is exact. Its position it knows exactly.
+    """Sizes of the errors of a robot's instruments; 0 throughout is exact. Its position is known exactly.
 
-    Each mission draws a gain and an offset of the power meter, uniformly within what is given here, and keeps them.
-    Noise is normal, of the standard deviation given, and drawn anew for each reading; that of the grade belongs to the
-    place, as the pitch is averaged over the way through it.
+    Each mission draws a gain and an offset of the power meter, uniformly within the given limits, and keeps them. Noise
+    is normal with the given standard deviation, and independent for each reading. That of the grade belongs to the
+    place, because the pitch is averaged over the way through it.
 
     Attributes:
         soc_step: Step in which the state of charge is shown, as a share of a full battery.
@@ -65,7 +65,7 @@ class Instruments:
 
 
 INSTRUMENTS: dict[str, Instruments] = {
-    # What a simulator knows.
+    # Exact, as in a simulator.
     "exact": Instruments(),
     # A battery monitor with a shunt: state of charge in steps of 0.1 % and a current within 0.4 % (Victron BMV-700
     # manual, technical data), by a shunt of class 0.5 (IEC 60051-8): 1 % together. Wheel speed and a pitch of 0.2
@@ -88,10 +88,10 @@ INSTRUMENTS: dict[str, Instruments] = {
 
 
 def load_instruments(given: str | Path | Instruments) -> Instruments:
-    """Instruments by name, from a TOML file that names their sizes, or as they are.
+    """Instruments by name, or from a TOML file with their sizes; `Instruments` are returned as they are.
 
     Raises:
-        InstrumentError: There are none of that name, or the file cannot be used.
+        InstrumentError: The name is unknown, or the file is invalid.
 
     >>> load_instruments("meter").soc_step
     0.001
@@ -120,12 +120,12 @@ def load_instruments(given: str | Path | Instruments) -> Instruments:
 
 @inline
 def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
-    """Begin to read: nothing is metered yet, and the gauge shows a full battery.
+    """Begin to read: no energy is metered yet, and the state of charge is 1.
 
     Args:
         m: Mission record.
         shared: Shared record.
-        gain: Where in its range the meter's gain lies, from 0 to 1.
+        gain: Position of the meter's gain in its range, from 0 to 1.
         offset: The same of its offset.
     """
     m.meter_gain = 1.0 + shared.power_gain * (2.0 * gain - 1.0)
@@ -137,7 +137,7 @@ def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
 
 @inline
 def read(m: Any, shared: Any, used_j: float) -> None:
-    """Read the instruments after a decision that took so much energy."""
+    """Read the instruments after a decision that consumed a given energy."""
     soc, power_w = m.energy_j / m.capacity_j, used_j * shared.per_decision
     if not shared.inexact:
         m.soc, m.read_w, m.read_mps = soc, power_w, m.speed_mps
@@ -146,7 +146,7 @@ def read(m: Any, shared: Any, used_j: float) -> None:
     m.read_mps = m.speed_mps * (1.0 + shared.speed_noise * normal(m.key, m.decisions, SPEED))
     noise = shared.power_noise * normal(m.key, m.decisions, POWER)
     m.read_w = power_w * (m.meter_gain + noise) + m.meter_offset_w
-    # A lag of first order behind a charge that falls evenly over the decision, whatever its length.
+    # A first-order lag behind a charge that falls evenly over the decision, whatever its length.
     before = (m.energy_j + used_j) / m.capacity_j
     behind = (before - soc) * shared.soc_lag_decisions
     m.soc_followed = soc + behind + (m.soc_followed - before - behind) * shared.soc_keeps
@@ -161,11 +161,11 @@ def read(m: Any, shared: Any, used_j: float) -> None:
 
 @inline
 def meter(m: Any, shared: Any) -> None:
-    """Work out the state of charge by the power meter, from what it and the gauge have read of a decision.
+    """Estimate the state of charge by the power meter, from its readings and those of the state of charge.
 
-    The state of charge that is metered goes on evenly between the steps of the gauge: the energy by the meter over the
-    energy of a full battery by the same meter, which least squares learn from all readings of the gauge, drawn to what
-    the robot's file says. They set each reading against what the meter shows with the lag of the gauge.
+    The metered state of charge changes evenly between the steps of the gauge. It is the energy by the meter over the
+    energy of a full battery by the same meter. Regularised least squares estimate the latter from all readings of the
+    gauge, with the robot's file as the prior. Each reading is compared with the meter with the lag of the gauge.
     """
     m.metered_j += m.read_w * shared.decision_s
     if not shared.inexact:
@@ -183,11 +183,11 @@ def meter(m: Any, shared: Any) -> None:
 
 @inline
 def sine_read(key: Any, place: int, sin_grade: float, shared: Any) -> Any:
-    """Sine of a place's grade as the robot reads it."""
+    """Sine of a place's grade as read by the robot."""
     if shared.grade_noise > 0.0:
         return min(max(sin_grade + shared.grade_noise * normal(key, place, GRADE), -_STEEPEST), _STEEPEST)
     return sin_grade
 
 
 _STEEPEST = 0.8
-"""Largest sine that is read, that of the steepest grade of a route."""
+"""Largest sine that can be read, that of the steepest grade of a route."""

@@ -1,4 +1,4 @@
-"""Wind and temperature of a mission: drawn at its start, and at `uncertain` and `harsh` changing on the way."""
+"""Wind and temperature of a mission: drawn at its start, and changing during it at `uncertain` and `harsh`."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ GUSTINESS = 0.3
 """Standard deviation of either part of the wind about its mean, over the mean speed. Chosen between the turbulence
 within ten minutes (0.12 to 0.16 by IEC 61400-1) and a wind that turns round: direction wanders by 17 degrees."""
 WANDERS_S = (300.0, 3600.0)
-"""Range of the autocorrelation time of that, s: five minutes to an hour, log-uniform."""
+"""Range of its autocorrelation time, s: five minutes to an hour, log-uniform."""
 FORECAST_ERROR_MPS = 1.0
-"""Standard deviation of the error of either part of the wind that is forecast, m/s. Chosen: two thirds of the 1.5 m/s
-by which winds of generated routes vary, so that a forecast is informative and leaves something to estimate."""
+"""Standard deviation of the forecast's error of either component of the wind, m/s. Chosen: two thirds of the 1.5 m/s by
+which winds of generated routes vary, so that a forecast is informative and leaves something to estimate."""
 WARMING_K_PER_H = 2.0
-"""Most by which it gets warmer or colder in an hour, K, within what a route may hold. Chosen: 12 K from dawn to noon,
+"""Largest change of the temperature in an hour, K, within the limits of a route. Chosen: 12 K from dawn to noon,
 as on a clear day."""
 _COLDEST_C, _HOTTEST_C, _ = LIMITS["temperature_c"]
 
 
 @inline
 def begin(m: Any, rng: Any, shared: Any, hidden: Any) -> None:
-    """Begin the weather of a mission whose mean wind and temperature stand in its record.
+    """Begin the weather of a mission whose mean wind and temperature are in its record.
 
-    The same numbers are taken from the generator in every setting.
+    Every setting consumes the same random numbers.
     """
     wanders, warms = rng.random(), rng.random()
     gust_east, gust_north = rng.standard_normal(), rng.standard_normal()
@@ -47,14 +47,14 @@ def begin(m: Any, rng: Any, shared: Any, hidden: Any) -> None:
     if hidden.forecast_errs:
         m.forecast_east_mps += FORECAST_ERROR_MPS * error_east
         m.forecast_north_mps += FORECAST_ERROR_MPS * error_north
-        if hidden.hidden_wind:  # the forecast is that of another wind
+        if hidden.hidden_wind:  # the forecast is of another wind
             spread_mps = np.sqrt(WIND_SCALE_MPS**2 + FORECAST_ERROR_MPS**2)
             m.forecast_east_mps, m.forecast_north_mps = spread_mps * error_east, spread_mps * error_north
 
 
 @inline
 def change(m: Any) -> None:
-    """Let the weather change from one decision to the next."""
+    """Change the weather from one decision to the next."""
     if m.gust_kick > 0.0:
         m.gust_east_mps *= m.gust_keeps
         m.gust_north_mps *= m.gust_keeps

@@ -27,45 +27,45 @@ COLUMNS = (
 )
 
 POSITIONS = ("latitude_deg", "longitude_deg")
-"""Columns that make a CSV file a track: with `elevation_m` beside them, and nothing else."""
+"""Columns that make a CSV file a track, together with `elevation_m` and nothing else."""
 
 _ALIASES = {
     **dict.fromkeys(("lat", "latitude"), "latitude_deg"),
     **dict.fromkeys(("lon", "lng", "long", "longitude"), "longitude_deg"),
     **dict.fromkeys(("ele", "elevation", "alt", "altitude", "height"), "elevation_m"),
 }
-"""What loggers of positions call the columns of a track, in small letters."""
+"""Names of a track's columns in files of loggers, in lower case."""
 
 STEEPEST_SINE = 0.7
 """Sine of the steepest slope of a route: 44 degrees."""
 
 
 def route_names() -> list[str]:
-    """Names of the routes that ship: generated ones and profiles."""
+    """Names of the shipped routes: generated ones and profiles."""
     profiles = (entry.name.removesuffix(".csv") for entry in _folder().iterdir() if entry.name.endswith(".csv"))
     return [GENERATED, HIDDEN_WIND, *sorted(profiles)]
 
 
 def load_route(route: str | Path, place_m: float) -> Route:
-    """Read a route from a file or by the name of one that ships, and cut it into equal places.
+    """Read a route from a file or by the name of a shipped one, and cut it into equal places.
 
-    A track, that is a .gpx or .fit file or a CSV file with `latitude_deg`, `longitude_deg` and `elevation_m` (or `lat`,
-    `lon` and `ele`, as loggers write), is smoothed first, as `homeward.envs.routes.tracks` says. Any other CSV file is
-    a profile and taken as it is.
+    A track (a .gpx or .fit file, or a CSV file with `latitude_deg`, `longitude_deg` and `elevation_m`, or `lat`, `lon`
+    and `ele`) is smoothed first, as `homeward.envs.routes.tracks` describes. Any other CSV file is a profile and is
+    used as it is.
 
-    Columns of a profile: `distance_m` (required, increasing from 0), then any of `grade_rad` or `elevation_m`,
-    `roughness`, `interest` (1 where left out), `heading_rad`, and for all of it, taken from the first row,
-    `temperature_c`, `wind_mps`, `wind_from_rad`. What follows a # is a comment. Where the header is separated by
-    semicolons or tabs, so are the rows, and numbers may have decimal commas. Between rows values are linear; a
-    place takes their mean, and from an elevation the slope from its start to its end.
+    Columns of a profile: `distance_m` (required, increasing from 0); optionally `grade_rad` or `elevation_m`,
+    `roughness`, `interest` (1 by default), `heading_rad`; and, for the whole route from the first row, `temperature_c`,
+    `wind_mps`, `wind_from_rad`. Comments begin with #. If the header is separated by semicolons or tabs, so are the
+    rows, and numbers may have decimal commas. Values are interpolated linearly; a place has their mean, and its slope
+    from an elevation is that from its start to its end.
 
     Args:
         route: Path or name.
-        place_m: Length of a place, m; made shorter so that places fill the route, and longer where more than
+        place_m: Length of a place, m; shortened so that places fill the route, and lengthened if more than
             `MAX_PLACES` would be needed.
 
     Raises:
-        RouteError: The file is unreadable, has wrong columns or values.
+        RouteError: The file is unreadable, or has invalid columns or values.
     """
     shipped = _folder() / f"{route}.csv"
     named = isinstance(route, str) and "/" not in route and shipped.is_file()
@@ -91,12 +91,12 @@ def _folder() -> Any:
 
 
 def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
-    """Read the columns of a CSV file by name, and the number of the line that each row stands on."""
+    """Read the columns of a CSV file by name, and the line number of each row."""
     try:
         text = read_text(path, MOST_ROUTE_BYTES).splitlines()
         lines = [(number, line.split("#")[0]) for number, line in enumerate(text, start=1)]
         lines = [(number, line) for number, line in lines if line.strip(" \t,;")]
-        # Spreadsheets of languages with decimal commas write semicolons.
+        # Spreadsheets in languages with decimal commas write semicolons.
         separator = next((one for one in ";\t" if lines and one in lines[0][1]), ",")
         rows = [
             (number, [field.strip() for field in next(csv.reader([line], delimiter=separator))])
@@ -128,7 +128,7 @@ def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
 
 
 def _as_track(names: list[str]) -> list[str]:
-    """Names of columns; those of a track as this file has them, where loggers write others."""
+    """Names of columns; those of a track as here, where loggers use others."""
     meant = [_ALIASES.get(name.lower(), name) for name in names]
     return meant if set(POSITIONS) <= set(meant) else names
 

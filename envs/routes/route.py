@@ -1,6 +1,6 @@
-"""Routes: what they hold, and a seeded generator.
+"""Routes: their contents, and a seeded generator.
 
-Along a route: grade, surface roughness, interest, heading and curvature; for all of it: air temperature and wind.
+Along a route: grade, surface roughness, interest, heading and curvature; for the whole route: air temperature and wind.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "wind_mps": (0.0, 60.0, "m/s; km/h?"),
     "wind_from_rad": (-10.0, 10.0, "rad; degrees?"),
 }
-"""Least and most of each value that a route holds, and what the reader may have taken it for."""
+"""Lowest and highest value of each quantity of a route, and a likely mistake."""
 
 OF_THE_DAY = ("temperature_c", "wind_mps", "wind_from_rad")
 
 
 class RouteError(ValueError):
-    """A route that cannot be used; the message says where and what to change."""
+    """An invalid route; the message says where, and what to change."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Route:
         place_m: Length of one place, m.
         grade_rad: Slope angle along the way out, rad.
         roughness: Surface roughness, 0 where C_rr was measured.
-        interest: Weight of the information to be found there.
+        interest: Weight of the information there.
         heading_rad: Direction of the way out, rad counter-clockwise from east.
         temperature_c: Air temperature at the start, C.
         wind_mps: Mean wind speed, m/s.
@@ -96,25 +96,24 @@ MOST_ROUTE_BYTES = 100_000_000
 KNOTS = 8
 """Pieces of a generated route: grade is linear and curvature constant between knots."""
 NEW_PATCH = 0.5
-"""Probability of other ground from one piece to the next. Chosen: stretches of one ground are two pieces long on
-average."""
+"""Probability that the ground changes from one piece to the next. Chosen: two pieces of one ground on average."""
 WIND_SCALE_MPS = 1.5
-"""Standard deviation of either part of the wind: its speed has a Rayleigh distribution of this scale."""
+"""Standard deviation of either component of the wind: its speed has a Rayleigh distribution of this scale."""
 HIDDEN_WIND_MPS = (3.0, 6.0)
-"""Range of the wind that no forecast tells of, uniform. Chosen: Beaufort 2 to 4 (1.6 to 7.9 m/s)."""
+"""Range of the hidden wind, uniform. Chosen: Beaufort 2 to 4 (1.6 to 7.9 m/s)."""
 GENERATED_PLACES = 32
-"""Places of a generated route, but for those of a patrol. Chosen: four a piece; a place is the unit of the robot's
-map."""
+"""Places of a generated route, except those of a patrol. Chosen: four a piece; a place is the unit of the
+robot's map."""
 INTEREST_LENGTH = 0.1
-"""Length over which interest is correlated, over that of the route. Chosen so that what is sensed tells of what comes
-next, and there is a good deal of different ground on the way."""
+"""Correlation length of the interest, over the length of the route. Chosen so that sensed ground is informative about
+the next, and a route has many different stretches."""
 MEAN_INTEREST, INTEREST_DEVIATION = 1.23, 1.0
 """Mean of the interest, and standard deviation of its logarithm: a fifth of the ground has over half of it."""
 
 
 @inline
 def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind_out: bool) -> None:
-    """Draw a route of some number of places and its weather, into the records of a mission.
+    """Draw a route of a given number of places and its weather, into the records of a mission.
 
     Distributions, with lengths as shares of the route so that any robot meets the same variety. At each of 9 knots:
 
@@ -130,7 +129,7 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
       exp(-distance / a tenth of the route);
     * temperature: N(12, 8) within -10 to 35 C; wind: Rayleigh of scale 1.5 m/s from any direction.
 
-    In the case `hidden_wind` the wind of U(3, 6) m/s blows along the way out: the robot drives home against it.
+    With `hidden_wind` a wind of U(3, 6) m/s blows along the way out: the robot drives home against it.
     """
     mean_grade, heading = 0.02 * rng.standard_normal(), 2.0 * np.pi * rng.random()
     slope, turn, roughness = rng.standard_normal(), rng.standard_normal(), 0.0

@@ -1,19 +1,19 @@
-"""Recorded or planned tracks (GPX, FIT, positions in a CSV file) turned into elevation profiles that a robot can drive.
+"""Recorded or planned tracks (GPX, FIT, positions in a CSV file) converted to elevation profiles.
 
-A track's elevation is noise on top of hills: differentiating it makes slopes that are not there. The way from points to
-profile, each step with its constant below:
+A track's elevation has noise on top of hills, and differentiating it gives false slopes. The steps from points to a
+profile, each with its constant below:
 
-1. Way. Distance between positions on a sphere, summed over points at least `SPACING_M` apart: nearer ones are averaged,
-   or the jitter of a robot that stands or creeps would add up. A FIT file's own distance is taken where it has one.
+1. Way. Distance between positions on a sphere, summed over points at least `SPACING_M` apart. Nearer ones are averaged,
+   or the jitter of a standing robot would add up. A FIT file's own distance is used if it has one.
 2. Spikes. The elevation, linear between points on a grid of `GRID_M`, goes through a running median of `MEDIAN_M`.
 3. Noise. A Gaussian of standard deviation `SIGMA_M` along the way, the ends continued point-symmetrically.
-4. Turning points. Rises and falls of less than a threshold are no hills: between the turning points that remain, the
-   profile is made monotonic (isotonic regression, least squares). The threshold is `LEAST_RISE_M` or, where more, three
-   standard deviations of the noise that a white error of the size seen in step 2 and 3 leaves behind.
-5. Cap. Slopes beyond `STEEPEST` are cut to it; a track with more than `CAPPED_SHARE` of them is refused.
+4. Turning points. Rises and falls below a threshold are removed: between the remaining turning points the profile is
+   made monotonic (isotonic regression, least squares). The threshold is `LEAST_RISE_M` or, if larger, three standard
+   deviations of the noise that remains from a white error of the size seen in steps 2 and 3.
+5. Limit. Slopes beyond `STEEPEST` are limited to it; a track with more than `CAPPED_SHARE` of them is refused.
 
 Limits: hills shorter than about 100 m are flattened, and so are bridges and cuttings. GPS heights without a barometer
-wander by several metres over minutes; no smoothing can tell that from hills.
+drift by several metres over minutes; no smoothing can distinguish that from hills.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ Array = NDArray[np.float64]
 SPACING_M = 5.0  # least, between points: nearer ones differ by the receiver's noise
 GRID_M = 5.0  # of the smoothed profile; as fine as the points may be (SPACING_M)
 MEDIAN_M = 50.0  # of the running median, against spikes
-SIGMA_M = 25.0  # of the Gaussian, against noise; docs/logs_and_routes.md has the ascent that comes out
+SIGMA_M = 25.0  # of the Gaussian, against noise; docs/logs_and_routes.md has the resulting ascent
 LEAST_RISE_M = 2.0  # smaller ones are noise; chosen on two tracks of known ascent, see the same page
 STEEPEST = 0.5  # sine of 30 degrees
-CAPPED_SHARE = 0.02  # chosen: with more cut slopes the heights are wrong
-SHORTEST_M = 100.0  # shorter, smoothing would leave nothing of it; chosen: four times SIGMA_M
+CAPPED_SHARE = 0.02  # chosen: with more limited slopes the heights are wrong
+SHORTEST_M = 100.0  # smoothing would leave nothing of a shorter one
 JUMP_M = 100_000.0  # between neighbouring points: farther than any ground robot drives on a charge
 
 _EARTH_M = 6371008.8  # mean radius, IUGG
@@ -51,12 +51,12 @@ _TO_DEGREES = 180.0 / 2**31  # FIT positions are in semicircles
 
 @dataclass(frozen=True)
 class Track:
-    """Points in the order of the way; arrays of shape (points,).
+    """Points of a track in order; arrays of shape (points,).
 
     Attributes:
         elevation_m: Height above any datum, m; NaN where unknown.
-        latitude_deg, longitude_deg: Position, degrees, or None where only distances are known.
-        distance_m: Way since the start, m, or None where it follows from the positions.
+        latitude_deg, longitude_deg: Position, degrees, or None if only distances are known.
+        distance_m: Way since the start, m, or None if it follows from the positions.
     """
 
     elevation_m: Array
@@ -72,7 +72,7 @@ class Profile:
     Attributes:
         distance_m: Way along the slope since the start, m.
         elevation_m: Height, m.
-        heading_rad: Direction of the way, rad counter-clockwise from east, not wrapped; 0 where positions are unknown.
+        heading_rad: Direction of the way, rad counter-clockwise from east, not wrapped; 0 if positions are unknown.
     """
 
     distance_m: Array
@@ -90,11 +90,11 @@ class Profile:
 
 
 def read_track(path: str | Path) -> Track:
-    """Read the points of a GPX file (tracks, or routes where it has no track) or of the records of a FIT file.
+    """Read the points of a GPX file (tracks, or routes if it has no track) or of the records of a FIT file.
 
     Raises:
-        RouteError: The file is unreadable, is not what its name says or has fewer than two points, or the package that
-            reads it is not installed.
+        RouteError: The file is unreadable, of another kind or has fewer than two points, or the package that reads it
+            is not installed.
     """
     path = Path(path)
     track = READERS[path.suffix.lower()](path)
@@ -157,11 +157,11 @@ def profile(track: Track, name: str) -> Profile:
 
     Args:
         track: Its points.
-        name: What to call it in messages.
+        name: Name for messages.
 
     Raises:
-        RouteError: Positions that are none or jump, too few elevations, a way too short for a grade, or slopes that no
-            robot climbs on more than a few per cent of the way.
+        RouteError: Positions that are invalid or jump, too few elevations, a way too short for a grade, or slopes too
+            steep for robots on more than a few per cent of the way.
     """
     track = _without_null_island(track, name)
     elevation = _filled(track.elevation_m, name)
@@ -191,7 +191,7 @@ def profile(track: Track, name: str) -> Profile:
 
 
 def _without_null_island(track: Track, name: str) -> Track:
-    """The track without points at latitude 0 and longitude 0, which receivers give before they know better."""
+    """The track without points at latitude 0 and longitude 0, which receivers emit without a position."""
     if track.latitude_deg is None or track.longitude_deg is None:
         return track
     null = (track.latitude_deg == 0.0) & (track.longitude_deg == 0.0)
@@ -225,7 +225,7 @@ def _filled(elevation: Array, name: str) -> Array:
 
 
 def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array | None, Array | None]:
-    """Distance, elevation and, where known, position east and north of the start, at points that are apart."""
+    """Distance, elevation and, if known, position east and north of the start, at points that are apart."""
     east_m = north_m = None
     if track.latitude_deg is not None and track.longitude_deg is not None:
         _check_positions(track.latitude_deg, track.longitude_deg, name)
@@ -240,7 +240,7 @@ def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array
     else:
         assert east_m is not None and north_m is not None
         kept = _apart(east_m, north_m)
-        # Each kept point stands for those near it.
+        # Each kept point represents those near it.
         size = np.diff(np.append(kept, len(elevation)))
         elevation, east_m, north_m = (np.add.reduceat(values, kept) / size for values in (elevation, east_m, north_m))
         steps = np.hypot(np.diff(east_m), np.diff(north_m))
@@ -261,7 +261,7 @@ def _check_positions(latitude_deg: Array, longitude_deg: Array, name: str) -> No
 
 
 def _apart(east_m: Array, north_m: Array) -> NDArray[np.intp]:
-    """Indices of points at least `SPACING_M` from the one before."""
+    """Indices of points at least `SPACING_M` from the last one."""
     kept, last_east, last_north = [0], east_m[0], north_m[0]
     for index, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
         if (east - last_east) ** 2 + (north - last_north) ** 2 >= SPACING_M**2:
@@ -271,7 +271,7 @@ def _apart(east_m: Array, north_m: Array) -> NDArray[np.intp]:
 
 
 def _smooth(elevation: Array, step_m: float, spacing_m: float) -> tuple[Array, float]:
-    """The elevation less spikes and noise, and the least rise, m, that cannot be what noise is left."""
+    """The elevation without spikes and noise, and the smallest rise, m, that remaining noise cannot explain."""
     from scipy.ndimage import gaussian_filter1d, median_filter
 
     sigma = SIGMA_M / step_m

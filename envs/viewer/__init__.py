@@ -1,4 +1,4 @@
-"""The viewer: what a mission looks like, as a picture, in a window or as a few lines of text.
+"""The viewer: a mission as a picture, in a window or as a few lines of text.
 
 It reads the records of a batch and changes nothing in them. Pictures need pygame, the extra `view`.
 """

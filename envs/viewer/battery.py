@@ -1,4 +1,4 @@
-"""The battery: where its energy went, what is left, and what of that the way home consumes."""
+"""The battery: energy used by cause, energy left, and the part of it that the way home consumes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def draw_battery(canvas: Canvas, box: Box, scene: Scene) -> None:
 
 
 def _shown(scene: Scene) -> dict[str, float]:
-    """Uses that are large enough to be seen, J; what is left of them is not worth a row."""
+    """Uses that are large enough to be shown, J."""
     return {name: used for name, used in scene.used_j.items() if abs(used) > _WORTH_SHOWING * scene.full_j}
 
 
@@ -58,7 +58,7 @@ def _draw_column(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]
     level = bottom - height_of(scene.left_j)
     positive = {name: used for name, used in shown.items() if used > 0.0}
     used_j = scene.full_j - scene.worn_j - scene.left_j
-    # Where a descent gave energy back, the others share what is gone.
+    # If a descent returned energy, the others share the rest.
     per_j = used_j / sum(positive.values()) if positive else 0.0
     for name, used in positive.items():
         part = height_of(used * per_j)

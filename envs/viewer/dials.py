@@ -1,4 +1,4 @@
-"""Dials: speed, power, sensing, memory and score, each with a bar up to what is possible or good."""
+"""Dials: speed, power, sensing, memory and score, each with a bar up to its maximum or a good value."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from homeward.envs.viewer.scene import Scene
 
 @dataclass(frozen=True)
 class Dial:
-    """One quantity; `share` is how far its bar is filled, None without a bar."""
+    """One quantity; `share` is the filled share of its bar, None without a bar."""
 
     label: str
     value: str
@@ -64,7 +64,7 @@ def _score(scene: Scene) -> Dial:
     elif scene.mission == "Survey":
         note = f"sent {quantities.count(scene.delivered)}, on board {quantities.count(scene.on_board)}"
     elif scene.laps_left is not None and not scene.over:
-        note = f"energy for {scene.laps_left:.1f} more, it thinks"
+        note = f"energy for {scene.laps_left:.1f} more, by its own model"
     unit = "laps" if scene.mission == "Patrol" else unit
     label = "Score" if scene.over else "Score, once home"
     return Dial(label, value, unit, note, scene.score / scene.good_score, palette.DARK_GREEN)

@@ -1,4 +1,4 @@
-"""How far the battery still takes the robot, by its own model: the point of no return."""
+"""Range left by the robot's own model: the point of no return."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from homeward.envs.state import IN_SIGHT, PATROL
 from homeward.physics import ancillary_power, d_max
 
 _SINES = np.linspace(-0.7, 0.7, 57)
-_HOPELESS_J_PER_M = 1e12  # of a slope that the robot cannot climb on any battery
+_HOPELESS_J_PER_M = 1e12  # of a slope that no battery can climb
 
 
 class PointOfNoReturn:
-    """What ground costs by the robot's own model, and what follows from it for a mission.
+    """Energy of the ground by the robot's own model, and what follows from it for a mission.
 
-    Ground that was driven has the cost that the environment notes there. For ground ahead Eq. 8 gives the energy per
-    metre at cruise, nothing sensed, on the slope that the robot knows of: that of each place where the route is known,
-    else that of the next two places and beyond them the mean.
+    Driven ground has the energy that the environment stored there. For ground ahead Eq. 8 gives the energy per metre at
+    cruise, without sensing, on the slope that the robot knows: that of each place if the route is known, otherwise that
+    of the next two places and beyond them the mean.
 
     Args:
         known: Constants of the environment.
@@ -37,7 +37,7 @@ class PointOfNoReturn:
     def no_return_m(self, m: Any, places: NDArray[np.void], spare_j: float) -> float | None:
         """Furthest point from which the robot, driving on and turning there, still gets home.
 
-        Behind the robot, where it should have turned, once the energy no longer suffices.
+        Behind the robot, where it should have turned, if the energy is not enough any more.
 
         Args:
             m: Mission record.
@@ -45,7 +45,7 @@ class PointOfNoReturn:
             spare_j: Energy by the power meter beyond what the way home consumes, J.
 
         Returns:
-            Distance along the route, m; None where it lies beyond the end of the route.
+            Distance along the route, m; None if it lies beyond the end of the route.
         """
         s = self._known.shared[0]
         there_and_back = self._cost(self._known_sines(m, places)) + self._cost(-self._known_sines(m, places))
@@ -64,18 +64,18 @@ class PointOfNoReturn:
         driven = places[: int(m["mapped"])]
         edges = np.arange(len(driven) + 1) * float(self._known.shared[0]["place_m"])
         last = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
-        # What the battery does not cover is left when it is empty.
+        # The uncovered part is the distance left when the battery is empty.
         return float(np.interp(-spare_j, np.append(driven["home_cost_j"], last), edges))
 
     def laps_left(self, m: Any, places: NDArray[np.void], spare_j: float) -> float:
-        """Laps of a patrol that the spare energy suffices for; arguments as in `no_return_m`."""
+        """Laps of a patrol for which the spare energy is enough; arguments as in `no_return_m`."""
         s = self._known.shared[0]
         sines = self._known_sines(m, places)
         lap_j = float((self._cost(sines) + self._cost(-sines)).sum() * s["place_m"]) + self._pit_stops_j
         return max(spare_j, 0.0) / lap_j
 
     def is_patrol(self) -> bool:
-        """Whether the mission goes to and fro, so that no point of the route is one of no return."""
+        """Whether the mission goes to and fro, so that there is no point of no return."""
         return bool(self._known.shared[0]["mission"] == PATROL)
 
     def _known_sines(self, m: Any, places: NDArray[np.void]) -> NDArray[np.float64]:

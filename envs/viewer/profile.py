@@ -1,4 +1,4 @@
-"""The route: hills, the robot on them, how far it may go, and what there was to find and was sensed."""
+"""The route: hills, the robot on them, how far it may go, interest and information."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from homeward.envs.viewer.scene import Scene
 _LEFT, _RIGHT = 54.0, 20.0  # margins inside the panels, so that both share their horizontal axis
 _LIGHT_VIOLET = mix(palette.VIOLET, palette.PANEL, 0.72)
 _APRON = 26.0
-"""Flat ground before home and behind the end of the route, so that a robot there is seen whole."""
-_LOWLANDS = 0.68  # of the height of the picture for the hills; above them is room for words
-_FLATTEST = 0.02  # least height of the picture over its length: flat ground is to look flat
+"""Flat ground before home and behind the end of the route, so that a robot there is fully visible."""
+_LOWLANDS = 0.68  # of the height of the picture for the hills; above them is room for text
+_FLATTEST = 0.02  # least height of the picture over its length, so that flat ground looks flat
 
 
 def draw_profile(canvas: Canvas, box: Box, scene: Scene, colour: Colour) -> None:
@@ -39,7 +39,7 @@ def draw_profile(canvas: Canvas, box: Box, scene: Scene, colour: Colour) -> None
 
 
 def draw_interest(canvas: Canvas, box: Box, scene: Scene) -> None:
-    """Draw the information to be found along the route, and how much of it was."""
+    """Draw the interest along the route, and how much of it was found."""
     left, top, width, height = box
     plot = (left + _LEFT, top + 32.0, width - _LEFT - _RIGHT, height - 32.0 - 10.0)
     canvas.text((left + 12.0, top + 18.0), "Information", 13, bold=True)

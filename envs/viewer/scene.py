@@ -1,4 +1,4 @@
-"""What there is to see of a mission: everything a picture or a text of it is made from, read from its records."""
+"""Everything that a picture or a text of a mission shows, read from its records."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _COLUMNS = {name: [CAUSES.index(cause) for cause in causes] for name, causes in 
 
 @dataclass(frozen=True)
 class Scene:
-    """A moment of a mission. The viewer shows the truth; what the robot believes is said to be so.
+    """A moment of a mission. The viewer shows true values, and labels the robot's own estimates.
 
     Attributes:
         heading: Mission, difficulty and robot.
@@ -50,21 +50,21 @@ class Scene:
         time_s: Time since the start, s.
         edges_m: Ends of the route's places, shape (places + 1,).
         elevation_m: Elevation above home there, m, shape (places + 1,).
-        rough: Share by which the ground rolls harder than the robot's file says, shape (places,).
-        interest: Weight of the information to be found, shape (places,).
+        rough: Additional rolling resistance of the ground over the robot's file, as a share, shape (places,).
+        interest: Interest of the ground, shape (places,).
         sensed: Stretches in which new ground was reached: from (m), to (m), share of the information that the sensing
             rate yields there; shape (stretches, 3).
-        driven_m: How far the ground is known from driving it, m.
+        driven_m: Distance up to which the ground was driven, m.
         position_m: Distance from home along the route, m.
         furthest_m: The furthest so far, m.
-        direction: 1 away from home, -1 towards it, also while a return is asked for that is not final.
+        direction: 1 away from home, -1 towards it, also during a return that is not final.
         no_return_m: Point of no return by the robot's own model, m; None where there is none, see `PointOfNoReturn`.
         runs_out_m: Where the battery will be empty on the way home by the robot's own model; None if it gets home.
         laps_left: Laps that a patrol may add by the robot's own model, None for other missions.
-        full_j: Energy of a full battery as the robot believes, J.
-        worn_j: What the battery really holds less than that, J.
+        full_j: Energy of a full battery by the robot's file, J.
+        worn_j: Difference to the true energy of a full battery, J.
         left_j: Energy left, J.
-        gauge_j: Energy left by the fuel gauge, J.
+        gauge_j: Energy left by the state-of-charge reading, J.
         home_j: Energy of the way home by the robot's own model, J.
         spare_j: Energy by the power meter beyond that, J: the d_max margin.
         read_w: Mean power over the last decision by the power meter, W.
@@ -134,13 +134,13 @@ class Scene:
 
 
 def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, index: int = 0) -> Scene:
-    """See one mission of a batch as it is now.
+    """The present scene of one mission of a batch.
 
     Args:
         batch: The missions; they are only read.
         states: The mission's record after its reset and after every decision since, `MISSION_DTYPE`, shape (states,).
-        limit: Made for the setting of the batch.
-        index: Which mission.
+        limit: Made for the options of the batch.
+        index: Index of the mission.
     """
     # As records with attributes, which the formulas of the environment take.
     m, s = batch.records.view(np.recarray)[index], batch.known.shared.view(np.recarray)[0]
@@ -150,7 +150,7 @@ def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, ind
     gauge_j, home_j = float(m.soc * s.usable_j), float(home_cost(m, s))
     spare_j = float(m.metered * s.usable_j) - home_j
     state = _state(m)
-    direction = -1.0 if m.asked > 0 else float(m.direction)  # asked for a return, it heads home before that is final
+    direction = -1.0 if m.asked > 0 else float(m.direction)  # a return heads home before it is final
     going = not m.over and not limit.is_patrol()
     return Scene(
         heading=f"{batch.options.difficulty}, {known.robot.name}",

@@ -12,7 +12,7 @@ def describe(scene: Scene) -> str:
     """Three lines: where it is, the route with its point of no return (!), and the battery with the way home (=).
 
     Args:
-        scene: What there is to see.
+        scene: The scene to show.
     """
     return "\n".join((_where(scene), _route(scene), _battery(scene)))
 

@@ -23,15 +23,15 @@ FRAMES_PER_S = 15
 
 
 class Viewer:
-    """Shows one mission of a batch, and remembers its decisions as long as it lasts.
+    """Shows one mission of a batch, and stores its decisions as long as it lasts.
 
     Args:
         batch: The missions; they are only read.
         mode: `human`, `rgb_array` or `ansi`.
-        index: Which mission.
+        index: Index of the mission.
 
     Raises:
-        RenderModeError: There is no such mode, or pygame is missing that it needs.
+        RenderModeError: The mode does not exist, or needs pygame, which is missing.
     """
 
     def __init__(self, batch: Batch, mode: str, index: int = 0) -> None:
@@ -47,18 +47,18 @@ class Viewer:
         self._window: Any = None
 
     def begin(self) -> None:
-        """Forget the mission before and remember the new one, after a reset."""
+        """Drop the last mission and store the start of the new one, after a reset."""
         self._trail.clear()
         self.note()
 
     def note(self) -> None:
-        """Remember the mission as it is now, after a decision; in mode `human` it is shown as well."""
+        """Store the mission as it is now, after a decision; in mode `human` it is shown as well."""
         self._trail.append(self._batch.records[self._index : self._index + 1].tobytes())
         if self.mode == "human":
             self.render()
 
     def scene(self) -> Scene:
-        """What there is to see now."""
+        """The present scene."""
         if self._point_of_no_return is None:
             self._point_of_no_return = PointOfNoReturn(self._batch.known)
         states = np.frombuffer(b"".join(self._trail), MISSION_DTYPE)
@@ -70,7 +70,7 @@ class Viewer:
         Returns:
             In mode `rgb_array` the picture, shape (540, 960, 3); in mode `ansi` lines of text; in mode `human` nothing:
             the picture is in a window, and the call takes as long as a frame lasts. Once a user has closed the window
-            the mission goes on unseen.
+            the mission continues without it.
         """
         if self.mode == "ansi":
             return describe(self.scene())
@@ -97,5 +97,5 @@ class Viewer:
             self._window.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        # Surfaces do not travel; they are made anew.
+        # Surfaces cannot be pickled; they are made anew.
         return self.__dict__ | {"_canvas": None, "_window": None}

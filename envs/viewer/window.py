@@ -42,7 +42,7 @@ class Screen:
             pygame.display.quit()
 
     def _handle_events(self) -> bool:
-        """Take what the user did; returns whether the next frame was asked for."""
+        """Handle the user's input; returns whether the next frame was requested."""
         go_on = False
         for event in pygame.event.get():
             key = event.key if event.type == pygame.KEYDOWN else None

@@ -1,8 +1,8 @@
-"""Propose which columns of a foreign recording are which channels, or check a mapping.
+"""Propose which columns of a recording are which channels, or check a mapping.
 
-`homeward columns RUN.csv` says what each column is taken for, with what factor, and how sure that is.
-`--out my_columns.toml` writes it as a mapping file, for `homeward diagnose RUN.csv --columns my_columns.toml`; check it
-before, above all signs and guesses: `homeward columns RUN --columns my_columns.toml` shows what each channel reads.
+`homeward columns RUN.csv` prints the proposed channel of each column, its factor, and how sure the proposal is.
+`--out my_columns.toml` writes it as a mapping file, for `homeward diagnose RUN.csv --columns my_columns.toml`. Check it
+first, above all signs and guesses: `homeward columns RUN --columns my_columns.toml` prints the values of each channel.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from homeward.logs.recordings import Recording, read_recording
 
 @dataclass(frozen=True)
 class Args:
-    """Whose columns, and where to write the mapping."""
+    """Recording and mapping."""
 
     run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """Recording: a .csv, .csv.gz, .tsv, .txt or .parquet file; with --columns also a bag or a log of an autopilot."""
     columns: str | None = None
-    """Mapping to check, of columns or topics: shipped name or TOML file; none: one is proposed."""
+    """Mapping of columns or topics to check: shipped name or TOML file; by default one is proposed."""
     out: Path | None = None
-    """Mapping file to write (.toml); none: it is only shown."""
+    """Mapping file to write (.toml); by default it is only printed."""
 
 
 def main(args: Args) -> Proposal | None:
-    """Print the proposal, try it, and write it if asked to; or print what a mapping reads.
+    """Print the proposal, try it, and write it if requested; or print the values that a mapping gives.
 
     Raises:
         RecordingError: The file cannot be read, or no column of it looks like a channel.
         OSError: The mapping cannot be written.
     """
     if args.out is not None and (args.out.suffix != ".toml" or args.out.exists()):
-        raise RecordingError(f"--out {args.out}: give a new file that ends in .toml; one that is there is not replaced")
+        raise RecordingError(f"--out {args.out}: give a new file that ends in .toml; an existing one is not replaced")
     if args.columns is not None:
         if args.out is not None:
             raise RecordingError("--columns checks a mapping and --out writes a proposed one; give one of them")
@@ -62,7 +62,7 @@ def main(args: Args) -> Proposal | None:
     for line in tried:
         console.print(line)
     if args.out is None and reads and proposal.needless:
-        console.print("It reads so without a mapping, too: all names and units are those of channels.")
+        console.print("A mapping is not needed: all names and units are those of channels.")
     elif args.out is None:
         console.print(f"Write it with --out my_columns.toml:\n\n{proposal.toml()}", soft_wrap=True)
     else:
@@ -74,7 +74,7 @@ def main(args: Args) -> Proposal | None:
 
 
 def _check(recording: Recording) -> None:
-    """Print what each channel reads beside what it should be."""
+    """Print the values of each channel beside its unit and sign."""
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("channel", "least", "median", "most", "known", "unit", "should be"):
         left = heading in ("channel", "unit", "should be")
@@ -103,7 +103,7 @@ def _table(proposal: Proposal) -> Table:
 
 
 def _tried(proposal: Proposal) -> tuple[list[str], bool]:
-    """What reading the file with the proposal says, line by line, and whether it can be read."""
+    """Messages of reading the file with the proposal, and whether it can be read."""
     sources = {one.channel: Source(((one.column, one.factor),), one.offset) for one in proposal.guesses}
     try:
         recording = read_recording(proposal.path, Columns("proposed", sources, {}))

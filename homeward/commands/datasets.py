@@ -1,8 +1,8 @@
 """List public recordings of real robots, or fetch one.
 
 `homeward datasets` lists them. `homeward datasets husky_borealtc/FLOORING` downloads the recordings of a group into the
-user's cache, checks their checksums and prints their paths; without /FLOORING all groups. HOMEWARD_DATA=FOLDER reads
-them from a folder instead of the network.
+user's cache, verifies their checksums and prints their paths; without /FLOORING all groups. HOMEWARD_DATA=FOLDER uses a
+folder instead of the network.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from homeward.datasets import DATASETS, DatasetError, fetch, files_of, groups_of
 
 @dataclass(frozen=True)
 class Args:
-    """Which data set."""
+    """Data set."""
 
     name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = None
-    """Data set, or NAME/GROUP for a part of it, to be fetched; none: a table of all."""
+    """Data set to fetch, or NAME/GROUP for a part of it; by default a table of all is printed."""
 
 
 def main(args: Args) -> None:
     """Print the table, or fetch and print paths.
 
     Raises:
-        DatasetError: There is no such data set, or it cannot be had.
+        DatasetError: The data set does not exist or is not available.
     """
     if args.name is not None:
         name, _, group = args.name.partition("/")
@@ -49,5 +49,5 @@ def main(args: Args) -> None:
 
 
 def run() -> int:
-    """Run from the command line: 3 if a download fails, else see `homeward.cli.run`."""
+    """Run from the command line: 3 if a download fails, otherwise see `homeward.cli.run`."""
     return cli.run(main, Args, __doc__, (DatasetError,))

@@ -1,9 +1,9 @@
 """Diagnose the recordings of a fleet, robot by robot, several at once, on this machine or on a Ray cluster.
 
-`homeward fleet FOLDER --robot husky --jobs 2 --out runs/fleet`: every folder in FOLDER is a robot and holds its
-recordings, and its robot file as robot.toml where it has one of its own. Each robot's diagnosis.json, report.html and
-corrected.toml are written to OUT/NAME as soon as it is done, and OUT/fleet.csv lists all. The same command again
-diagnoses only what is new or has changed.
+`homeward fleet FOLDER --robot husky --jobs 2 --out runs/fleet`: every folder in FOLDER is a robot and contains its
+recordings, and optionally its own robot file as robot.toml. Each robot's diagnosis.json, report.html and corrected.toml
+are written to OUT/NAME as soon as they are done, and OUT/fleet.csv lists all robots. The same command again diagnoses
+only what is new or has changed.
 """
 
 from __future__ import annotations
@@ -28,34 +28,33 @@ from homeward.files import write_whole
 from homeward.parallel import ClusterError, TaskError, check_workers, code_hash, run_tasks
 
 ASSUMED = "husky"
-"""Robot of those that are said to be none."""
+"""Robot that is assumed for folders without a robot file."""
 ROBOT, DIAGNOSIS, KEY = "robot.toml", "diagnosis.json", "inputs.sha256"
 
 
 @dataclass(frozen=True)
 class Args:
-    """Whose recordings to diagnose, and where to write."""
+    """Recordings, robots and output."""
 
     fleet: Annotated[Path, tyro.conf.Positional]
-    """Folder with one folder of recordings a robot."""
+    """Folder with one folder of recordings per robot."""
     robot: str | None = None
-    """Robot file of those that have no robot.toml of their own: preset name or TOML file; if left out, husky, and a
-    line says so."""
+    """Robot of folders without a robot.toml: preset name or TOML file; by default husky, and a line says so."""
     columns: str | None = None
-    """Mapping for foreign recordings: shipped name or TOML file."""
+    """Mapping for recordings with other names: shipped name or TOML file."""
     out: Path = Path("runs/fleet")
-    """Folder for one folder a robot, and fleet.csv."""
+    """Folder for one folder per robot, and fleet.csv."""
     seed: int = 0
     """Seed of the bootstrap draws, the same for every robot."""
     jobs: int = 1
-    """Robots at once on this machine."""
+    """Processes on this machine."""
     cluster: str | None = None
     """HOST:PORT of a Ray cluster to use instead; the recordings are sent there, and nothing has to be shared."""
 
 
 @dataclass(frozen=True)
 class Member:
-    """One robot's diagnosis as a task: all that it takes, wherever it is worked out."""
+    """One robot's diagnosis as a task, with everything that it needs on any machine."""
 
     recordings: tuple[Recording, ...]
     robot: Robot
@@ -63,7 +62,7 @@ class Member:
 
     @property
     def key(self) -> str:
-        """Hash of all that the diagnosis follows from."""
+        """Hash of everything that determines the diagnosis."""
         inputs = (*(one.sha256 for one in self.recordings), self.robot.to_toml(), str(self.seed), code_hash())
         return hashlib.sha256("\n".join(inputs).encode()).hexdigest()
 
@@ -74,8 +73,8 @@ def main(args: Args) -> dict[str, Diagnosis]:
     Raises:
         RecordingError, RobotError: Input that cannot be used. Nothing has been diagnosed or, where that shows only
             then, the reports that say why are written nonetheless.
-        TaskError: A diagnosis failed; those that ended are written, and the same command goes on.
-        ClusterError: The cluster cannot be used.
+        TaskError: A diagnosis failed; finished ones are written, and the same command continues.
+        ClusterError: The cluster cannot be reached.
         OSError: The output folder cannot be written to.
     """
     check_workers(args.jobs, args.cluster)
@@ -85,7 +84,7 @@ def main(args: Args) -> dict[str, Diagnosis]:
     def keep(name: str, files: dict[str, bytes]) -> None:
         for file, content in files.items():
             write_whole(args.out / name / file, content)
-        write_whole(args.out / name / KEY, cases[name].key)  # last: it says that the others are there
+        write_whole(args.out / name / KEY, cases[name].key)  # last: it marks the others as complete
 
     due = {name: case for name, case in cases.items() if not _is_written(args.out / name, case)}
     run_tasks(diagnose_one, due, jobs=args.jobs, cluster=args.cluster, keep=keep, title="robots")
@@ -101,14 +100,14 @@ def members_of(args: Args) -> dict[str, Member]:
     """Read all recordings and robot files, by the name of the robot's folder.
 
     Raises:
-        RecordingError, RobotError: One cannot be used, or there is none.
+        RecordingError, RobotError: One is invalid, or there is none.
     """
     try:
         folders = sorted(entry for entry in args.fleet.iterdir() if entry.is_dir() and entry.name[0] != ".")
     except OSError as error:
         raise RecordingError(f"cannot read {args.fleet}: {error.strerror}; give a folder of folders") from None
     if not folders:
-        raise RecordingError(f"{args.fleet} holds no folder: give one with a folder of recordings a robot")
+        raise RecordingError(f"{args.fleet} contains no folder: give one with a folder of recordings per robot")
     nominal, cases = load_robot(args.robot or ASSUMED), {}
     if args.robot is None and (unknown := [one.name for one in folders if not (one / ROBOT).is_file()]):
         said = f"no --robot is given: {ASSUMED} is assumed for {', '.join(unknown[:5])}{', ...' * (len(unknown) > 5)}"
@@ -116,7 +115,7 @@ def members_of(args: Args) -> dict[str, Member]:
     for folder in folders:
         files = sorted(entry for entry in folder.iterdir() if entry.name[0] != "." and entry.name != ROBOT)
         if not files:
-            raise RecordingError(f"{folder} holds no recording: remove it, or put the robot's recordings there")
+            raise RecordingError(f"{folder} contains no recording: remove it, or put the robot's recordings there")
         robot = load_robot(folder / ROBOT) if (folder / ROBOT).is_file() else nominal
         recordings = tuple(read_recording(file, args.columns) for file in files)
         for file, one in zip(files, recordings, strict=True):
@@ -169,4 +168,4 @@ def _print(found: dict[str, Diagnosis], known: int, out: Path) -> None:
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
     refused = (RecordingError, RobotError, TaskError, ClusterError)
-    return cli.run(main, Args, __doc__, refused, interrupted="what is done is kept, the same command goes on")
+    return cli.run(main, Args, __doc__, refused, interrupted="finished results are kept, the same command continues")

@@ -1,12 +1,12 @@
-"""How far a robot gets on one battery charge, and where the energy goes.
+"""Range of a robot on one battery charge, and the energy by cause.
 
 `homeward range rusti --grade 5.71 --duty 0.367` prints the estimate of Tiwari, Xiao and Chong (IROS 2018, Eq. 8) for
-their robot up their incline, moving 36.7 % of the time, with each part's share. ROBOT is a preset (`homeward robots`)
-or your own TOML file; where it has effects that the paper leaves out, the compiled model drives until the battery is
-empty instead. `--plot range.png` shows how range and shares change with the speed.
+their robot on their incline, moving 36.7 % of the time, with each part's share. ROBOT is a preset (`homeward robots`)
+or your own TOML file. If it has effects that the paper omits, the compiled model drives until the battery is empty
+instead. `--plot range.png` shows range and shares over the speed.
 
-With `--route track.gpx` it says with a 90 % interval what the route takes there and back, and how likely the robot is
-to get there and back; `--plot fan.png` shows the energy left on the way, and the point of no return.
+With `--route track.gpx` it prints the energy that the route consumes there and back with a 90 % interval, and the
+probability of getting there and back; `--plot fan.png` shows the energy left on the way, and the point of no return.
 """
 
 from __future__ import annotations
@@ -30,42 +30,42 @@ from homeward.files import write_whole
 from homeward.physics import d_max, model, optimal_speed, replay
 
 _CYCLES = 100
-"""Drives and stops of the mission that a robot with effects is followed through. Chosen: one then takes 1 % of the
+"""Cycles of driving and standing in the mission of a robot with effects. Chosen: a cycle then takes 1 % of the
 battery."""
 _PLACES = 160.0
-"""Places of a route on a d_max, over which slopes are averaged. Chosen: hills of 1 % of a charge are resolved."""
+"""Places per d_max, over which slopes of a route are averaged. Chosen: hills of 1 % of a charge are resolved."""
 
 
 @dataclass(frozen=True)
 class Args:
-    """Which robot, and how it drives."""
+    """Robot and drive."""
 
     robot: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ROBOT")]
     """Preset name, or path of a robot file."""
     grade: float = 0.0
     """Slope, degrees, uphill above 0."""
     duty: float = 1.0
-    """Duty cycle: share of the time spent moving, above 0 and at most 1. Standing draws power too."""
+    """Duty cycle: share of the time spent moving, above 0 and at most 1. Standing consumes power too."""
     speed_mps: float | None = None
-    """Speed while moving, m/s; the one with the longest range if left out."""
+    """Speed while moving, m/s; by default the one with the longest range."""
     sensing_hz: float = 0.0
     """Sensing rate, Hz."""
     route: str | None = None
-    """Track (.gpx, .fit, .csv) or profile to drive there and back instead, with what is not known of robot and day."""
+    """Track (.gpx, .fit, .csv) or profile to drive there and back instead, with the uncertainty of robot and wind."""
     risk: float = RISK
-    """Risk of not getting home that is accepted: the point of no return of --route goes by it."""
+    """Accepted risk of not getting home, for the point of no return with --route."""
     plot: Path | None = None
-    """Picture to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed; of a route the energy
+    """Plot to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed; with --route the energy
     left on the way there and back."""
 
 
 class RangeError(ValueError):
-    """An argument that cannot be used."""
+    """An invalid argument."""
 
 
 @dataclass(frozen=True)
 class Mission:
-    """A robot on its way: slope in rad, duty cycle and sensing rate in Hz."""
+    """A robot and its drive: slope in rad, duty cycle and sensing rate in Hz."""
 
     robot: Robot
     grade_rad: float
@@ -77,7 +77,7 @@ class Mission:
         return float(d_max(self.robot, speed_mps, self.grade_rad, self.duty, self.sensing_hz))
 
     def parts_j_per_m(self, speed_mps: float) -> dict[str, float]:
-        """Energy per metre by part, J/m; parts that there are not are left out."""
+        """Energy per metre by part, J/m; zero parts are omitted."""
         if self.robot.active_effects:
             parts = self._parts_by_the_kernel(speed_mps)
         else:
@@ -85,7 +85,7 @@ class Mission:
         return {name: part for name, part in parts.items() if part != 0.0}
 
     def _parts_of_the_paper(self, speed_mps: float) -> dict[str, float]:
-        """The terms of Eq. 7; where the slope drives the robot by itself, forces draw nothing."""
+        """The terms of Eq. 7; where the slope drives the robot without power, forces consume nothing."""
         robot, per_m = self.robot, 1.0 / (speed_mps * self.duty)
         drives = float(model.traction_force(robot, speed_mps, self.grade_rad)) > 0.0
         per_n = drives / robot.traction_efficiency
@@ -100,10 +100,11 @@ class Mission:
         }
 
     def _parts_by_the_kernel(self, speed_mps: float) -> dict[str, float]:
-        """The ledger of a mission as long as the range, in many drives and stops."""
+        """The energy by cause of a mission as long as the range, in many drives and stops."""
         lasts_s = min(self.range_m(speed_mps), 1e9) / (speed_mps * self.duty)
         cycle_s = lasts_s / _CYCLES
-        # Each cycle drives and stands; the stop is cut in two, as the last sample holds as long as the one before.
+        # Each cycle drives and stands; the stop is split in two, because the last sample holds as long as the one
+        # before.
         phases = [0.0, self.duty, 0.5 + 0.5 * self.duty] if self.duty < 1.0 else [0.0]
         starts = np.add.outer(np.arange(float(_CYCLES)), np.array(phases)) * cycle_s
         speeds = np.where(np.arange(len(phases)) == 0, speed_mps, 0.0)
@@ -115,11 +116,11 @@ class Mission:
 
 
 def main(args: Args) -> None:
-    """Print the estimate, and draw it if asked to.
+    """Print the estimate, and plot it if requested.
 
     Raises:
-        RobotError: There is no such robot, or its file is wrong.
-        RangeError, RouteError, CompanionError: Another argument cannot be used.
+        RobotError: The robot does not exist, or its file is invalid.
+        RangeError, RouteError, CompanionError: Another argument is invalid.
         OSError: The picture cannot be written.
     """
     mission = _mission(args)
@@ -134,7 +135,7 @@ def main(args: Args) -> None:
     chosen = "the speed with the longest range" if args.speed_mps is None else f"{best_mps:.2f} m/s would go furthest"
     slope = "on the flat" if args.grade == 0.0 else f"{abs(args.grade):g}° {'up' if args.grade > 0.0 else 'down'}hill"
     lasts = quantities.duration(range_m / (speed_mps * mission.duty)) if math.isfinite(range_m) else "ever"
-    far = quantities.distance(range_m) if math.isfinite(range_m) else "any distance: the slope drives it for nothing"
+    far = quantities.distance(range_m) if math.isfinite(range_m) else "any distance: the slope drives it without power"
     console.print(
         Text.assemble((f"{cli.printable(robot.name)}: {far}", "bold"), f" on one charge, in {lasts}"),
         f"at {speed_mps:.2f} m/s ({chosen}), {slope}, moving {mission.duty:.1%} of the time, "

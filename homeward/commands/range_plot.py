@@ -1,4 +1,4 @@
-"""The picture of `homeward range`: range and energy per metre over the speed."""
+"""The plot of `homeward range`: range and energy per metre over the speed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def range_picture(mission: Mission, speed_mps: float, suffix: str) -> bytes:
 
     Args:
         mission: The robot and how it drives.
-        speed_mps: Speed to be marked, m/s.
+        speed_mps: Speed to mark, m/s.
         suffix: `.png`, `.svg` or `.pdf`.
     """
     robot = mission.robot
@@ -50,7 +50,7 @@ def range_picture(mission: Mission, speed_mps: float, suffix: str) -> bytes:
     )  # fmt: skip
     upper.set_ylabel("range, km")
     upper.set_ylim(bottom=0.0)
-    # Downhill the grade takes from what the others need: it is drawn below zero.
+    # Downhill the grade supplies energy to the other parts: it is drawn below zero.
     gains = np.where(parts.min(axis=1, keepdims=True) < 0.0, parts, 0.0)
     for positive, layer in ((True, parts - gains), (False, gains)):
         shown = [index for index in range(len(names)) if layer[index].any()]

@@ -1,7 +1,7 @@
-"""List the robots that ship, or print the file of one.
+"""List the shipped robots, or print the file of one.
 
-`homeward robots` lists key figures of all presets. `homeward robots husky > mine.toml` prints a robot file, with the
-source beside every number, to start your own from: change what differs and give its path wherever a robot is asked for.
+`homeward robots` lists key figures of all presets. `homeward robots husky > mine.toml` prints a robot file with the
+source of every number. Change what differs, and give its path wherever a robot is expected.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from homeward.physics.robot import preset_names
 
 @dataclass(frozen=True)
 class Args:
-    """Which robot."""
+    """Robot."""
 
     robot: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[ROBOT]")] = None
-    """Preset name, or path of a robot file, to be printed; none: a table of all presets."""
+    """Preset name or path of a robot file to print; by default a table of all presets is printed."""
 
 
 def main(args: Args) -> None:
     """Print the table, or one file.
 
     Raises:
-        RobotError: There is no such robot, or its file is wrong.
+        RobotError: The robot does not exist, or its file is invalid.
     """
     if args.robot is not None:
-        load_robot(args.robot)  # says what is wrong in a file
+        load_robot(args.robot)  # checks the file
         shipped = files("homeward") / "robots" / f"{args.robot}.toml"
         source = shipped if args.robot in preset_names() else Path(args.robot)
         print(source.read_text(encoding="utf-8"), end="")

@@ -1,4 +1,4 @@
-"""The picture of `homeward routes`: elevation along the way, and where there is something to find."""
+"""The plot of `homeward routes`: elevation and interest along the way."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from homeward.envs.routes import Route
 
 _MOST = 8
-"""Routes that can be distinguished in one picture. Chosen."""
+"""Maximum number of routes that can be distinguished in one plot. Chosen."""
 
 
 def routes_picture(routes: Sequence[Route], title: str, suffix: str) -> bytes:
@@ -19,7 +19,7 @@ def routes_picture(routes: Sequence[Route], title: str, suffix: str) -> bytes:
 
     Args:
         routes: At least one.
-        title: What they are.
+        title: Title of the plot.
         suffix: `.png`, `.svg` or `.pdf`.
     """
     figure = Figure(figsize=(8.0, 4.8), layout="constrained")

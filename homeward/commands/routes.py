@@ -1,9 +1,9 @@
 """List routes, or measure and draw one.
 
-`homeward routes` lists what ships. `homeward routes track.gpx --robot husky` reads a route of your own (a GPX or FIT
-track, or a CSV file, as `--route` of the environments takes them), says how long and steep it is and what share of that
-robot's battery it consumes. `homeward routes generated` says the same of what the environments draw for every mission.
-`--plot route.png` draws the profile.
+`homeward routes` lists the shipped routes. `homeward routes track.gpx --robot husky` reads a route of your own (a GPX
+or FIT track, or a CSV file, as for `--route` of the environments), and prints its length, its slopes and the share of
+that robot's battery that it consumes. `homeward routes generated` prints statistics of the routes that the environments
+draw. `--plot route.png` draws the profile.
 """
 
 from __future__ import annotations
@@ -27,30 +27,31 @@ from homeward.envs.state import MAX_PLACES
 from homeward.files import write_whole
 from homeward.physics import d_max, optimal_speed
 
-_FINEST_M = 0.01  # place length asked for; chosen: so fine that each route is cut as finely as it may be
+_FINEST_M = 0.01  # requested place length; chosen: so short that each route is cut as finely as possible
 
 
 @dataclass(frozen=True)
 class Args:
-    """Which route."""
+    """Route."""
 
     route: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[ROUTE]")] = None
-    """Name of a route that ships, or path of a .gpx, .fit or .csv file; none: a table of those that ship."""
+    """Name of a shipped route, or path of a .gpx, .fit or .csv file; by default a table of the shipped ones is
+    printed."""
     robot: str = "rusti_computer"
-    """Robot that drives it: preset name or TOML file. Generated routes are as long as suits it."""
+    """Robot that drives it: preset name or TOML file. The length of generated routes depends on it."""
     draws: int = 200
     """Number of generated routes to measure."""
     seed: int = 0
     """Seed of the first of them."""
     plot: Path | None = None
-    """Picture of the profile to write (.png, .svg or .pdf)."""
+    """Plot of the profile to write (.png, .svg or .pdf)."""
 
 
 def main(args: Args) -> None:
     """Print the table, or measure and draw one route.
 
     Raises:
-        RouteError, RobotError, OptionError: There is no such route or robot, or an argument cannot be used.
+        RouteError, RobotError, OptionError: The route or robot does not exist, or an argument is invalid.
         OSError: The picture cannot be written.
     """
     console = cli.Terminal()
@@ -80,7 +81,7 @@ def main(args: Args) -> None:
 
 
 def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.float64], str]]:
-    """What there is to say of routes, one value each, with its unit.
+    """Statistics of routes, one value each, with its unit.
 
     Args:
         routes: The routes.
@@ -115,10 +116,10 @@ def generated_routes(robot: Robot, kind: str, count: int, seed: int) -> list[Rou
     """Routes as the environments draw them.
 
     Args:
-        robot: Their length suits it.
+        robot: It determines their length.
         kind: `generated` or `hidden_wind`.
-        count: How many.
-        seed: Of the first; the others follow.
+        count: Number of routes.
+        seed: Seed of the first; the others follow.
     """
     from homeward.envs.vector import HomewardVectorEnv  # only now: it compiles
 

@@ -1,8 +1,8 @@
 """Train over seeds and settings, several runs at once, on this machine or on a Ray cluster.
 
 `homeward sweep --seeds 0 1 2 --vary learning_rate=1e-3,3e-4 --jobs 2 --out runs/sweep` trains six policies, each in a
-folder of its own, SETTINGS/seed_N. All options of `homeward train` can be given, and hold for every run. The same
-command again continues what was interrupted. `homeward evaluate --agents ppo=FOLDER` takes a folder of seeds.
+folder of its own, SETTINGS/seed_N. All options of `homeward train` are accepted and apply to every run. The same
+command again continues interrupted runs. `homeward evaluate --agents ppo=FOLDER` takes a folder of seeds.
 
 `homeward sweep --optuna 20 --vary learning_rate=1e-4..1e-2 clip=0.1..0.3 --out runs/search` searches instead: each
 trial trains all seeds, in trial_N/seed_M, and its score is that of the best points of their learning curves. trials.csv
@@ -42,14 +42,14 @@ MARK = "sweep.txt"
 """File that the nodes of a cluster look for in the output folder."""
 TRIALS, STUDY = "trials.csv", "study.journal"
 """Files of a search in its folder."""
-_SHOWN = 10  # of the best trials; chosen: a screen
+_SHOWN = 10  # number of best trials; chosen: a screen
 _BATCHES = ("n_envs", "n_steps", "batch_size")
 """Settings that must divide each other, which few numbers of a range do."""
 
 
 @dataclass(frozen=True)
 class Args:
-    """Which runs to train, and where."""
+    """Runs to train, and output."""
 
     seeds: tuple[int, ...] = (0, 1, 2)
     """Training seeds."""
@@ -57,12 +57,12 @@ class Args:
     """Settings to try, each NAME=VALUE,VALUE: all combinations are trained with every seed. With --optuna also ranges,
     NAME=LOW..HIGH, on a logarithmic scale where HIGH is ten times LOW or more."""
     optuna: int | None = None
-    """Trials of a search instead of all combinations. So that it goes on after a kill as if it had not been, a run that
-    was interrupted begins anew."""
+    """Number of trials of a search instead of all combinations. An interrupted run restarts from its beginning, so that
+    the search continues after a kill as an uninterrupted one would."""
     jobs: int = 1
-    """Runs at once on this machine."""
+    """Processes on this machine."""
     cluster: str | None = None
-    """HOST:PORT of a Ray cluster to train on instead; --out has to be a folder that all its nodes share."""
+    """HOST:PORT of a Ray cluster to train on instead; all its nodes must share the folder --out."""
     train: Annotated[train.Args, tyro.conf.arg(name="")] = field(default_factory=train.Args)
 
 
@@ -70,10 +70,10 @@ def main(args: Args) -> dict[str, Path]:
     """Train all runs and return their folders by name.
 
     Raises:
-        TrainingError: An argument cannot be used.
-        TaskError: A run failed; those that ended are kept, and the same command continues.
+        TrainingError: An argument is invalid.
+        TaskError: A run failed; finished ones are kept, and the same command continues.
         SearchError: A range cannot be searched, or Optuna is not installed.
-        ClusterError: The cluster cannot be used.
+        ClusterError: The cluster cannot be reached.
     """
     if args.optuna is not None:
         return _search(args, args.optuna)
@@ -86,7 +86,7 @@ def main(args: Args) -> dict[str, Path]:
 
 
 def runs_of(args: Args) -> dict[str, train.Args]:
-    """What to train, by the name of its folder.
+    """Runs to train, by the name of their folder.
 
     Raises:
         TrainingError: A setting does not exist or cannot take a value, or a value or seed is given twice.
@@ -107,7 +107,7 @@ def runs_of(args: Args) -> dict[str, train.Args]:
 
 
 def _base(args: Args) -> train.Args:
-    """What all runs have in common."""
+    """Options that all runs have in common."""
     if len(set(args.seeds)) < max(len(args.seeds), 1):
         raise TrainingError(f"seeds {' '.join(map(str, args.seeds)) or 'none'}: give each seed once, and at least one")
     for seed in args.seeds:
@@ -154,7 +154,7 @@ def _choices(given: str) -> tuple[str, SearchRange | tuple[Any, ...]]:
 
 
 def _search(args: Args, trials: int) -> dict[str, Path]:
-    """Train what a search tries, and say what was best."""
+    """Train the trials of a search, and print the best."""
     base = dataclasses.replace(_base(args), checkpoints=1)
     space = _space(args, base, trials)
     check_workers(args.jobs, args.cluster)
@@ -182,7 +182,7 @@ def _search(args: Args, trials: int) -> dict[str, Path]:
 
 
 def _space(args: Args, base: train.Args, trials: int) -> dict[str, SearchRange | tuple[Any, ...]]:
-    """Range or values of each setting, of which every corner can be trained."""
+    """Range or values of each setting, of which every combination can be trained."""
     if trials < 1:
         raise TrainingError(f"optuna = {trials} is not allowed; give at least 1")
     if not args.vary:
@@ -221,19 +221,19 @@ def _flags(trial: Trial) -> str:
 
 
 def train_quietly(args: train.Args) -> Path:
-    """Train one run without a word.
+    """Train one run without output.
 
     Raises:
-        TrainingError: The run cannot be made, or its folder is not to be seen from here.
+        TrainingError: The run is invalid, or its folder is not visible from here.
     """
     if not any((folder / MARK).is_file() for folder in args.out.parents):
-        raise TrainingError(f"{args.out} is not to be seen from this node: give an --out that all nodes share")
+        raise TrainingError(f"{args.out} is not visible from this node: give an --out that all nodes share")
     with contextlib.redirect_stderr(io.StringIO()):
         return train.main(args)
 
 
 def train_and_score(args: train.Args) -> float:
-    """Train one run without a word; the best score of its learning curve, or NaN where the weights diverged.
+    """Train one run without output; the best score of its learning curve, or NaN if the weights diverged.
 
     Raises:
         TrainingError: As `train_quietly`.
@@ -248,4 +248,4 @@ def train_and_score(args: train.Args) -> float:
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
     refused = (TrainingError, SearchError, OptionError, RobotError, RouteError, TaskError, ClusterError)
-    return cli.run(main, Args, __doc__, refused, interrupted="the same command goes on")
+    return cli.run(main, Args, __doc__, refused, interrupted="the same command continues")

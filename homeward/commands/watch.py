@@ -1,15 +1,14 @@
-"""Replay recordings of a robot as if live, and see how far to trust what the companion says.
+"""Replay recordings of a robot as if live, and compare the companion's predictions with measurements.
 
-`homeward watch RUN... --robot corrected.toml` feeds each recording to a companion (docs/on_the_robot.md) and asks it at
-each moment what the rest of the drive will consume. It prints, by what was left of the way, how often the 90 % interval
-held the energy that it then consumed, and how far off the mean was; DIR/watch.html shows it, DIR/watch.csv holds every
-moment. RUN is
-a table or a ROS bag, read without ROS, with battery power, or voltage and current; of motor currents alone it is the
-charge that is predicted, by the corrected.toml of such recordings. In a terminal it shows the drive meanwhile.
+`homeward watch RUN... --robot corrected.toml` replays each recording to a companion (docs/on_the_robot.md), which
+predicts at each moment what the rest of the drive will consume. It prints, by the way left, how often the 90 % interval
+contained the measured energy, and the error of the mean. DIR/watch.html shows this, DIR/watch.csv contains every
+moment. RUN is a table or a ROS bag (read without ROS), with battery power, or voltage and current. From motor currents
+alone the charge is predicted, with the corrected.toml of such recordings. A terminal shows the drive meanwhile.
 
-`homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and advises live:
-battery state, odometry and IMU are subscribed, by the mappings that bags use; whether it can reach home, whether to
-turn now and the energy to home are published.
+`homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and advises live. It
+subscribes to battery state, odometry and IMU, by the mappings for bags, and publishes whether the robot can reach home,
+whether it must turn now, and the energy of the way home.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ from homeward.watch.replay import run_all
 
 @dataclass(frozen=True)
 class Args:
-    """What to watch."""
+    """Recordings or network, robot and output."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Recordings (.csv, .csv.gz, .tsv, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a ROS 2 bag), one
@@ -50,36 +49,36 @@ class Args:
     robot: str
     """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
     columns: str | None = None
-    """Mapping for foreign recordings, of columns or, for bags, of topics: shipped name or TOML file."""
+    """Mapping of columns or, for bags, of topics, for recordings with other names: shipped name or TOML file."""
     soc: float | None = None
-    """State of charge at the start, 0 to 1; as recorded, or full, if left out."""
+    """State of charge at the start, 0 to 1; by default as recorded, or full."""
     cutoff_v: float | None = None
     """Voltage at which the battery is cut off, V."""
     risk: float = RISK
-    """Risk of not getting home that is accepted: the point of no return goes by it."""
+    """Accepted risk of not getting home, for the point of no return."""
     speed: float = 0.0
-    """Times as fast as it was recorded that a terminal shows it; 0: as fast as it goes."""
+    """Speed of the view in a terminal as a multiple of real time; 0: as fast as possible."""
     quiet: bool = False
-    """Show nothing while it is replayed."""
+    """Show nothing during the replay."""
     out: Path = Path("runs/watch")
     """Folder for watch.html and watch.csv."""
     ros2: bool = False
     """Join a ROS 2 network instead of replaying; needs the extra ros2."""
     domain: int | None = None
-    """With --ros2: number of its domain; ROS_DOMAIN_ID, or 0, if left out."""
+    """With --ros2: number of its domain; by default ROS_DOMAIN_ID, or 0."""
     namespace: str = ""
-    """With --ros2: topics below it alone are listened to, such as /robot1, and the advice is published below it."""
+    """With --ros2: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
     home: tuple[float, float] | None = None
-    """With --ros2: where home is in the frame of the odometry, m; where the robot is first heard, if left out."""
+    """With --ros2: home in the frame of the odometry, m; by default where the robot is first heard."""
     state: Path | None = None
-    """With --ros2: file that is gone on from if it is there, and that is written every minute and at the end."""
+    """With --ros2: file of the state: read if it exists, and written every minute and at the end."""
 
 
 def main(args: Args) -> list[Watched]:
     """Replay, print the table and write the page; or join a network.
 
     Raises:
-        RobotError, RecordingError, CompanionError: Input that cannot be used.
+        RobotError, RecordingError, CompanionError: The input cannot be used.
         OSError: The output folder cannot be written to.
     """
     if args.ros2:
@@ -115,10 +114,10 @@ def main(args: Args) -> list[Watched]:
 def _join(args: Args) -> list[Watched]:
     """Advise a robot on its network until it is interrupted; nothing to return."""
     if args.runs:
-        raise RecordingError("--ros2 takes no recordings: it listens to a robot")
+        raise RecordingError("--ros2 accepts no recordings: it subscribes to a robot's topics")
     domain = _domain(args.domain)
     if args.namespace and not args.namespace.startswith("/"):
-        raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a slash in front")
+        raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
     try:
         from homeward.watch.ros2.session import Session  # only now: it needs further packages
     except ModuleNotFoundError as error:
@@ -142,7 +141,7 @@ def _domain(given: int | None) -> int:
 
 
 def table_of(rows: list[Row]) -> Table:
-    """Coverage, bias and error by what was left of the way; the last row is all of it."""
+    """Coverage, bias and error by the way left; the last row is of all moments."""
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("way left", "moments", "in the 90 %\ninterval", "bias", "median\nerror", "half\ninterval"):
         table.add_column(heading, justify="left" if heading == "way left" else "right")
@@ -158,7 +157,7 @@ def table_of(rows: list[Row]) -> Table:
 
 
 def moments_of(runs: list[Watched]) -> pd.DataFrame:
-    """Every moment of every run, one a row."""
+    """Every moment of every run, one row each."""
     names = ("time_s", "left_m", "took_j", "mean_j", "low_j", "high_j")
     table = pd.concat([pd.DataFrame({"run": one.name, **{name: getattr(one, name) for name in names}}) for one in runs])
     of_charge = {name: name.replace("_j", "_as") for name in names if runs[0].unit == "A s"}

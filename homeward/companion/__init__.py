@@ -1,4 +1,4 @@
-"""On the robot: how far is home, how sure are we, when must we turn."""
+"""On the robot: estimates of the energy left and of the way home with their uncertainty, and when to turn."""
 
 from homeward.companion.advice import Action, Advice, UncertainValue
 from homeward.companion.companion import Companion

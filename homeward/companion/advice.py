@@ -1,4 +1,4 @@
-"""What the companion answers: numbers with how sure they are, and in words what they rest on."""
+"""What the companion returns: estimates with their uncertainty, and the readings and assumptions behind them."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import Any, NamedTuple
 from homeward import quantities
 from homeward.estimation.tails import deviations
 
-_COVERED = 0.9  # probability of the interval that is shown; chosen, and said wherever it is shown
+_COVERED = 0.9  # probability of the interval that is shown; chosen, and stated wherever it is shown
 
 
 class UncertainValue(NamedTuple):
-    """A number that is not known exactly, distributed as Student's t (`homeward.estimation.tails`).
+    """An uncertain number, distributed as Student's t (`homeward.estimation.tails`).
 
     Attributes:
-        mean: Its mean.
-        sd: Its standard deviation.
+        mean: Mean.
+        sd: Standard deviation.
     """
 
     mean: float
     sd: float
 
     def quantile(self, share: float) -> float:
-        """Below which it is with a probability.
+        """Quantile: the number is below it with this probability.
 
         >>> round(UncertainValue(100.0, 10.0).quantile(0.05), 1)
         81.1
@@ -43,10 +43,10 @@ class UncertainValue(NamedTuple):
 
 
 class Action(NamedTuple):
-    """What a policy asks for until its next decision.
+    """Command of a policy until its next decision.
 
     Attributes:
-        speed_mps: Speed, m/s; 0 where it stops.
+        speed_mps: Speed, m/s; 0 to stop.
         sensing_hz: Sensing rate, Hz.
         mode: `stop`, `go` or `return`.
     """
@@ -62,25 +62,26 @@ class Action(NamedTuple):
 
 @dataclass(frozen=True)
 class Advice:
-    """What to know at a moment of a drive. Energies are as the robot's own meter has them.
+    """Advice at a moment of a drive. Energies are in J as the robot's own power meter would measure them.
 
     Attributes:
-        time_s: Of the reading that it follows.
-        way_home_m: How far home is, by the way that the robot would take.
-        energy_left_j: In the battery, down to the cut-off voltage where one was given.
-        energy_home_j: What the way home consumes, at `home_mps`, turning now.
-        margin_j: Energy left less way home.
+        time_s: Time of the reading, s since the first one.
+        way_home_m: Length of the way home that the robot would take, m.
+        energy_left_j: Energy in the battery, down to the cut-off voltage if one was given.
+        energy_home_j: Energy that the way home consumes, turning now, at the companion's `cruise_mps`.
+        margin_j: Energy left less that of the way home.
         chance_home: Probability of getting home when turning now.
-        risk: Probability of not getting home that is accepted, by which the next three go.
-        turn_in_m: How far the robot may drive on before it must turn, 0 where it must now.
-        turn_in_s: In how much time that is, at its present pace.
-        turn_now: Whether it must turn now; it stays so until the robot is home, within `Companion(arrived_m=...)`, or
-            what was known has changed.
+        risk: Accepted probability of not getting home, used for the next three.
+        turn_in_m: How far the robot may drive on before it must turn, m; 0 if it must turn now.
+        turn_in_s: The time that this takes at its present pace, s.
+        turn_now: Whether it must turn now. It stays true until the robot is home, within `Companion(arrived_m=...)`, or
+            the estimates change.
         chance_there_and_back: Probability of getting to the end of the route and home; None without a route.
-        looks_back: Whether to drive towards home for a moment would tell wind and robot apart now.
-        rests_on: What the estimate rests on, a sentence each.
-        warnings: What is wrong with the readings now, a sentence each.
-        action: What the policy asks for; None without a policy and once its mission is over.
+        looks_back: Whether an excitation step now, driving towards home for a moment, would distinguish wind from
+            rolling resistance.
+        rests_on: Readings and assumptions behind the advice, a sentence each.
+        warnings: Present faults of the readings, a sentence each.
+        action: Command of the policy; None without a policy and once its mission is over.
     """
 
     time_s: float
@@ -100,7 +101,7 @@ class Advice:
     action: Action | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Numbers, texts and lists for JSON; of a spread also its 90 % interval."""
+        """Numbers, texts and lists for JSON; a spread includes its 90 % interval."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         for name, value in values.items():
             if isinstance(value, UncertainValue):
@@ -118,5 +119,8 @@ class Advice:
             f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"
         )  # fmt: skip
         way = quantities.distance(self.way_home_m)
-        asked = "" if self.action is None else f"; the policy asks: {self.action}"
-        return f"{left} left; home is {way} away and takes {home}; chance {self.chance_home:.2%}; {turn}{asked}"
+        asked = "" if self.action is None else f"; action of the policy: {self.action}"
+        return (
+            f"{left} left; the way home, {way}, consumes {home}; "
+            f"probability of getting home {self.chance_home:.2%}; {turn}{asked}"
+        )

@@ -1,4 +1,4 @@
-"""Checks of what a companion is made of; what cannot be used is a `CompanionError` of one line."""
+"""Checks of a companion's arguments; an invalid one is a `CompanionError` of one line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from homeward.companion.readings import CompanionError, checked_position
 
-_MOST_WIND_MPS = 60.0  # nearly twice a hurricane's least, 33 m/s on the Beaufort scale
+_MOST_WIND_MPS = 60.0  # nearly twice the lower limit of a hurricane, 33 m/s on the Beaufort scale
 
 
 def check_number(name: str, value: Any, low: float, high: float) -> None:
@@ -18,19 +18,19 @@ def check_number(name: str, value: Any, low: float, high: float) -> None:
 
 
 def check_route(route: Any) -> None:
-    """Check that a route, if there is one, is cut into places."""
+    """Check that a route, if given, consists of places."""
     if route is not None and not all(hasattr(route, name) for name in ("place_m", "grade_rad", "heading_rad")):
-        raise CompanionError(f"route = {route!r} is no route; give what homeward.envs.routes.load_route reads")
+        raise CompanionError(f"route = {route!r} is not a route; give what homeward.envs.routes.load_route returns")
 
 
 def check_home(home: Any) -> None:
-    """Check that home, if it was set, is `(east, north)` or `"here"`."""
+    """Check that home, if given, is `(east, north)` or `"here"`."""
     if home is not None and home != "here" and not isinstance(checked_position("home", home), tuple):
         raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
 
 
 def check_wind(forecast_mps: Any) -> None:
-    """Check that a forecast of the wind, if there is one, is `(east, north)` and blows on this planet."""
+    """Check that a forecast of the wind, if given, is `(east, north)` and of a plausible strength."""
     if forecast_mps is not None:
         wind = checked_position("forecast_mps", forecast_mps)
         if not isinstance(wind, tuple) or math.hypot(*wind) > _MOST_WIND_MPS:

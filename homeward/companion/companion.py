@@ -1,6 +1,6 @@
-"""The companion: readings of a robot in, advice on its way home out.
+"""The companion: from a robot's readings to advice on its way home.
 
-It is `homeward.estimation`, the code by which planner and shield decide, fed with readings in SI units as they come.
+It feeds `homeward.estimation`, which the planner and the shield use too, with readings in SI units as they arrive.
 """
 
 from __future__ import annotations
@@ -32,58 +32,58 @@ from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
 
 _WINDOWS = 200.0
-"""Readings that the estimator takes in while the battery lasts at cruise, as decisions of the environments."""
+"""Number of updates of the estimator while the battery lasts at cruise, as of decisions in the environments."""
 _LONGEST_PLACES, _PLACES = 160.0, 128
-"""Places of a d_max, and how many are kept: the way home of a robot that is to come home is shorter than 0.8 d_max.
+"""Places per d_max, and how many are kept: the way home of a robot that can come home is shorter than 0.8 d_max.
 Chosen: a place is then 0.6 % of d_max."""
 _CRUMBS = 8.0
-"""Crumbs of the trail per place. Chosen: a bend is cut by an eighth of a place at most."""
+"""Points of the trail per place. Chosen: a bend is cut by an eighth of a place at most."""
 _DETOUR = 1.3
-"""Way by ground over the straight line, where a home that moved lies off the trail. Roads have 1.2 to 1.5 (Ballou and
+"""Way on the ground over the straight line, for a home that moved off the trail. Roads have 1.2 to 1.5 (Ballou and
 others, Transportation Research A 36, 2002)."""
 _DEAD_RECKONING_ERROR = 0.1
-"""Standard deviation of a way that was reckoned from speed and heading, as a share."""
+"""Relative standard deviation of a way from dead reckoning with speed and heading."""
 _MOST_CUTOFF = 1.2
-"""Cut-off voltage over the nominal one beyond which no battery has it. Chosen: a cell's charged voltage is at most
-1.17 times the nominal one (4.2 V over 3.6 V)."""
+"""Ratio of cut-off to nominal voltage that no battery exceeds. Chosen: a cell's charged voltage is at most 1.17 times
+the nominal one (4.2 V over 3.6 V)."""
 _UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
-"""State of charge by which a gauge must differ from what was drawn, and windows in a row for which, to be another
-battery, or stuck: monitors that go by voltage are off by some per cent."""
+"""Difference of the state-of-charge reading from the energy drawn, and windows in a row with it, for another battery or
+a reading that is stuck: monitors that measure voltage are off by some per cent."""
 _STANDS_WINDOWS = 3
-"""Windows in a row in which a robot stands by its speed and drives by its power, until that is said."""
+"""Windows in a row with a speed of 0 and driving power before a warning."""
 RISK = 1e-3
-"""Risk of not getting home that is accepted unless said otherwise. Chosen: one mission in a thousand."""
-_SCHEMA = 1  # of a saved state; one of another schema is refused
+"""Default of the accepted risk of not getting home. Chosen: one mission in a thousand."""
+_SCHEMA = 1  # of a saved state; other schemas are refused
 
 
 class Companion:
-    """Says how far home is, how sure that is, and when to turn.
+    """Estimates the energy left and the way home with their uncertainty, and says when to turn.
 
-    Readings may come at any times; what was read in a while is summed up and taken in by the estimator, 200 times while
-    the battery lasts. In between, every update looks ahead from there. Kernels compile at construction.
+    Readings may arrive at any times. They are averaged over windows, and the estimator is updated 200 times while the
+    battery lasts. In between, every update predicts from the last one. Kernels compile at construction.
 
     Args:
-        robot: Preset name, path of a robot file, or a `Robot`. Where its file has `[uncertainty]`, that is used, else
-            generic ranges.
-        home: Where home is: `(east, north)` in metres in the frame of the positions, `"here"` for where the first
-            reading is, or None where positions are metres from home along the way.
-        route: The route, such as `homeward.envs.routes.load_route` reads: home is its start, and what lies ahead
-            is known. Its coordinates begin at home.
-        risk: Of not getting home that is accepted, within (0, 0.5].
-        soc: State of charge at the start, a share; what the first reading says, or full, if left out.
-        forecast_mps: Forecast of the wind, towards where it comes from, east and north; unknown if left out.
+        robot: Preset name, path of a robot file, or a `Robot`. The file's table `[uncertainty]` is used if it has one,
+            otherwise generic ranges.
+        home: `(east, north)` in metres in the frame of the positions, `"here"` for the place of the first reading, or
+            None if positions are metres from home along the way.
+        route: The route, such as `homeward.envs.routes.load_route` returns. It starts at home, with coordinates
+            relative to home, and its slopes and directions are known.
+        risk: Accepted probability of not getting home, within (0, 0.5].
+        soc: State of charge at the start, 0 to 1; by default that of the first reading, or 1.
+        forecast_mps: Forecast of the wind: components towards where it comes from, east and north; None: unknown.
         cutoff_v: Voltage at which the battery is cut off.
-        cruise_mps: Speed on the way home; that with the longest range if left out.
-        window_s: Time over which readings are summed up.
-        place_m: Length over which ground is taken to be alike.
-        reaction_s: Time from advice to turn until the robot has turned; a window if left out.
-        arrived_m: Way home within which the robot is at home, where `turn_now` ends.
-        prior: What is known beforehand, instead of what follows from the robot's file.
-        policy: To be asked for actions, such as `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")` answers.
+        cruise_mps: Speed on the way home; by default that with the longest range.
+        window_s: Time over which readings are averaged.
+        place_m: Length over which the ground is taken as uniform.
+        reaction_s: Time from the advice to turn until the robot has turned; by default a window.
+        arrived_m: Length of the way home below which the robot is at home, and `turn_now` ends.
+        prior: Prior of the estimator, instead of the one that follows from the robot's file.
+        policy: A policy for `Advice.action`, such as `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")`.
 
     Raises:
-        RobotError: There is no such robot, or its file is wrong.
-        CompanionError: Another argument cannot be used.
+        RobotError: The robot does not exist, or its file is invalid.
+        CompanionError: Another argument is invalid.
 
     >>> companion = Companion("husky", home="here")
     >>> for second in range(600):
@@ -115,7 +115,7 @@ class Companion:
         self.robot = load_robot(robot)
         range_m = self._range_m = float(d_max(self.robot))
         if not math.isfinite(range_m):
-            raise CompanionError(f"robot {self.robot.name!r} never runs empty on the flat; check what its effects give")
+            raise CompanionError(f"robot {self.robot.name!r} never runs empty on level ground; check its effects")
         for name, value, low, high in (
             ("risk", risk, 1e-6, 0.5), ("soc", soc, 0.0, 1.0),
             ("cutoff_v", cutoff_v, 0.1, _MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)),
@@ -130,8 +130,8 @@ class Companion:
         check_route(route)
         if policy is not None and policy.robot != self.robot:
             raise CompanionError(
-                f"the policy decides for robot {policy.robot.name!r}, which is not, number for number, the companion's "
-                f"{self.robot.name!r}; give both the same"
+                f"the policy is for robot {policy.robot.name!r}, whose parameters differ from those of the companion's "
+                f"{self.robot.name!r}; give both the same robot"
             )
         self._policy = policy
         self.risk = risk
@@ -181,24 +181,24 @@ class Companion:
         temperature_c: float | None = None,
         interest: float | None = None,
     ) -> Advice:
-        """Take in what was read at a time, as much as there is, and advise.
+        """Process the readings of a moment, as many as there are, and advise.
 
         Args:
-            time_s: When, s; any clock that goes on.
+            time_s: Time, s, of any monotonic clock.
             speed_mps: Speed since the reading before, m/s, negative in reverse.
             power_w: Power drawn from the battery since the reading before, W.
             voltage_v: Voltage of the battery, V; with `current_a` instead of `power_w`.
             current_a: Current out of the battery, A, discharge positive.
-            soc: State of charge, a share.
+            soc: State of charge, 0 to 1.
             grade_rad: Slope in the direction of travel, rad, uphill positive.
             heading_rad: Direction of travel, rad counter-clockwise from east.
             position: Metres from home along the way, or `(east, north)` in metres.
             sensing_hz: Sensing rate, Hz.
-            temperature_c: Temperature of the air, C; for the policy alone, as the next.
+            temperature_c: Air temperature, C; only for the policy, like the next.
             interest: Interest of the ground here, a weight.
 
         Raises:
-            CompanionError: A value is not a number, home was never set, or there is no way to know where the robot is.
+            CompanionError: A value is not a number, home was not set, or the position cannot be determined.
         """
         reading = self._readings.take(
             time_s,
@@ -215,7 +215,7 @@ class Companion:
             return self._advice
         self._charge_first(reading.soc)
         if math.isnan(reading.speed_mps) and reading.position is None:
-            reading = reading._replace(speed_mps=self._estimator.speed_mps)  # it goes on as it did
+            reading = reading._replace(speed_mps=self._estimator.speed_mps)  # it drives on as before
         step = self._way.follow(reading)
         self._note(reading, step)
         self._ask_policy(reading, step)
@@ -237,13 +237,13 @@ class Companion:
         self._action = None if asked is None else Action(*asked)
 
     def swap_battery(self, soc: float = 1.0) -> None:
-        """Another battery is in, or the same was charged: what was learned of the old one is dropped.
+        """Tell the companion that the battery was swapped or charged: estimates of the old one are dropped.
 
         Args:
-            soc: State of charge that it has, a share.
+            soc: Its state of charge, 0 to 1.
 
         Raises:
-            CompanionError: It is none.
+            CompanionError: `soc` is not such a number.
         """
         check_number("soc", soc, 0.0, 1.0)
         self._flush()
@@ -254,13 +254,13 @@ class Companion:
             self._policy.begin()
 
     def move_home(self, home: Position) -> None:
-        """Home is elsewhere now: back along the trail as far as that helps, and then straight on.
+        """Tell the companion that home has moved: back along the trail as far as that helps, then straight on.
 
         Args:
             home: `(east, north)` in metres, or metres along the way from where home was.
 
         Raises:
-            CompanionError: It is none of these.
+            CompanionError: `home` is neither.
         """
         checked = checked_position("home", home)
         if checked is None:
@@ -270,38 +270,38 @@ class Companion:
         self._moved_home, self._other_way, self._turned = checked, None, False
 
     def take_home(self, route: RouteLike | None) -> None:
-        """From here home by another way than the one out; None: back over the way out again.
+        """Tell the companion to go home by another way than the way out; None: by the way out again.
 
         Args:
-            route: From here home, such as `homeward.envs.routes.load_route` reads.
+            route: From here home, such as `homeward.envs.routes.load_route` returns.
 
         Raises:
-            CompanionError: It is no route.
+            CompanionError: It is not a route.
         """
         check_route(route)
         self._other_way = None if route is None else (route, 0.0)
         self._moved_home, self._turned = None, False
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
-        """What a way from here takes that was not driven yet, as the robot is known now, metered J.
+        """Energy that a way from here consumes, by the present estimates, J as metered.
 
         Args:
             ways: Its stretches, `homeward.estimation.WAY_DTYPE`, shape (m,).
-            other_j: What the robot's own model has for all but driving steadily on it, J: standing, turning.
+            other_j: Energy by the robot's own model for all but steady driving on it, J: standing, turning.
         """
         return self._estimator.ahead(ways, other_j)
 
     def after(self, ways: NDArray[np.void]) -> UncertainValue:
-        """Energy that a way from here leaves, see `ahead`, with nothing taken but standing and driving steadily, J."""
+        """Energy left after a way from here, see `ahead`, if only standing and steady driving consume energy, J."""
         return self._estimator.after(ways)
 
     @property
     def vehicle(self) -> Vehicle:
-        """Numbers of the robot's own model, as the estimator has them."""
+        """Parameters of the robot's own model in the form that the estimator takes."""
         return self._estimator.vehicle
 
     def _flush(self) -> None:
-        """Take in what was read so far."""
+        """Pass the readings so far to the estimator."""
         if self._window.time_s > 0.0:
             self._estimator.take_in(self._window, self._way.position_m)
             if self._cutoff is not None:
@@ -311,30 +311,30 @@ class Companion:
             self._window = Window()
 
     def _check_charge(self, soc: float) -> None:
-        """Say where the gauge is far from what was drawn; one that reads less is believed, as is safe."""
+        """Warn if the state of charge is far from the energy drawn; a lower reading is accepted, which is safe."""
         above = soc - self._estimator.soc
         self._untold = self._untold + 1 if abs(above) > _UNTOLD else 0
         if self._untold < _UNTOLD_WINDOWS:
             return
         kind = "the state of charge reads"
-        text = f"{kind} {abs(above):.0%} {'more' if above > 0.0 else 'less'} than was drawn from it"
+        text = f"{kind} {abs(above):.0%} {'more' if above > 0.0 else 'less'} than the energy drawn implies"
         if above > 0.0:
-            self._readings.say(f"{text}: stuck, or another battery without a call of swap_battery?", kind)
+            self._readings.say(f"{text}: is it stuck, or was the battery swapped without a call of swap_battery?", kind)
             return
-        self._readings.say(f"{text}: another battery? what was learned of the old one is dropped", kind)
+        self._readings.say(f"{text}: another battery? Estimates of the old one are dropped", kind)
         self._estimator.recharge(soc)
         self._untold = 0
 
     def _check_speed(self, window: Window) -> None:
-        """Say where a robot stands by its speed and drives by its power: which of both is wrong cannot be known."""
+        """Warn if the robot stands by its speed and drives by its power; which is wrong cannot be known."""
         stands = window.stood_s >= window.time_s and window.power_w > self._estimator.driving_w
         self._stands = self._stands + 1 if stands else 0
         if self._stands >= _STANDS_WINDOWS:
             kind = "the speed reads 0 while"
             text = (
-                f"{kind} {window.power_w:.3g} W are drawn, as in driving: stuck, or a load that its file does not have?"
+                f"{kind} {window.power_w:.3g} W are drawn, as in driving: is it stuck, or a load that its file lacks?"
             )
-            self._readings.say(text if self._has["position"] else f"{text} home may be farther than is reckoned", kind)
+            self._readings.say(text if self._has["position"] else f"{text} Home may be farther than estimated", kind)
 
     def _charge_first(self, soc: float) -> None:
         if self._charged:
@@ -345,7 +345,7 @@ class Companion:
             self._estimator.recharge(start)
 
     def _note(self, reading: Reading, step: Step) -> None:
-        """Note what there is to go by."""
+        """Record which readings there have been."""
         for name, value in (
             ("power", reading.power_w), ("soc", reading.soc), ("grade", reading.grade_rad),
             ("heading", step.heading_rad), ("position", math.nan if reading.position is None else 0.0),
@@ -356,7 +356,7 @@ class Companion:
             self._other_way = route, driven_m + step.way_m
 
     def _way_home(self) -> WayHome:
-        """The way home from here: back over the way out, or elsewhere."""
+        """The way home from here: along the way out, or another one."""
         unsure_m, cruise_mps = _DEAD_RECKONING_ERROR * self._way.reckoned_m, self.vehicle.cruise_mps
         if self._other_way is not None:
             ways = along_route(*self._other_way, cruise_mps)
@@ -389,7 +389,7 @@ class Companion:
         turn_in_s = min(turn_in_m / max(estimator.pace_mps, 1e-9), standing_s)
         needs_m = self._reaction_s * estimator.pace_mps
         self._turned |= turn_in_m <= needs_m or turn_in_s <= self._reaction_s
-        # A way that was reckoned is known to a share of it: who may be elsewhere has not arrived.
+        # A way from dead reckoning has a relative error: a robot that may be elsewhere has not arrived.
         self._turned &= home.way_m + _DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
         chance_there = None
         if self._way.route_m is not None and home.ways is None:
@@ -433,7 +433,7 @@ class Companion:
         return "loop" if self._way.ends_at_home else "route"
 
     def state(self) -> dict[str, Any]:
-        """What a restart needs, for JSON; some tens of kilobytes."""
+        """State for a restart, for JSON; some tens of kilobytes."""
         self._flush()
         return {
             "schema": _SCHEMA, "robot": self.robot.name, **self._estimator.state(), "way": self._way.state(),
@@ -444,20 +444,20 @@ class Companion:
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], other_way: RouteLike | None = None) -> None:
-        """Go on from `state`, with a companion made with the same arguments.
+        """Continue from `state`, in a companion with the same arguments.
 
         Args:
-            state: As `state` gave it.
-            other_way: The way home that `take_home` was given, if it was.
+            state: Value of `state`.
+            other_way: The argument of `take_home`, if it was called.
 
         Raises:
-            CompanionError: The state is none, or of a companion made otherwise.
+            CompanionError: The state is invalid, or of a companion with other arguments.
         """
         try:
             if state["schema"] != _SCHEMA or state["robot"] != self.robot.name:
                 raise CompanionError(f"the state is of robot {state['robot']!r}, not of {self.robot.name!r}")
             if other_way is None and state["other_way_m"] is not None:
-                raise CompanionError("the state is of a robot that takes another way home; give it as other_way=")
+                raise CompanionError("the state is of a robot that takes another way home; pass it as other_way=")
             check_route(other_way)
             self._estimator.restore(state)
             self._begin()
@@ -477,7 +477,7 @@ class Companion:
             raise CompanionError(f"the state cannot be used: {error}") from None
 
     def save(self, path: str | Path) -> None:
-        """Write `state` to a file, whole or not at all.
+        """Write `state` to a file, completely or not at all.
 
         Raises:
             OSError: It cannot be written.
@@ -485,7 +485,7 @@ class Companion:
         write_whole(Path(path), json.dumps(self.state()) + "\n")
 
     def load(self, path: str | Path, other_way: RouteLike | None = None) -> None:
-        """Go on from a file that `save` wrote, see `restore`.
+        """Continue from a file that `save` wrote, see `restore`.
 
         Raises:
             CompanionError: It cannot be used.

@@ -1,4 +1,4 @@
-"""A voltage at which the battery is cut off: how much energy is left until then."""
+"""The cut-off voltage of the battery: energy left until it is reached."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 
 _FORGETS = 0.97
-"""Weight that a window keeps from one to the next: some thirty count. Chosen: the fall of the last seventh of a charge
-(30 of 200 windows)."""
+"""Weight of a window relative to the next: about thirty windows count. Chosen: the last seventh of a charge (30 of 200
+windows)."""
 _LEAST_WINDOWS, _LEAST_SPAN = 8, 0.03
-"""Windows, and share of the battery used over them, from which a fall of the voltage is believed."""
+"""Windows, and share of the battery used over them, before a fall of the voltage is used."""
 
 
 class Cutoff:
     """Fits the voltage as a - R I - b u, with the current I and the share u of the battery used, and extends it.
 
-    A straight line: where a battery's voltage falls steeply near its end, the cut-off comes earlier than it says, and
-    where the fall is steep at first, later.
+    The line is straight. If the voltage falls steeply near the end, the cut-off comes earlier than estimated; if it
+    falls steeply at first, later.
 
     Args:
-        voltage_v: At which the battery is cut off.
+        voltage_v: Cut-off voltage, V.
     """
 
     def __init__(self, voltage_v: float) -> None:
@@ -30,7 +30,7 @@ class Cutoff:
         self._windows, self._first, self._now = 0, math.nan, (math.nan, math.nan, math.nan)
 
     def see(self, voltage_v: float, current_a: float, used: float) -> None:
-        """Take in the means of a window and the share of the battery used."""
+        """Process the means of a window and the share of the battery used."""
         if not math.isfinite(voltage_v + current_a + used):
             return
         row = np.array([1.0, -current_a, -used])
@@ -51,14 +51,14 @@ class Cutoff:
         return (voltage_v - self.voltage_v) / fall if fall > 0.0 else math.inf
 
     def state(self) -> dict[str, Any]:
-        """For a restart."""
+        """State for a restart."""
         return {
             "normal": self._normal.tolist(), "moment": self._moment.tolist(), "windows": self._windows,
             "first": self._first, "now": list(self._now),
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`."""
+        """Continue from `state`."""
         self._normal, self._moment = np.array(state["normal"]), np.array(state["moment"])
         self._windows, self._first = int(state["windows"]), float(state["first"])
         voltage_v, current_a, used = state["now"]

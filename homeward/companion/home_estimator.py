@@ -1,4 +1,4 @@
-"""What a companion asks the estimator: windows of readings in, what the way home takes and leaves out."""
+"""The companion's use of the estimator: windows of readings, and the energy that the way home consumes and leaves."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from homeward.physics.kernel import full_charge
 from homeward.physics.terminal_power import at_terminals
 
 _OFTEN = 0.2
-"""Of a place, for which a slope that is read stands at most, to be taken for that of the way since the reading before.
-One reading a window may be of the other direction of travel, where the robot has just turned: taken for that of the
-way, it turns 60 missions of benchmarks/on_the_robot/companion.py home at 82 % of the shield's distance, not 96 %."""
+"""Distance, in places, over which a slope reading may stand for the way since the last reading. A window's single
+reading may be of the other direction of travel, if the robot has just turned. Used for the whole way, it turns 60
+missions of benchmarks/on_the_robot/companion.py home at 82 % of the shield's distance, not 96 %."""
 _NO_SLOPE_SD = 0.04
-"""Standard deviation of a slope's sine where none is read: that of generated routes."""
+"""Standard deviation of a slope's sine that is not read: that of generated routes."""
 _PACE = 0.2
-"""Weight that the last window has in the present pace. Chosen: some five windows count."""
+"""Weight of the last window in the present pace. Chosen: some five windows count."""
 _MOST_STATE = 10_000_000
-"""Bytes of a state that are unpacked at most. Chosen: bounds the memory that a damaged text may take."""
+"""Upper limit of the unpacked state, bytes. Chosen: bounds the memory that a damaged text may take."""
 _ONE = np.ones(1, np.bool_)
 
 
@@ -45,10 +45,10 @@ class WayHome(NamedTuple):
     """The way home from here.
 
     Attributes:
-        way_m: How long it is.
-        cost_j: What it takes by the robot's own model.
-        unsure_j: Standard deviation of that for want of a position.
-        ways: Its stretches where it is not the way out, `WAY_DTYPE`; None where it is.
+        way_m: Its length, m.
+        cost_j: Its energy by the robot's own model, J.
+        unsure_j: Standard deviation of that without positions, J.
+        ways: Its stretches if it is not the way out, `WAY_DTYPE`; otherwise None.
     """
 
     way_m: float
@@ -58,26 +58,26 @@ class WayHome(NamedTuple):
 
 
 class HomeEstimator:
-    """The robot as it is known now, and what a way takes and leaves by that.
+    """The estimated robot, and the energy that a way consumes and leaves.
 
     Args:
-        robot: The robot, as its file says.
-        known: What is known of it beforehand.
+        robot: The robot of the file.
+        known: Its prior.
         places: Number of places that are kept.
         place_m: Length of a place, m.
         cruise_mps: Speed on the way home, m/s.
-        risk: Of not getting home that is accepted.
+        risk: Accepted probability of not getting home.
         route: The route, if there is one.
-        forecast_mps: Forecast of the wind, towards where it comes from, east and north, if there is one.
+        forecast_mps: Forecast of the wind: components towards where it comes from, east and north, if there is one.
 
     Attributes:
-        known: What is known beforehand, as its meter has it.
-        vehicle: Numbers of the robot's own model, as the estimator has them.
-        at_terminals: Whether power is voltage times current, so that what is lost inside the battery does not show.
-        windows: How many were taken in.
-        pace_mps: Speed of late, stops included.
-        pace_w: Power of late, by the robot's own model, beyond driving steadily.
-        speed_mps: Last speed that was read.
+        known: The prior, as its meter measures.
+        vehicle: Parameters of the robot's own model in the form that the estimator takes.
+        at_terminals: Whether power is voltage times current, which excludes losses inside the battery.
+        windows: Number of windows processed.
+        pace_mps: Recent mean speed, including stops.
+        pace_w: Recent mean power by the robot's own model, beyond steady driving.
+        speed_mps: Last speed reading.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class HomeEstimator:
         self._compile()
 
     def _meter(self, robot: Robot) -> float:
-        """Reckon with the robot as the meter sees it; answers its power at cruise, W."""
+        """Switch to the robot as the meter measures it; returns its power at cruise, W."""
         self._record, self._state = robot.record(), full_charge(robot)
         self._state["step_s"] = 1.0
         standing_w, cruising_w = (
@@ -113,7 +113,7 @@ class HomeEstimator:
         return float(cruising_w)
 
     def see_terminals(self) -> None:
-        """From now on power is voltage times current: a battery that loses some inside gives less, and draws none."""
+        """From now on power is voltage times current, which excludes losses inside the battery."""
         if self.at_terminals:
             return
         inside, self.at_terminals = self._meter(self._robot), True
@@ -128,7 +128,7 @@ class HomeEstimator:
         h["covariance"][..., :, PER_CAPACITY] /= share
 
     def begin(self) -> None:
-        """Begin anew with what was known beforehand."""
+        """Restart from the prior."""
         self._estimator = Estimator(self.vehicle, self.known.prior, self._places, 1)
         forecast = np.array(self._forecast_mps)
         self._estimator.begin(_ONE, forecast[:1], forecast[1:])
@@ -143,7 +143,7 @@ class HomeEstimator:
             places["readings"] = 1.0
 
     def _compile(self) -> None:
-        """Run every kernel once; nothing of it stays."""
+        """Run every kernel once, without a lasting effect."""
         kept = self._estimator.state.copy()
         reading = np.zeros(1, READING_DTYPE)
         reading["time_s"], reading["position_m"], reading["east"] = 1.0, self.vehicle.place_m, 1.0
@@ -154,34 +154,34 @@ class HomeEstimator:
 
     @property
     def places(self) -> NDArray[np.void]:
-        """What is noted of the places of the way out, shape (places,)."""
+        """Notes on the places of the way out, shape (places,)."""
         places: NDArray[np.void] = self._estimator.state["places"][0]
         return places
 
     @property
     def soc(self) -> float:
-        """State of charge by what was drawn, a share."""
+        """State of charge by the energy drawn, 0 to 1."""
         spent, per_capacity = self._estimator.mean()[0, [USED, PER_CAPACITY]]
         return float(self._estimator.state["robot"]["soc_start"][0] - spent * per_capacity)
 
     @property
     def used(self) -> float:
-        """Energy drawn, a share of a full battery by the robot's file."""
+        """Energy drawn, over that of a full battery by the robot's file."""
         return float(self._estimator.mean()[0, USED])
 
     @property
     def driving_w(self) -> float:
-        """Power half way between standing and driving at cruise on the flat, by the robot's own model."""
+        """Power half way between standing and driving at cruise on level ground, by the robot's own model."""
         return self.vehicle.idle_w + 0.5 * modelled_driving(self.vehicle, 0.0, self.vehicle.cruise_mps) * (
             self.vehicle.cruise_mps
         )
 
     def recharge(self, soc: float) -> None:
-        """Another battery, of which nothing was learned: its state of charge, a share."""
+        """Replace the battery by one of a given state of charge, with the prior of its capacity."""
         self._estimator.recharge(soc, self.known.prior.soc_sd)
 
     def model(self, reading: Reading, step: Step) -> tuple[float, float, float]:
-        """Power since the reading before by the robot's own model, see `modelled_power`, W."""
+        """Power since the last reading by the robot's own model, see `modelled_power`, W."""
         if reading.dt_s <= 0.0:
             self.speed_mps, self._heading_rad = reading.speed_mps, step.heading_rad
             return 0.0, 0.0, 0.0
@@ -202,7 +202,7 @@ class HomeEstimator:
 
     @contextmanager
     def with_open(self, window: Window, position_m: float) -> Iterator[None]:
-        """With a window taken in that is not over yet; nothing of it stays."""
+        """Temporarily include a window that is not over yet."""
         kept = self._estimator.state.copy()
         try:
             if window.time_s > 0.0:
@@ -212,10 +212,10 @@ class HomeEstimator:
             self._estimator.state[:] = kept
 
     def take_in(self, window: Window, position_m: float) -> None:
-        """Take in a window that is over, and note what it says of ground and pace.
+        """Process a finished window, and note its ground and pace.
 
         Args:
-            window: Of some length.
+            window: A window of positive length.
             position_m: Way home at its end, m.
         """
         self._take_in(window, position_m)
@@ -229,7 +229,7 @@ class HomeEstimator:
             self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
 
     def _take_in(self, window: Window, position_m: float) -> None:
-        """Let the estimator take in a window."""
+        """Update the estimator with a window."""
         robot = self._estimator.state["robot"][0]
         change_m = position_m - float(robot["position_m"])
         straight = window.straight(change_m)
@@ -240,13 +240,14 @@ class HomeEstimator:
         r["time_s"] = float(robot["time_s"]) + window.time_s
         r["position_m"] = position_m if straight else float(robot["position_m"]) + window.way_m
         r["power_w"], r["soc"] = window.power_w, window.soc
-        # Slopes that are read often enough are known as they are within a place, and not only in the mean.
+        # If slopes are read often enough, they are known within a place, and not only on average.
         often = window.slopes > 1 and window.way_m <= _OFTEN * self.vehicle.place_m * window.slopes
         r["modelled_j"] = window.modelled_j if often and math.isfinite(window.sine) else np.nan
         r["other_j"] = window.other_j - self.vehicle.idle_w * window.time_s
         r["speed_mps"] = window.speed_mps
         east, north = window.direction
-        # Without a direction: straight out, so that a wind that helped on the way out hurts on the way home.
+        # Without a direction: straight out, so that a wind that helped on the way out is against the robot on the way
+        # home.
         r["east"], r["north"] = (sign * east, sign * north) if math.isfinite(east) else (1.0, 0.0)
         r["sine"] = sign * window.sine if math.isfinite(window.sine) else self._sine_noted(float(r["position_m"]))
         prior = self.known.with_unexplained(window.way_m)
@@ -268,12 +269,12 @@ class HomeEstimator:
         return 0.0 if self._route is None else float(np.sin(self._route.grade_rad[self._place_at(position_m)]))
 
     def way_home(self, way_m: float, unsure_m: float, ways: NDArray[np.void] | None = None) -> WayHome:
-        """The way home and what it takes by the robot's own model.
+        """The way home and its energy by the robot's own model.
 
         Args:
-            way_m: How long it is; of `ways`, what they are together.
-            unsure_m: Standard deviation of that for want of a position.
-            ways: Its stretches where it is not the way out, `WAY_DTYPE`.
+            way_m: Its length; of `ways`, their total length.
+            unsure_m: Standard deviation of that without positions.
+            ways: Its stretches if it is not the way out, `WAY_DTYPE`.
         """
         if ways is None:
             cost_j = float(home_cost(self.vehicle, self.places, self._extra, way_m))
@@ -282,28 +283,29 @@ class HomeEstimator:
         return WayHome(way_m, cost_j, unsure_m * (cost_j / max(way_m, self.vehicle.place_m)), ways)
 
     def leaves(self, home: WayHome, onwards_m: float = 0.0) -> Margin:
-        """What is left at home after driving on at the present pace, and then home."""
+        """Energy left at home after driving on at the present pace, and then home."""
         plan = self._plan(onwards_m, home.cost_j)
         plan["elsewhere"], plan["unsure_j"] = float(home.ways is not None), home.unsure_j
         return self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m)
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
-        """What a way from here takes that was not driven yet, as the robot is known now, metered J.
+        """Energy that a way from here consumes, by the present estimates, J as metered.
 
         Args:
             ways: Its stretches, `homeward.estimation.WAY_DTYPE`, shape (m,).
-            other_j: What the robot's own model has for all but driving steadily on it, J: standing, turning.
+            other_j: Energy by the robot's own model for all but steady driving on it, J: standing, turning.
         """
         total = self._over(ways, self._at_cruise_j(ways) + other_j)
         return UncertainValue(float(total["cost_j"]), float(total["cost_sd_j"]))
 
     def after(self, ways: NDArray[np.void]) -> UncertainValue:
-        """Energy that a way from here leaves, see `ahead`, with nothing taken but standing and driving steadily, J."""
+        """Energy left after a way from here, see `ahead`, if only standing and steady driving consume energy, J."""
         total = self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum())))
         return UncertainValue(float(total["margin_j"]), float(total["margin_sd_j"]))
 
     def _over(self, ways: NDArray[np.void], cost_j: float) -> np.void:
-        """What a way from here takes and leaves, `MARGIN_DTYPE`, where the robot's own model has its cost."""
+        """Energy that a way from here consumes and leaves, `MARGIN_DTYPE`, given its energy by the robot's own
+        model."""
         plan = self._plan(0.0, cost_j)
         plan["elsewhere"] = 1.0
         total: np.void = self._margin(plan, ways, float(ways["way_m"].sum())).total[0]
@@ -322,14 +324,14 @@ class HomeEstimator:
         return plans
 
     def _margin(self, plan: NDArray[np.void], ways: NDArray[np.void] | None, way_m: float) -> Margin:
-        """What a plan over some way leaves."""
+        """Energy that a plan leaves."""
         self._estimator.prior = self.known.with_unexplained(way_m)
         margin = self._estimator.margin(plan, self._normal_risk, NO_WAYS if ways is None else ways)
         self._estimator.prior = self.known.prior
         return margin
 
     def _at_cruise_j(self, ways: NDArray[np.void]) -> float:
-        """Energy of driving steadily over a way, by the robot's own model."""
+        """Energy of steady driving over a way, by the robot's own model."""
         v = self.vehicle
         return sum(modelled_driving(v, float(one["sine"]), v.cruise_mps) * float(one["way_m"]) for one in ways)
 
@@ -338,7 +340,7 @@ class HomeEstimator:
         return self.vehicle.idle_w / self.vehicle.cruise_mps * way_m
 
     def state(self) -> dict[str, Any]:
-        """For a restart."""
+        """State for a restart."""
         content = self._estimator.state.tobytes() + self._extra.tobytes()
         return {
             "dtype": self._digest(), "estimator": base64.b85encode(zlib.compress(content, 9)).decode(),
@@ -347,14 +349,14 @@ class HomeEstimator:
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`, made alike.
+        """Continue from `state`, with the same arguments.
 
         Raises:
             CompanionError: It is of another version or of another route.
-            KeyError, TypeError, ValueError, zlib.error: It is none.
+            KeyError, TypeError, ValueError, zlib.error: It is invalid.
         """
         if state["dtype"] != self._digest():
-            raise CompanionError("the state is of another version or of another route; begin anew")
+            raise CompanionError("the state is of another version or of another route; start without it")
         content = zlib.decompressobj().decompress(base64.b85decode(state["estimator"]), _MOST_STATE)
         size = self._estimator.state.nbytes
         self.begin()

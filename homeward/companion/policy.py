@@ -1,4 +1,4 @@
-"""A policy beside the companion: what it must be able to do, so that no agent is imported here."""
+"""The interface of a policy that the companion runs, so that no agent is imported here."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from homeward.physics import Robot
 
 
 class OnboardPolicy(Protocol):
-    """Such as `homeward.agents.onboard.load_onboard` makes."""
+    """What `homeward.agents.onboard.load_onboard` returns."""
 
     @property
     def robot(self) -> Robot:
-        """The robot that it decides for."""
+        """The robot that the policy is for."""
 
     def begin(self) -> None:
         """Begin a mission with the next reading."""
@@ -30,13 +30,13 @@ class OnboardPolicy(Protocol):
         temperature_c: float,
         interest: float,
     ) -> tuple[float, float, str] | None:
-        """Take in what was read, NaN where an instrument was silent, and answer what to do.
+        """Process the readings of a moment, NaN where an instrument was not read, and return the command.
 
-        That is a speed (m/s), a sensing rate (Hz) and `stop`, `go` or `return`; None where the mission is over.
+        That is a speed (m/s), a sensing rate (Hz) and `stop`, `go` or `return`; None if the mission is over.
         """
 
     def state(self) -> dict[str, Any]:
-        """What a restart needs, for JSON."""
+        """State for a restart, for JSON."""
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`."""
+        """Continue from `state`."""

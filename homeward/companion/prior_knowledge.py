@@ -1,4 +1,4 @@
-"""What is known of a robot beforehand: what its file says of its own uncertainty, or generic ranges."""
+"""The prior of a robot: from the uncertainty in its file, or from generic ranges."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.uncertainty import Uncertainty
 
 _GENERIC = Prior(
-    missed=0.2,  # as the shield: a wind that no forecast mentions
+    missed=0.2,  # as in the shield: probability of a wind that the forecast lacks
     gain_sd=0.01 / 3.0**0.5,  # the instruments `meter` of the environments
     power_noise=0.005,
     soc_step=1e-3,
     slope_noise=1e-3,
     model_knows_slopes=0.0,
-    model_error=0.006,  # as the environments' agents where the weather changes
+    model_error=0.006,  # as of the environments' agents in changing weather
 )
 """The ranges of `uncertain` missions: capacity 0.8 to 1 of the file's, rolling resistance 0.8 to 1.3, payload up to a
-fifth of the mass, wind of 1.5 m/s either way, and a battery monitor with a shunt."""
+fifth of the mass, wind within 1.5 m/s, and a battery monitor with a shunt."""
 
 
 class PriorKnowledge(NamedTuple):
-    """What is known beforehand.
+    """The prior and its origin.
 
     Attributes:
-        prior: For the estimator.
-        words: Where it comes from, a sentence each.
-        uncertainty: What the robot's file says of its own, if it does.
-        weight_sd: Of what climbing consumes, as a share, beyond what the prior has.
+        prior: Prior of the estimator.
+        words: Its origin, a sentence each.
+        uncertainty: The table of the robot's file, if it has one.
+        weight_sd: Relative standard deviation of the energy of climbing, beyond that of the prior.
     """
 
     prior: Prior
@@ -41,7 +41,7 @@ class PriorKnowledge(NamedTuple):
     weight_sd: float = 0.0
 
     def with_unexplained(self, way_m: float) -> Prior:
-        """The prior with the error that what nothing explains makes over a way."""
+        """The prior with the error that unexplained power makes over a way."""
         if self.uncertainty is None:
             return self.prior
         error = math.hypot(self.prior.model_error, scale_of(self.uncertainty.unexplained_over(way_m)))
@@ -49,22 +49,23 @@ class PriorKnowledge(NamedTuple):
 
 
 _LEAST_MODEL_ERROR = 0.001
-"""Of a file that says what it leaves unexplained: as the environments' agents where nothing is hidden."""
+"""For a file that states its unexplained power: as of the environments' agents where nothing is hidden."""
 _OF_ONE_RUN = 0.1
-"""Standard deviation between runs, a share, of a file that does not know it. Chosen: files made from several runs of
+"""Relative standard deviation between runs for a file that does not know it. Chosen: files from several runs of
 rovers, batteries, a car and a Husky say 0.001 to 0.9, and 0.07 in the median
 (benchmarks/on_the_robot/range_coverage.py, seed 0)."""
 _MOST_AIR = 0.04
-"""Most of a robot's air drag c, N s^2/m^2 over kg^(2/3): twice that of 0.03 m^2 kg^(-2/3) of frontal area, the largest
+"""Upper limit of a robot's air drag c, N s^2/m^2 over kg^(2/3): twice that of 0.03 m^2 kg^(-2/3) of frontal area, the
+largest
 of Husky, Jackal, TurtleBot3 and the F1TENTH car by their sizes, at a drag coefficient of 1.2."""
-_OLD_CELLS = "its file does not say how sure the battery's capacity is: 80 to 100 %"
+_OLD_CELLS = "the robot's file states no uncertainty of the battery's capacity: 80 to 100 %"
 
 
 def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
-    """What is known of a robot beforehand.
+    """The prior of a robot.
 
     Args:
-        robot: With the uncertainty that its file has, if it has one.
+        robot: The robot, with the uncertainty of its file, if it has one.
         has_forecast: Whether there is a forecast of the wind.
     """
     prior = _GENERIC if has_forecast else _GENERIC._replace(forecast_sd_mps=np.inf)
@@ -72,37 +73,37 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
     given = robot.uncertainty
     if given is None or given.of != "energy":
         return PriorKnowledge(prior, (
-            f"the file of {robot.name!r} does not say how sure it is: generic ranges (capacity 80 to 100 %, rolling "
+            f"the file of {robot.name!r} states no uncertainty: generic ranges (capacity 80 to 100 %, rolling "
             "resistance 80 to 130 %, payload up to 20 %)", wind,
         ))  # fmt: skip
     prior, weight_sd = _as_sure_as(given, prior, robot)
-    words = (f"the robot's file says how sure it is: {given.source or 'no source given'}", wind)
+    words = (f"uncertainty from the robot's file: {given.source or 'no source given'}", wind)
     return PriorKnowledge(prior, words if "capacity" in given.fitted else (*words, _OLD_CELLS), given, weight_sd)
 
 
 def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:
-    """The prior that a file's table makes of the generic one, and the standard deviation of what climbing consumes.
+    """The generic prior changed by a file's table, and the relative standard deviation of the energy of climbing.
 
-    The file was fitted to the robot's own meter, so that the meter's gain is in it; and what was held as assumed agrees
-    with the recordings as it is.
+    The file was fitted with the robot's own meter, so it includes the meter's gain. Parameters that were held fixed
+    agree with the recordings as they are.
     """
     share = _rolling_share(robot)
     variances = {name: given.variance(name) for name in ("rolling", "mass", "idle_power", "capacity")}
     rolling, mass, idle, capacity = variances.values()
-    own = (rolling or 0.0) * share**2, (idle or 0.0) * (1.0 - share) ** 2  # of a share of the power each
+    own = (rolling or 0.0) * share**2, (idle or 0.0) * (1.0 - share) ** 2  # as shares of the total power
     if given.between_runs is None:
         own, rest = (prior.rolling_sd**2 * share**2, own[1]), _OF_ONE_RUN**2
     else:
-        rest = max(scale_of(given.between_runs) ** 2 - sum(own), 0.0)  # which has the file's own error in it
-    # What differs from run to run may be the ground or anything else: one half each.
+        rest = max(scale_of(given.between_runs) ** 2 - sum(own), 0.0)  # it includes the file's own error
+    # Differences between runs may be due to the ground or anything else: one half each.
     prior = prior._replace(
         rolling=1.0, rolling_sd=math.sqrt(own[0] + 0.5 * rest) / share,
-        # Of rolling the product with the mass was fitted; the mass for itself counts where it climbs.
+        # The fit is of rolling resistance times mass; mass alone matters on climbs.
         mass=1.0, mass_sd=0.0, gain_sd=math.sqrt(own[1] + 0.5 * rest),
         model_error=_LEAST_MODEL_ERROR,
     )  # fmt: skip
     if "drag" in given.fitted:
-        # What grows with the square of the speed need not be air: of wind no more is felt than what a body catches.
+        # Power that grows with the square of the speed need not be air drag: the wind acts at most on the frontal area.
         felt = min(_MOST_AIR * robot.mass_kg ** (2.0 / 3.0) / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
         prior = prior._replace(
             wind_sd_mps=felt * prior.wind_sd_mps, missed_mps=felt * prior.missed_mps,
@@ -122,7 +123,7 @@ def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, 
 
 
 def _rolling_share(robot: Robot) -> float:
-    """Share of rolling in the power at the speed with the longest range, on the flat."""
+    """Share of rolling in the power at the speed with the longest range, on level ground."""
     speed = float(optimal_speed(robot))
     rolling_w = float(model.drive_power(robot, model.rolling_force(robot), speed))
     return rolling_w / (rolling_w + float(ancillary_power(robot, 0.0)))

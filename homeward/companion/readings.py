@@ -1,4 +1,4 @@
-"""What comes from the robot, checked: missing, late, repeated and absurd readings are left out and said."""
+"""Checks of readings: missing, late, repeated and impossible readings are left out with a warning."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Position = float | tuple[float, float]
 
 
 class CompanionError(ValueError):
-    """A companion that cannot be made or fed so; the message says what to give."""
+    """An invalid argument or reading of a companion; the message says what to give."""
 
 
 class Reading(NamedTuple):
-    """What was read at a moment, NaN (or None) where an instrument was silent."""
+    """Readings of a moment, NaN (or None) where an instrument was not read."""
 
     dt_s: float
     speed_mps: float
@@ -35,39 +35,39 @@ class Reading(NamedTuple):
     position: Position | None
 
 
-# Chosen: wide enough for any drive of the robot, narrow enough to tell a broken instrument or another unit.
+# Chosen: wide enough for any drive of the robot, narrow enough to detect a broken instrument or another unit.
 _SPEEDS = 2.0
-"""Top speeds beyond which a speed is absurd."""
+"""Multiple of the top speed above which a speed is impossible."""
 _POWERS = 20.0
-"""Powers at top speed up the steepest of usual slopes beyond which a power is."""
+"""Multiple of the power at top speed up the steepest typical slope above which a power is impossible."""
 _STEEP = 0.3  # rad, of that
 _STEEPEST = 0.8  # rad
 POSITION_M = 5.0
 """Error of a position: the accuracy of a receiver of satellites under open sky, 4.9 m (van Diggelen and Enge,
 Proceedings of ION GNSS+ 2015)."""
 _SOC_SLACK = 0.02
-"""Share of a battery by which a reading may be below 0 or above 1. Chosen: a gauge may be off by that at its ends, one
+"""Share of a battery by which a reading may be below 0 or above 1. Chosen: a monitor may be off by that at its ends;
+one
 in per cent is far beyond."""
 _HELD = 3.0
-"""Usual times between readings of an instrument for which its last value holds."""
+"""Multiple of an instrument's typical interval for which its last value holds."""
 _LEAST_HOLD_S = 0.5
-"""Time for which a value holds, and after which a silence is said, however often readings come. Chosen."""
+"""Time for which a value holds, and after which a missing instrument is reported, however often it is read. Chosen."""
 _JUMPS = 5
-"""Positions in a row that are too far away until the robot is taken to be there."""
+"""Positions in a row that are too far away until they are accepted."""
 _STILL_M, _DRIVEN_M = 0.2, 20.0
-"""Way that positions must have moved by when the speed says that so much was driven. Chosen: 1 %, a tenth of the error
-of dead reckoning."""
+"""Distance by which positions must have moved when the speed integrates to this. Chosen: 1 %, a tenth of the error of
+dead reckoning."""
 _BACK = 3
-"""Readings in a row from before the last one until the clock is taken to have been set back."""
+"""Readings in a row from before the last one until the clock is assumed to be set back."""
 _STAYS_S = 60.0
-"""Time for which a warning is shown, and for which a robot may be silent about its motion when it begins. Chosen: long
-enough to be read."""
+"""Time for which a warning is shown, and for which motion may be missing at the start. Chosen: can be read."""
 _GAP = 3.0
-"""Usual times between readings beyond which readings are missing."""
+"""Multiple of the typical interval beyond which readings are missing."""
 
 
 class _Held:
-    """The last value of an instrument, and how often it comes."""
+    """The last value of an instrument, and its typical interval."""
 
     def __init__(self) -> None:
         self.value, self.at_s, self.every_s = math.nan, math.nan, math.nan
@@ -76,24 +76,24 @@ class _Held:
         if math.isfinite(value):
             since_s = now_s - self.at_s
             if since_s > 0.0:
-                # Drawn towards the new one; a gap does not become usual at once.
+                # Moved towards the new interval; one gap does not become typical at once.
                 step_s = min(since_s, 2.0 * self.every_s) if math.isfinite(self.every_s) else since_s
                 self.every_s = step_s if math.isnan(self.every_s) else 0.8 * self.every_s + 0.2 * step_s
             self.value, self.at_s = value, now_s
 
     def now(self, now_s: float, dt_s: float) -> float:
-        """The value for the time since the reading before, NaN where it is too old or stands for too long."""
+        """The value for the time since the last reading, NaN if it is too old or held for too long."""
         usual_s = self.every_s if math.isfinite(self.every_s) else dt_s
         allowed_s = max(_HELD * usual_s, _LEAST_HOLD_S) * (1.0 + 1e-9)
         return self.value if now_s - self.at_s <= allowed_s and dt_s <= allowed_s else math.nan
 
 
 class Readings:
-    """Checks readings as they come.
+    """Checks readings as they arrive.
 
     Attributes:
         clock_s: Time since the first reading, s: it never goes back.
-        counts: How many readings were left out, by what was wrong with them.
+        counts: How many readings were left out, by reason.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -112,14 +112,14 @@ class Readings:
         self._said: deque[tuple[float, str]] = deque(maxlen=8)
 
     def take(self, time_s: float, given: dict[str, Any]) -> Reading | None:
-        """Check what was read; None where there is nothing new in it.
+        """Check the readings of a moment; None if nothing is new.
 
         Args:
-            time_s: When, s.
-            given: Values by name, None where an instrument was silent.
+            time_s: Time, s.
+            given: Values by name, None where an instrument was not read.
 
         Raises:
-            CompanionError: A value is not a number, or neither position nor speed was ever read.
+            CompanionError: A value is not a number, or neither position nor speed was read in the first minute.
         """
         given = {name: _number(name, value) for name, value in given.items() if name != "position"} | {
             "position": checked_position("position", given["position"])
@@ -146,7 +146,7 @@ class Readings:
         power = self._power.now(self.clock_s, dt_s)
         if had_power and math.isnan(power):
             silent_s = max(self.clock_s - self._power.at_s, dt_s)
-            self.say(f"no power for {silent_s:.0f} s: the model fills in", "no power")
+            self.say(f"no power for {silent_s:.0f} s: predicted by the model", "no power")
         self._check_motion(speed, given["position"], dt_s)
         sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, 1e5, "Hz")
         temperature = self._within("temperature_c", given["temperature_c"], -60.0, 60.0, "kelvin?")
@@ -160,16 +160,16 @@ class Readings:
         )  # fmt: skip
 
     def _check_motion(self, speed: float, position: Position | None, dt_s: float) -> None:
-        """Say that neither speed nor position is read, and refuse to go on where neither ever was."""
+        """Warn if neither speed nor position is read, and raise an error if neither ever was."""
         kind = "neither speed nor position"
         self._motion.see(speed if position is None else 0.0, self.clock_s)
         if math.isfinite(self._motion.now(self.clock_s, dt_s)):
             return
         if math.isfinite(self._motion.value):
             silent_s = max(self.clock_s - self._motion.at_s, dt_s)
-            self.say(f"{kind} for {silent_s:.0f} s: taken to drive on as before", kind)
+            self.say(f"{kind} for {silent_s:.0f} s: assumed to drive on as before", kind)
         elif self.clock_s <= _STAYS_S:
-            self.say(f"{kind} was read yet: taken to stand", kind)
+            self.say(f"{kind} was read yet: assumed to stand", kind)
         else:
             raise CompanionError(
                 f"{kind} was read in {self.clock_s:.0f} s: give position= (metres from home, or east and north) "
@@ -177,17 +177,17 @@ class Readings:
             )
 
     def say(self, text: str, kind: str | None = None) -> None:
-        """Warn for a while; a warning of the same kind is replaced."""
+        """Warn for a while; a warning replaces one of the same kind."""
         kind = kind or text
         kept = [(at_s, other) for at_s, other in self._said if not other.startswith(kind)]
         self._said = deque([*kept, (self.clock_s, text)], maxlen=8)
 
     def warnings(self) -> tuple[str, ...]:
-        """What is wrong now, a sentence each."""
+        """Present warnings, a sentence each."""
         return tuple(text for at_s, text in self._said if self.clock_s - at_s <= _STAYS_S)
 
     def _passed_s(self, time_s: float) -> float | None:
-        """Time since the reading before; None where this one is not later."""
+        """Time since the last reading; None if this one is not later."""
         if not math.isfinite(time_s):
             self._leave_out("readings without a time")
             return None
@@ -206,7 +206,7 @@ class Readings:
         if self._back < _BACK:
             self._leave_out("late readings")
             return None
-        self.say(f"the clock was set back by {-dt_s:.0f} s: time goes on as before")
+        self.say(f"the clock was set back by {-dt_s:.0f} s: time continues as before")
         self._last_s, self._back = time_s, 0
         every_s = self._clock.every_s
         return _BACK * every_s if math.isfinite(every_s) else 0.0
@@ -214,7 +214,7 @@ class Readings:
     def _within(self, name: str, value: float, low: float, high: float, hint: str) -> float:
         if math.isnan(value) or low <= value <= high:
             return value
-        self._leave_out(f"absurd {name}", f" (the last {value:.4g}; allowed {low:.4g} to {high:.4g}; {hint})")
+        self._leave_out(f"impossible {name}", f" (the last {value:.4g}; allowed {low:.4g} to {high:.4g}; {hint})")
         return math.nan
 
     def _leave_out(self, what: str, more: str = "") -> None:
@@ -222,35 +222,35 @@ class Readings:
         self.say(f"{what} left out: {self.counts[what]}{more}", what)
 
     def _place_now(self, position: Position | None, driven_m: float) -> Position | None:
-        """A position that the robot may have come to, None where there is none."""
+        """The position, None if there is none or the robot cannot have come there."""
         if position is None:
             if self._place is not None and self.clock_s - self._place_at_s > _LEAST_HOLD_S:
                 away_s = self.clock_s - self._place_at_s
-                self.say(f"no position for {away_s:.0f} s: the way is reckoned", "no position")
+                self.say(f"no position for {away_s:.0f} s: dead reckoning", "no position")
             return None
         if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
             apart_m = float(np.linalg.norm(np.subtract(position, self._place)))
             most_m = self._most_mps * (self.clock_s - self._place_at_s) + 2.0 * POSITION_M
             if apart_m > most_m and self._jumps < _JUMPS:
                 self._jumps += 1
-                self._leave_out("absurd position", f" (the last {apart_m:.0f} m away from the one before)")
+                self._leave_out("impossible position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
             if apart_m > most_m:
-                self.say(f"{_JUMPS + 1} positions in a row lie {apart_m:.0f} m away: believed, as if it had leapt")
+                self.say(f"{_JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump")
         if self._stays(position, driven_m):
             return None
         self._place, self._place_at_s, self._jumps = position, self.clock_s, 0
         return position
 
     def _stays(self, position: Position, driven_m: float) -> bool:
-        """Whether positions stay while the speed says that the robot drives: to reckon its way is the safer of both."""
+        """Whether positions stay while the speed is not 0: dead reckoning is then the safer of both."""
         self._driven_m += driven_m
         same_kind = isinstance(position, float) == isinstance(self._anchor, float)
         if self._anchor is None or not same_kind or np.linalg.norm(np.subtract(position, self._anchor)) > _STILL_M:
             self._anchor, self._driven_m = position, 0.0
         elif self._driven_m > _DRIVEN_M:
-            text = f"the positions stay within {_STILL_M:g} m while {self._driven_m:.0f} m are driven by the speed"
-            self.say(f"{text}: degrees, or spinning wheels? reckoned from speed and heading", "the positions stay")
+            text = f"the positions stay within {_STILL_M:g} m while the speed integrates to {self._driven_m:.0f} m"
+            self.say(f"{text}: degrees, or spinning wheels? Dead reckoning is used", "the positions stay")
         return self._driven_m > _DRIVEN_M
 
 
@@ -258,7 +258,7 @@ def _number(name: str, value: Any) -> float:
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise CompanionError(f"{name} = {value!r} is not a number; give a number, or None where nothing was read")
+        raise CompanionError(f"{name} = {value!r} is not a number; give a number, or None if nothing was read")
     number = float(value)
     return number if math.isfinite(number) else math.nan
 

@@ -1,4 +1,4 @@
-"""From margins to advice: the latest place to turn, and the chance of getting home."""
+"""From margins to advice: the latest place to turn, and the probability of getting home."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ _TRIES = 5
 
 
 def latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> float:
-    """How far it may drive on before it must turn, m: a secant's root, never beyond what was seen to be safe."""
+    """How far it may drive on before it must turn, m: a root by the secant method, never beyond a distance known as
+    safe."""
     if now_j <= 0.0:
         return 0.0
     safe_m, safe_j, over_m, over_j = 0.0, now_j, math.nan, math.nan

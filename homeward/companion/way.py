@@ -1,4 +1,4 @@
-"""Where the robot is on its way: along a route, along the trail that it leaves, or by metres from home."""
+"""The robot's position on its way: along a route, along its recorded trail, or in metres from home."""
 
 from __future__ import annotations
 
@@ -31,29 +31,29 @@ class RouteLike(Protocol):
 
 
 class Step(NamedTuple):
-    """What a reading says of the way."""
+    """Change of the way with a reading."""
 
     position_m: float  # way home
-    way_m: float  # driven since the reading before
+    way_m: float  # driven since the last reading
     heading_rad: float  # of travel; NaN: unknown
-    reckoned_m: float  # driven since a position was read
+    reckoned_m: float  # driven since the last position
 
 
 _MOST_CRUMBS = 1024  # points of the trail; chosen: a saved state stays at some tens of kilobytes
 OFF_ROUTE_M = 50.0
-"""Distance from the route from which it is said. Chosen: ten times the error of a position."""
+"""Distance from the route above which it is reported. Chosen: ten times the error of a position."""
 
 
 class Way:
-    """Follows the robot by positions, by speed and heading between them, and keeps the way home.
+    """Tracks the robot by positions, and by speed and heading between them, and keeps the way home.
 
-    A robot that gets `(east, north)` leaves a trail of crumbs. Its way home is the shortest along the trail: where
-    it comes by an earlier crumb, what it drove in between is left out. With a route, the way home is back along that.
+    With `(east, north)` it records a trail of points. The way home is the shortest along the trail: where it passes
+    an earlier point, the loop in between is left out. With a route, the way home is back along the route.
 
     Args:
-        home: Coordinates of home, `"here"` for where the first reading is, or None where positions are metres.
+        home: Coordinates of home, `"here"` for the place of the first reading, or None if positions are metres.
         route: The route, if there is one.
-        crumb_m: Distance of crumbs: a robot that comes nearer than that to one may go on from there.
+        crumb_m: Distance between points of the trail, and from the trail at which the robot may join it.
     """
 
     def __init__(self, home: Position | str | None, route: RouteLike | None, crumb_m: float) -> None:
@@ -75,10 +75,10 @@ class Way:
         self._told_metres = False
 
     def follow(self, reading: Reading) -> Step:
-        """Take in a reading.
+        """Process a reading.
 
         Raises:
-            CompanionError: It cannot be known where the robot is, or home was never set.
+            CompanionError: The position cannot be determined, or home was not set.
         """
         before_m, speed = self.position_m, reading.speed_mps
         driven_m = abs(speed) * reading.dt_s if math.isfinite(speed) else math.nan
@@ -107,7 +107,7 @@ class Way:
         if self._count == 0:
             if self.home is None:
                 raise CompanionError(
-                    "home was never set: give Companion(home=(east, north)), or home='here' for where it begins"
+                    "home was not set: give Companion(home=(east, north)), or home='here' for the robot's first place"
                 )
             self._lay(np.array(position if self.home == "here" else self.home, dtype=np.float64), 0.0)
             self._xy = np.array(position, dtype=np.float64)
@@ -117,7 +117,7 @@ class Way:
         return moved
 
     def _reckon(self, driven_m: float, heading: float, speed: float) -> float:
-        """Go on by speed and heading; where that cannot be, away from home."""
+        """Dead reckoning by speed and heading; without a heading, away from home."""
         driven_m = driven_m if math.isfinite(driven_m) else 0.0
         if self._told_metres:
             self.position_m = max(self.position_m + self._sign * driven_m, 0.0)
@@ -161,7 +161,7 @@ class Way:
         return float(total_m[nearest])
 
     def _lay(self, place: Array, at_m: float) -> None:
-        if self._count == _MOST_CRUMBS:  # every second one goes: memory is bounded, the trail is not
+        if self._count == _MOST_CRUMBS:  # drop every second one: memory is bounded, the trail is not
             half = _MOST_CRUMBS // 2
             self._crumbs[:half], self._at_m[:half] = self._crumbs[::2].copy(), self._at_m[::2].copy()
             self._count, self.crumb_m = half, 2.0 * self.crumb_m
@@ -169,7 +169,7 @@ class Way:
         self._count += 1
 
     def _on_route_m(self) -> float:
-        """Metres along the route of the point of it that is nearest, not far from where the robot was on it."""
+        """Distance along the route of its nearest point, near the robot's last position on it, m."""
         assert self._corners is not None
         origin = self._crumbs[0]
         starts, ends = self._corners[:-1] + origin, self._corners[1:] + origin
@@ -177,13 +177,13 @@ class Way:
         share = np.clip(((self._xy - starts) * along).sum(axis=1) / self._place_m**2, 0.0, 1.0)
         apart_m = np.hypot(*(starts + share[:, None] * along - self._xy).T)
         at_m = (np.arange(len(share)) + share) * self._place_m
-        # A route that crosses itself: what lies far along it counts as further away.
+        # If a route crosses itself, points far along it count as further away.
         best = int(np.argmin(apart_m + 0.1 * np.abs(at_m - self.position_m)))
         self.off_route_m = float(apart_m[best])
         return float(at_m[best] + self.off_route_m)
 
     def beyond(self, home: Position) -> tuple[float, float]:
-        """Where a home that moved is: from which metre of the trail to go there, and how far that then is, m."""
+        """For a home that moved: from which metre of the trail to leave it, and the length of the leg then, m."""
         if isinstance(home, float):
             return max(home, 0.0), max(-home, 0.0)
         if self._count == 0:
@@ -195,7 +195,7 @@ class Way:
         return float(at_m[best]), float(leg_m[best])
 
     def state(self) -> dict[str, Any]:
-        """For a restart."""
+        """State for a restart."""
         used = self._count
         return {
             "position_m": self.position_m, "reckoned_m": self.reckoned_m, "sign": self._sign, "xy": self._xy.tolist(),
@@ -204,7 +204,7 @@ class Way:
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`."""
+        """Continue from `state`."""
         self.position_m, self.reckoned_m, self._sign = (float(state[k]) for k in ("position_m", "reckoned_m", "sign"))
         self._xy, self.crumb_m = np.array(state["xy"], dtype=np.float64), float(state["crumb_m"])
         self._count = len(state["at_m"])
@@ -214,7 +214,7 @@ class Way:
 
 
 def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray[np.void]:
-    """What is left of a route after some metres, `WAY_DTYPE`."""
+    """The rest of a route after some metres, `WAY_DTYPE`."""
     ends = np.arange(1, len(route.grade_rad) + 1) * route.place_m
     lengths = np.clip(ends - driven_m, 0.0, route.place_m)
     ways = np.zeros(len(ends), WAY_DTYPE)
@@ -226,13 +226,13 @@ def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray
 def back_over(
     places: NDArray[np.void], place_m: float, here_m: float, from_m: float, leg_m: float, cruise_mps: float
 ) -> NDArray[np.void]:
-    """Back over the way out as far as some metre of it, and then a leg over unknown ground, `WAY_DTYPE`.
+    """Back along the way out to a given metre, and then a leg over unknown ground, `WAY_DTYPE`.
 
     Args:
-        places: What the estimator has noted of the places of the way out, shape (places,).
+        places: The estimator's notes on the places of the way out, shape (places,).
         place_m: Length of a place, m.
-        here_m: Where the robot is on it, m.
-        from_m: Metre of it that it goes back to.
+        here_m: Position of the robot on it, m.
+        from_m: Position on it to go back to, m.
         leg_m: Length of the leg, m.
         cruise_mps: Speed, m/s.
     """

@@ -1,4 +1,4 @@
-"""What was read since the estimator last took in a reading, summed up."""
+"""Readings since the last update of the estimator, averaged."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from homeward.companion.readings import Reading
 from homeward.companion.way import Step
 
 _COVERED = 0.5
-"""Share of the time for which a power must have been read, or the model fills in. Chosen: a majority."""
+"""Share of the time for which power must have been read; otherwise the model predicts it. Chosen: a majority."""
 _UNREAD = 0.3
-"""Standard deviation of the mean power in the time without a reading, as a share. Chosen: stops and bends."""
+"""Relative standard deviation of the mean power in the time without a reading. Chosen: stops and bends."""
 _PLAUSIBLE = 0.15
-"""Share of the way by which the change of the way home may differ from it, for a way straight out or back."""
+"""Relative difference allowed between the change of the way home and the way driven, for a way straight out or back."""
 
 
 class Window:
-    """Sums since the last reading of the estimator.
+    """Sums since the last update of the estimator.
 
     Attributes:
-        time_s: Its length.
-        way_m: Driven in it.
-        modelled_j: Energy by the robot's own model, by the slopes as they were read.
-        other_j: Of that, beyond driving steadily: electronics, turning, speeding up.
-        extra_j: Of that, of the drive.
-        slopes: Readings of a slope in it.
-        soc: Last state of charge read in it, NaN if none.
-        stood_s: Time for which the speed read 0.
+        time_s: Its length, s.
+        way_m: Distance driven, m.
+        modelled_j: Energy by the robot's own model, with the slopes as read, J.
+        other_j: Part of it beyond steady driving: electronics, turning, accelerating, J.
+        extra_j: Part of that due to the drive, J.
+        slopes: Number of slope readings.
+        soc: Last reading of the state of charge, NaN if none.
+        stood_s: Time for which the speed read 0, s.
     """
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class Window:
         self._volt_s = self._amp_s = self._electric_s = 0.0
 
     def add(self, reading: Reading, step: Step, modelled_w: float, drive_w: float, steady_w: float) -> None:
-        """Add a reading, with the powers by the model since the one before: all, of the drive, of steady driving."""
+        """Add a reading, with the model's mean powers since the last one: total, of the drive, of steady driving."""
         dt_s, way_m = reading.dt_s, step.way_m
         self.time_s += dt_s
         self.way_m += way_m
@@ -71,12 +71,12 @@ class Window:
 
     @property
     def power_w(self) -> float:
-        """Mean power as it was read, NaN where it was for too little of the time."""
+        """Mean power as read, NaN if it was read for too little of the time."""
         return self._read_j / self._read_s if self._read_s >= _COVERED * self.time_s and self._read_s else math.nan
 
     @property
     def power_noise(self) -> float:
-        """Error of that beyond the meter's, as a share, for the time without a reading."""
+        """Relative error of that beyond the meter's, due to the time without a reading."""
         return _UNREAD * (1.0 - self._read_s / self.time_s) if self.time_s else 0.0
 
     @property
@@ -86,7 +86,7 @@ class Window:
 
     @property
     def speed_mps(self) -> float:
-        """Mean speed by the way, NaN if none was read."""
+        """Mean speed over the way, NaN if none was read."""
         return self._speed_m / self._speedy_m if self._speedy_m else math.nan
 
     @property
@@ -109,5 +109,5 @@ class Window:
         )
 
     def straight(self, change_m: float) -> bool:
-        """Whether the way home changed by what was driven: straight away from home, or back as it came."""
+        """Whether the way home changed by the distance driven: straight away from home, or back the same way."""
         return abs(abs(change_m) - self.way_m) <= _PLAUSIBLE * max(self.way_m, abs(change_m)) + 1e-6

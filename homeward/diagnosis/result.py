@@ -67,7 +67,7 @@ class Product:
 
 @dataclass(frozen=True)
 class Range:
-    """Range on one charge of a robot that goes on driving as recorded, beside d_max at its best speed on the level."""
+    """Range on one charge of a robot that drives on as recorded, and d_max at its best speed on level ground."""
 
     recorded_m: float  # by the recorded energy per metre
     ci95: tuple[float, float]  # over runs

@@ -22,12 +22,12 @@ from homeward.estimation.prior import (
 from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.jit import inline
 
-_DRIVING = CLIMB + 1  # the states that the energy of driving hangs on come first
-_SURELY = 0.7  # of rolling: energy of a stretch above which it is not in doubt that something has to be driven
+_DRIVING = CLIMB + 1  # the states that determine the energy of driving come first
+_SURELY = 0.7  # of rolling: energy of a stretch above which it certainly consumes some
 
 
 class Vehicle(NamedTuple):
-    """Numbers of the robot's own model, as `homeward.physics.model` asks for them."""
+    """Parameters of the robot's own model, named as `homeward.physics.model` expects them."""
 
     full_j: float  # usable energy of a full battery
     rolling_resistance: float
@@ -35,17 +35,17 @@ class Vehicle(NamedTuple):
     drag_ns2_per_m2: float
     per_efficiency: float
     cruise_mps: float
-    idle_w: float  # ancillary power with nothing sensed
+    idle_w: float  # ancillary power without sensing
     place_m: float  # length of a place of the route
 
 
 def vehicle_of(robot: Robot, place_m: float, cruise_mps: float | None = None) -> Vehicle:
-    """Numbers of a robot's own model.
+    """Parameters of a robot's own model.
 
     Args:
-        robot: As its file says.
+        robot: The robot of the file.
         place_m: Length of a place of the route, m.
-        cruise_mps: Speed at which its model costs the way home, m/s; that with the longest range if left out.
+        cruise_mps: Speed at which the way home is predicted, m/s; by default that with the longest range.
     """
     payload_kg = float(robot.record()[0]["payload_mass_kg"])
     return Vehicle(
@@ -62,13 +62,13 @@ def vehicle_of(robot: Robot, place_m: float, cruise_mps: float | None = None) ->
 
 @inline
 def rolling(v: Any, sine: float) -> float:
-    """Energy of rolling by the file, J/m."""
+    """Energy of rolling by the robot's file, J/m."""
     return float(model.rolling_force(v, np.sqrt(max(1.0 - sine * sine, 0.0))) * v.per_efficiency)
 
 
 @inline
 def climbing(v: Any, sine: float) -> float:
-    """Energy of climbing by the file, J/m, negative downhill."""
+    """Energy of climbing by the robot's file, J/m, negative downhill."""
     return float(model.grade_force(v, sine) * v.per_efficiency)
 
 
@@ -80,37 +80,36 @@ def drag(v: Any, speed_mps: float, headwind_mps: float) -> float:
 
 @inline
 def modelled_driving(v: Any, sine: float, speed_mps: float) -> float:
-    """Energy of driving by the robot's own model, J/m: a place consumes what it does at cruise, and the drag of another
-    speed is added.
+    """Energy of driving by the robot's own model, J/m: that of the place at cruise, with the drag of the actual speed.
 
     Args:
         v: `Vehicle`.
-        sine: Of the slope in the direction of travel.
-        speed_mps: How fast.
+        sine: Sine of the slope in the direction of travel.
+        speed_mps: Speed, m/s.
     """
     at_cruise = drag(v, v.cruise_mps, 0.0)
     return max(max(rolling(v, sine) + climbing(v, sine) + at_cruise, 0.0) + drag(v, speed_mps, 0.0) - at_cruise, 0.0)
 
 
 class Stretch(NamedTuple):
-    """A stretch of a way over ground that is alike."""
+    """A stretch of a way over uniform ground."""
 
     way_m: float
     sine: float  # of the slope, in the direction of travel, as the next two
     east: float
     north: float
     speed_mps: float
-    rolled: float  # what a joule of rolling by the file takes there over `ROLLED`; below 0: it is `ROLLING`
+    rolled: float  # rolling energy there over the file's, relative to `ROLLED`; below 0: it is `ROLLING`
     climb_share: float  # of the way from here home
-    stays: float  # share of the gusts now that is met there
+    stays: float  # share of the present gusts that remains there
 
 
 @inline
 def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, part: Any) -> tuple[float, float]:
-    """Energy of driving a stretch by a hypothesis, over the file's usable energy, and its variance beside the states'.
+    """Energy of driving a stretch by a hypothesis, over the file's usable energy, and its variance beyond the states'.
 
-    It is normally distributed by the states, but never below 0: where it may be both, the mean and the slopes are those
-    of the normal distribution cut off there.
+    It is normally distributed by the states, but never below 0. If it may be both, mean and slopes are those of the
+    normal distribution truncated there.
 
     Args:
         v: `Vehicle`.
@@ -118,9 +117,9 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
         x: Mean of the states, shape (STATES,).
         p: Their covariance.
         s: `Stretch`.
-        slope: Added to: by how much each state raises the energy, shape (STATES,).
-        bend: Added to: second derivatives by the wind, east, both and north.
-        part: Room for work, shape (STATES,).
+        slope: Incremented by the derivative of the energy by each state, shape (STATES,).
+        bend: Incremented by the second derivatives by the wind: east, both, north.
+        part: Work space, shape (STATES,).
     """
     full = s.way_m / v.full_j
     roll, climb = rolling(v, s.sine) * full, climbing(v, s.sine) * full
@@ -163,5 +162,5 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
 
 @inline
 def misread_climb(prior: Any, x: Any) -> float:
-    """By how much a climb that the slopes did not show raises the energy: less where the modelled energy knows it."""
+    """Derivative of the energy by a climb that the slopes did not show; smaller if the modelled energy includes it."""
     return float(x[WEIGHT] - prior.model_knows_slopes * x[GAIN])

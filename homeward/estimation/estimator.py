@@ -1,4 +1,4 @@
-"""Estimates of robots side by side: readings in, a distribution of the robot, the wind and the way home out."""
+"""Estimates for robots side by side: from readings to a distribution of the robot, the wind and the way home."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from homeward.estimation.prior import HYPOTHESES, PER_CAPACITY, USED, Prior, fir
 from homeward.estimation.relocation import relocate
 
 NO_WAYS = np.zeros(0, WAY_DTYPE)
-"""No way home but back over the way out."""
+"""No way home but back along the way out."""
 
 
 class Margin(NamedTuple):
-    """What plans leave.
+    """Distribution of the energy that plans leave.
 
     Attributes:
         total: `MARGIN_DTYPE`, shape (n,).
-        weight: Of each hypothesis about the wind, shape (n, hypotheses), as the next two.
-        mean_j: Of the margin, by that hypothesis, metered J.
-        sd_j: Standard deviation of the same.
+        weight: Weight of each wind hypothesis, shape (n, hypotheses), like the next two.
+        mean_j: Mean of the margin by that hypothesis, J as metered.
+        sd_j: Its standard deviation.
     """
 
     total: NDArray[np.void]
@@ -37,8 +37,8 @@ class StateEstimate(NamedTuple):
     """Mean and covariance over all hypotheses.
 
     Attributes:
-        mean: Of the states of `homeward.estimation.prior`, shape (n, STATES).
-        covariance: Shape (n, STATES, STATES).
+        mean: Mean of the states of `homeward.estimation.prior`, shape (n, STATES).
+        covariance: Covariance, shape (n, STATES, STATES).
     """
 
     mean: NDArray[np.float64]
@@ -48,17 +48,17 @@ class StateEstimate(NamedTuple):
 class Estimator:
     """Estimates the parameters, the wind and the way home of robots online.
 
-    All energies that it answers are metered: what the robot's own power meter would show, less its offset, so that its
-    gain cancels between energy left and way home.
+    All returned energies are as metered: those that the robot's own power meter would show, without its offset. The
+    meter's gain therefore cancels between the energy left and that of the way home.
 
     Args:
         vehicle: The robot's own model.
-        prior: What is known before anything was driven.
+        prior: Prior of the mission.
         places: Number of places of the route.
         count: Number of robots n.
 
     Attributes:
-        state: Everything that is known of each robot, one record each, shape (n,): a copy of it can be put back.
+        state: State of the estimator, one record for each robot, shape (n,): it can be copied and restored.
     """
 
     def __init__(self, vehicle: Vehicle, prior: Prior, places: int, count: int) -> None:
@@ -83,8 +83,8 @@ class Estimator:
 
         Args:
             mask: Which robots begin, shape (n,).
-            wind_east_mps: Forecast of the wind, towards where it comes from, shape (n,).
-            wind_north_mps: The same to the north.
+            wind_east_mps: East component of the forecast wind, towards where it comes from, shape (n,).
+            wind_north_mps: North component of the same.
         """
         forecast_mps = np.stack((wind_east_mps, wind_north_mps), axis=-1)[mask]
         mean, covariance, probability = first_hypotheses(self.prior, self.vehicle.full_j, forecast_mps)
@@ -97,7 +97,7 @@ class Estimator:
         self.state[mask] = new
 
     def update(self, readings: NDArray[np.void], mask: NDArray[np.bool_]) -> None:
-        """Take in readings; one that is not later than the last one is left out.
+        """Process readings; one that is not later than the last one is left out.
 
         Args:
             readings: `READING_DTYPE`, shape (n,).
@@ -107,19 +107,19 @@ class Estimator:
         update(self.vehicle, self.prior, mask, readings, s["robot"], s["hypotheses"], s["places"], s["rollings"])
 
     def relocate(self, position_m: float) -> None:
-        """Robots are elsewhere on their way home than they drove to: one found a short cut, or home has moved.
+        """Move robots to another place on their way home: a short cut was found, or home has moved.
 
         Args:
-            position_m: Way home from now on, m, over ground already driven or, where it is longer, as that here.
+            position_m: New length of the way home, m, over ground already driven or, if longer, like that here.
         """
         s = self.state
         relocate(self.vehicle, s["robot"], s["hypotheses"], s["places"], s["rollings"], position_m)
 
     def recharge(self, soc: float, soc_sd: float) -> None:
-        """Robots have another battery, or the same with another charge: nothing that was learned of it holds.
+        """Replace the robots' batteries, or their charge: estimates of the old battery are dropped.
 
         Args:
-            soc: State of charge, a share.
+            soc: State of charge, 0 to 1.
             soc_sd: Standard deviation of its error.
         """
         robot, h = self.state["robot"], self.state["hypotheses"]
@@ -148,11 +148,11 @@ class Estimator:
         return StateEstimate(mean, covariance + np.einsum("nk,nka,nkb->nab", weight, apart, apart))
 
     def plans(self, home_cost_j: NDArray[np.float64], home_mps: float | None = None) -> NDArray[np.void]:
-        """Plans of heading home now, `PLAN_DTYPE`, shape (n,), to be changed as one likes.
+        """Plans of heading home now, `PLAN_DTYPE`, shape (n,), which may be modified.
 
         Args:
-            home_cost_j: From here home by the robot's own model, shape (n,).
-            home_mps: How fast; cruise if left out.
+            home_cost_j: Energy from here home by the robot's own model, J, shape (n,).
+            home_mps: Speed home, m/s; by default cruise.
         """
         plans = np.zeros(len(self.state), PLAN_DTYPE)
         plans["home_cost_j"], plans["sine"] = home_cost_j, np.nan
@@ -160,12 +160,12 @@ class Estimator:
         return plans
 
     def margin(self, plans: NDArray[np.void], risk: float, ways: NDArray[np.void] = NO_WAYS) -> Margin:
-        """Distribution of what plans leave: energy left, less driving on and then home.
+        """Distribution of the energy that plans leave: energy left, less driving on and then home.
 
         Args:
             plans: `PLAN_DTYPE`, shape (n,).
-            risk: Probability that a margin is below its `margin_low_j`; 0 leaves that out, NaN, and takes less time.
-            ways: `WAY_DTYPE`, shape (m,): the way home of plans that lead home elsewhere.
+            risk: Probability that a margin is below its `margin_low_j`; with 0 that is NaN, which saves time.
+            ways: `WAY_DTYPE`, shape (m,): the way home of plans that do not go back along the way out.
         """
         s = self.state
         total, each = np.zeros(len(s), MARGIN_DTYPE), np.zeros((len(s), HYPOTHESES, 4))

@@ -1,9 +1,9 @@
-"""An extended Kalman filter for each of a few hypotheses about the wind, weighted by how well they predict.
+"""An extended Kalman filter for each of several hypotheses about the wind, weighted by their likelihood.
 
-Energy is linear in all unknown numbers but the wind, where the second order is reckoned with as well. The energy that
-the ground between home and here consumes is a state of its own, `ROLLED`: it holds rough ground as it is met, its
-covariance with the wind says what of the way out may have been wind, and the way home meets the same ground again. As
-rolling and drag together are what was read, an update of the wind goes along a curve, not a tangent: `bend`.
+Energy is linear in all states but the wind, for which the second order is included. The energy that the ground between
+home and here consumes is a state of its own, `ROLLED`. It contains rough ground as it was met, and the way home crosses
+the same ground; its covariance with the wind tells how much of it may have been wind. The reading is of rolling and
+drag together, so an update of the wind follows a curve, not a tangent: `bend`.
 """
 
 from __future__ import annotations
@@ -36,25 +36,25 @@ READING_DTYPE = np.dtype(
     [
         ("time_s", np.float64),  # since the mission began
         ("position_m", np.float64),  # from home
-        ("power_w", np.float64),  # mean since the reading before
-        ("soc", np.float64),  # state of charge, a share
+        ("power_w", np.float64),  # mean since the last reading
+        ("soc", np.float64),  # state of charge, 0 to 1
         (
             "modelled_j",
             np.float64,
-        ),  # by the robot's own model since the reading before; NaN: by the slopes noted
-        ("other_j", np.float64),  # where that is NaN, what the model has beyond driving steadily and standing
+        ),  # by the robot's own model since the last reading; NaN: from the slopes noted
+        ("other_j", np.float64),  # if that is NaN, the model's energy beyond steady driving and standing
         ("speed_mps", np.float64),  # while it moved
         ("sine", np.float64),  # of the slope here, in the direction of the way out
         ("east", np.float64),  # direction of the way out here
         ("north", np.float64),
     ]
 )
-"""What a robot reads of itself; NaN where an instrument is silent."""
+"""Readings of a robot; NaN where an instrument was not read."""
 ROBOT_DTYPE = np.dtype(
     [(name, np.float64) for name in ("time_s", "position_m", "lag", "soc", "soc_since", "soc_taken", "soc_start")]
 )
-"""Time and place of the last reading; by how much the state of charge lags, as a share of the file's usable energy; the
-state of charge, the energy used when it last changed, when it was last taken in, and what it was at the start."""
+"""Time and place of the last reading; lag of the state of charge, as a share of the file's usable energy; the
+state of charge, the energy used when it last changed, when it was last used, and its value at the start."""
 HYPOTHESIS_DTYPE = np.dtype(
     [
         ("mean", np.float64, (STATES,)),
@@ -62,33 +62,33 @@ HYPOTHESIS_DTYPE = np.dtype(
         ("log_weight", np.float64),
         ("gust_s", np.float64),  # correlation time of the gusts
         ("rolled", np.float64),  # sum over the ground between home and here of rolling as it was met
-        # Second derivatives of that ground's drag by mean wind and gusts (east, both, north), and of the ground that
-        # `ROLLING` was learned on, with its rolling by the file.
+        # Second derivatives of that ground's drag by mean wind and gusts (east, both, north), and of the ground from
+        # which `ROLLING` was estimated, with its rolling by the file.
         ("bend", np.float64, (2, 3)),
         ("bend_here", np.float64, (2, 3)),
         ("rolls_here", np.float64),
     ]
 )
 PLACE_DTYPE = np.dtype([(name, np.float64) for name in ("sine", "east", "north", "readings", "sine_driven")])
-"""Slope as the mean of its readings, direction of the way out, readings, and slope that driving was reckoned with."""
+"""Mean of the slope readings, direction of the way out, number of readings, and slope that was used for driving."""
 
-_LEAST_LOG_WEIGHT = -14.0  # one in a million: a hypothesis may come back where ground and wind were others than thought
+_LEAST_LOG_WEIGHT = -14.0  # one in a million: a hypothesis may recover if ground and wind differ from those assumed
 # The next three were chosen by trial on seeds 1, 3 and 5 of tests/estimation/world.py.
 _TEMPER = 0.5
-"""Power of the likelihood by which hypotheses are weighed: errors are not independent of each other, as the filter has
-it. With 1 the margin is below its 1e-3 quantile twice as often, with 0.35 the quantile lies lower."""
+"""Power of the likelihood in the weights: errors are correlated, but the filter assumes independence. With 1 the margin
+is below its 1e-3 quantile twice as often, with 0.35 the quantile is lower."""
 _ADAPT = 0.15
-"""Change of the logarithm of the gusts' correlation time by a squared error that is 1 beyond expectation."""
+"""Change of the logarithm of the gusts' correlation time for a squared error that is 1 above its expectation."""
 _UNEVEN = 0.3
 """Error of the rolling of one place on the way home, over the standard deviation of a change of the ground."""
-_ROLLS = 0.01  # energy over that of rolling on the flat below which it rolled by itself
+_ROLLS = 0.01  # energy over that of rolling on level ground below which the robot coasted
 _UNKNOWN = -1  # of whether the robot coasts: neither 0 nor 1
 _LEAST_CHANCE = 1e-3  # of that: a slope may have been misread
-_DOUBT = 9.0  # squared standard deviations from which a state of charge counts less, and errors say no more of gusts
-_LEAST_ERROR = 1e-5  # of a state of charge: single precision and what sums leave
+_DOUBT = 9.0  # squared standard deviations above which a state of charge counts less, and errors do not update gusts
+_LEAST_ERROR = 1e-5  # of a state of charge: single precision and accumulated rounding
 _STUCK_STEPS, _STUCK_NOISE, _STUCK = 3.0, 5.0, 0.005
 """Steps, standard deviations and share of the battery by which an unchanged state of charge must be off together before
-it says nothing."""
+it is ignored."""
 _LEAST_ROLLING = 0.1  # over the file's, wherever it is noted for the way home
 
 
@@ -96,7 +96,7 @@ _LEAST_ROLLING = 0.1  # over the file's, wherever it is noted for the way home
 def update(
     v: Any, prior: Any, asked: Any, readings: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any
 ) -> None:
-    """Take in what robots read.
+    """Update robots with their readings.
 
     Args:
         v: `Vehicle`.
@@ -160,7 +160,7 @@ def mean_of(hypotheses: Any, state: int) -> float:
 
 @inline
 def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
-    """Note slope and direction here on the way out, and take them for those of places that were passed unseen."""
+    """Note slope and direction here on the way out, also for the places that were passed without a reading."""
     here = place_of(v, reading.position_m, places)
     if reading.position_m < robot.position_m or not np.isfinite(reading.sine + reading.east + reading.north):
         return
@@ -176,7 +176,7 @@ def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
 
 @inline
 def _speed(robot: Any, reading: Any, dt_s: float) -> float:
-    """Speed while it moved: by the way, unless it stood for a part of the time."""
+    """Speed while it moved: distance over time, unless it stood for a part of the time."""
     by_way_mps = abs(reading.position_m - robot.position_m) / dt_s
     return float(reading.speed_mps if reading.speed_mps > 1.05 * by_way_mps else by_way_mps)
 
@@ -186,10 +186,10 @@ def _drive(
     v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any,
     slope: Any, shared: Any, jump: Any, bend: Any, coasts: int,
 ) -> int:  # fmt: skip
-    """Move a hypothesis on to a reading, and take in the power that was read.
+    """Predict a hypothesis to a reading, and update it with the power that was read.
 
-    Returns `coasts`: whether the robot rolled by itself, as the likeliest hypothesis, which comes first, has found.
-    `slope` is how the energy depends on the states before, `shared` the covariance of the reading with the states.
+    Returns `coasts`: whether the robot coasted, as the likeliest hypothesis, which comes first, has found. `slope` is
+    the derivative of the energy by the states before, `shared` the covariance of the reading with the states.
     """
     x, p = h.mean, h.covariance
     _blow(prior, dt_s, h)
@@ -200,7 +200,7 @@ def _drive(
     mean_bend, bend_variance, _ = curvature(bend, covariance_of_wind(p, 1.0, 0.0))
     drive += mean_bend
     took, variance = drive + other, 0.0
-    slope[OFFSET] = dt_s  # the reading holds the offset, the energy does not
+    slope[OFFSET] = dt_s  # the reading includes the offset, the energy does not
     for a in range(STATES):
         total = 0.0
         for b in range(STATES):
@@ -223,7 +223,7 @@ def _drive(
         shared[ROLLED] *= kept
         shared[CLIMB] *= climb_kept
 
-    # Slopes that were misread: they raise the energy and, on the way out, are met again on the way home.
+    # Slopes that were misread: they raise the energy and, on the way out, recur on the way home.
     weight = misread_climb(prior, x)
     noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + left + bend_variance
     p[USED, USED] += noise
@@ -235,7 +235,7 @@ def _drive(
         p[USED, CLIMB] += weight * climb_variance
         shared[CLIMB] += weight * climb_variance
     else:
-        # Rolling is known better in all than place by place: what one took more, the others took less.
+        # The sum of rolling is known better than that of each place: what one consumed more, the others consumed less.
         uneven = (_UNEVEN * prior.patch_sd * rolls) ** 2
         p[ROLLED, ROLLED] += uneven
         p[USED, USED] += uneven
@@ -290,7 +290,7 @@ def _learn(
     change: float,
     coasts: int,
 ) -> int:
-    """Take in an energy that was read, over the file's usable energy; returns `coasts`."""
+    """Update with an energy that was read, over the file's usable energy; returns `coasts`."""
     x, p = h.mean, h.covariance
     if not np.isfinite(read):
         spread(p, jump, change * prior.patch_sd**2)
@@ -299,11 +299,11 @@ def _learn(
     if coasts == _UNKNOWN:
         coasts = int(read - predicted + drive < _ROLLS * rolls and rolls > 0.0)
     if coasts:
-        # All hypotheses are asked the same, whether it may: a density of one would outweigh the probability of another.
+        # All hypotheses decide the same about coasting: a density of one would outweigh the probability of another.
         may = 0.5 * math.erfc((drive - _ROLLS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
         h.log_weight += _TEMPER * np.log(max(may, _LEAST_CHANCE))
         if left > 0.0:
-            # As it was known that it may, nothing is learned again at every reading.
+            # Its possibility was known: nothing is learned again at every reading.
             x[USED] += read - predicted
             for a in range(STATES):
                 if a != USED:
@@ -313,14 +313,14 @@ def _learn(
     log_likelihood, misfit = take_in(x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read)
     if not coasts:
         h.log_weight += _TEMPER * log_likelihood
-    # Larger errors than expected are gusts that change faster.
+    # Larger errors than expected mean gusts that change faster.
     gust_s = h.gust_s * np.exp(-_ADAPT * (min(misfit, _DOUBT) - 1.0))
     h.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
     by_mean_mps = x[EAST] - east_mps, x[NORTH] - north_mps
     by_gust_mps = x[GUST_EAST] - gust_east_mps, x[GUST_NORTH] - gust_north_mps
     bend_along(x, p, ROLLED, h.bend, 1.0, by_mean_mps, by_gust_mps)
     bend_along(x, p, ROLLING, h.bend_here, 1.0 / max(h.rolls_here, 1e-12), by_mean_mps, by_gust_mps)
-    # Of new ground it is not known.
+    # For new ground it is not known.
     for a in range(3):
         h.bend_here[0, a] *= 1.0 - change
         h.bend_here[1, a] *= 1.0 - change
@@ -330,7 +330,7 @@ def _learn(
 
 @inline
 def _blow(prior: Any, dt_s: float, h: Any) -> None:
-    """Let gusts change."""
+    """Predict the gusts."""
     x, p, kept = h.mean, h.covariance, np.exp(-dt_s / h.gust_s)
     variance = gust_variance(prior, x, p)
     for gust in (GUST_EAST, GUST_NORTH):
@@ -346,12 +346,12 @@ def _way(
     v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any, slope: Any,
     bend: Any, part: Any,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """What the time since the last reading took, and by how much each state raises it: first (`slope`) and, for the
-    wind, second derivatives (`bend`).
+    """Energy since the last reading, and its derivatives: first by each state (`slope`) and second by the wind
+    (`bend`).
 
     Returns:
-        Energy of driving; of all else; variance beside that of the states; rolling by the file; share of the ground's
-        rolling between home and here that remains; variance of climbing by the file that misread slopes leave.
+        Energy of driving; of all else; variance beyond that of the states; rolling by the file; share of the ground's
+        rolling between home and here that remains; variance of climbing by the file due to misread slopes.
     """
     x, p = h.mean, h.covariance
     outwards = reading.position_m >= robot.position_m
@@ -409,7 +409,7 @@ def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, r
 
 @inline
 def _remember(v: Any, robot: Any, reading: Any, places: Any) -> None:
-    """Note where the robot is, and the slopes that its way out was reckoned with."""
+    """Note the robot's place, and the slopes that were used for its way out."""
     reached_m = robot.position_m
     k = place_of(v, reached_m, places)
     while reached_m < reading.position_m:
@@ -423,14 +423,14 @@ def _remember(v: Any, robot: Any, reading: Any, places: Any) -> None:
 
 @compiled
 def _charge(prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_before: float, hypotheses: Any) -> None:
-    """Take in a state of charge: what was used over the capacity.
+    """Update with a state of charge: energy used over the capacity.
 
     Args:
         prior: `Prior`.
         robot: `ROBOT_DTYPE`.
-        soc: As it was read.
-        dt_s: Since the last reading.
-        used: By the likeliest hypothesis.
+        soc: The reading, 0 to 1.
+        dt_s: Time since the last reading, s.
+        used: Energy used by the likeliest hypothesis.
         used_before: The same at the last reading.
         hypotheses: `HYPOTHESIS_DTYPE`, shape (hypotheses,).
     """
@@ -470,7 +470,7 @@ def _charge(prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_b
 
 @inline
 def _weigh(hypotheses: Any) -> None:
-    """Make the weights add up to one, none of them hopeless."""
+    """Normalise the weights to a sum of one, with a lower limit for each."""
     most, total = -np.inf, 0.0
     for k in range(len(hypotheses)):
         most = max(most, hypotheses[k].log_weight)

@@ -1,4 +1,4 @@
-"""The robot's own model on its way: what it draws now, and what the ground driven takes on the way home."""
+"""The robot's own model on its way: its present power, and the energy of the driven ground on the way home."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ def modelled_power(
     v: Any, robots: Any, states: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, sine: float,
     yaw_rate_radps: float, ahead: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Power by the robot's own model, that of its drive, and of that, of rolling, climbing and drag alone, W.
+    """Power by the robot's own model, that of its drive, and the part of that for rolling, climbing and drag alone, W.
 
-    It is that in still air at 20 C, where C_rr was measured.
+    It is for still air at 20 C, where C_rr was measured.
 
     Args:
         v: `Vehicle`.
         robots: `ROBOT_DTYPE`, shape (1,).
         states: `ROBOT_STATE_DTYPE`, shape (1,); written.
-        speed_mps: Speed.
-        sensing_hz: Sensing rate.
-        accel_mps2: Acceleration along the direction of travel.
-        sine: Of the slope in the direction of travel.
-        yaw_rate_radps: Turning rate.
+        speed_mps: Speed, m/s.
+        sensing_hz: Sensing rate, Hz.
+        accel_mps2: Acceleration along the direction of travel, m/s^2.
+        sine: Sine of the slope in the direction of travel.
+        yaw_rate_radps: Turning rate, rad/s.
         ahead: 1 on the way out, -1 on the way home.
     """
     p, s = robots[0], states[0]
@@ -44,14 +44,14 @@ def modelled_power(
 
 @compiled
 def home_cost(v: Any, places: Any, extra_j_per_m: Any, position_m: float) -> float:
-    """Energy home over the ground driven, at cruise and with nothing sensed, by the robot's own model, J.
+    """Energy home over the ground driven, at cruise and without sensing, by the robot's own model, J.
 
     Args:
         v: `Vehicle`.
         places: `PLACE_DTYPE`, shape (places,).
-        extra_j_per_m: What driving consumed there beyond rolling, climbing and drag by the model: turning, speeding up,
-            J/m, shape (places,). It takes that on the way home, too.
-        position_m: From home.
+        extra_j_per_m: Consumption there beyond rolling, climbing and drag by the model: turning, accelerating, J/m,
+            shape (places,). It is assumed on the way home, too.
+        position_m: Distance from home, m.
     """
     total = v.idle_w / v.cruise_mps * position_m
     last = place_of(v, position_m, places)

@@ -1,4 +1,4 @@
-"""Arithmetic of a hypothesis' mean and covariance: moving states on, and taking in a reading."""
+"""Arithmetic of a hypothesis' mean and covariance: prediction of states, and update with a reading."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES, USED
 from homeward.physics.jit import compiled, inline
 
-_OUTLIER = 1e-3  # probability that a reading of power says nothing; chosen: of the readings of a mission, none or one
+_OUTLIER = 1e-3  # probability that a reading of power is an outlier; chosen: none or one of the readings of a mission
 
 
 @inline
 def add_to_used(p: Any, shared: Any, slope: Any) -> None:
-    """Covariance when the energy, linear in the states by `slope`, is added to what was used."""
+    """Covariance after an energy, linear in the states by `slope`, is added to the energy used."""
     own = 0.0
     for a in range(STATES):
         own += slope[a] * shared[a]
@@ -35,7 +35,7 @@ def add_to_used(p: Any, shared: Any, slope: Any) -> None:
 
 @inline
 def carry(p: Any, row: int, kept: float, source: int, factor: float) -> None:
-    """Covariance when a state becomes a share of itself and a factor times another one."""
+    """Covariance after a state becomes a share of itself and a factor times another one."""
     own = kept * kept * p[row, row] + 2.0 * kept * factor * p[row, source] + factor * factor * p[source, source]
     for a in range(STATES):
         p[row, a] = kept * p[row, a] + factor * p[source, a]
@@ -45,7 +45,7 @@ def carry(p: Any, row: int, kept: float, source: int, factor: float) -> None:
 
 @inline
 def bend_along(x: Any, p: Any, row: int, bend: Any, factor: float, by_mean_mps: Any, by_gust_mps: Any) -> None:
-    """Follow the curve on which rolling and drag together are what was read, where an update went along its tangent."""
+    """Follow the curve of constant rolling plus drag, after an update along its tangent."""
     (east, north), (gust_east, gust_north) = by_mean_mps, by_gust_mps
     by_gust_east = factor * (bend[1, 0] * (east + gust_east) + bend[1, 1] * (north + gust_north))
     by_gust_north = factor * (bend[1, 1] * (east + gust_east) + bend[1, 2] * (north + gust_north))
@@ -60,7 +60,7 @@ def bend_along(x: Any, p: Any, row: int, bend: Any, factor: float, by_mean_mps: 
 
 @inline
 def spread(p: Any, direction: Any, variance: float) -> None:
-    """Covariance when states change along a direction by a random amount."""
+    """Covariance after a random change of the states along a direction."""
     for a in range(STATES):
         for b in range(STATES):
             p[a, b] += variance * direction[a] * direction[b]
@@ -78,21 +78,21 @@ def take_in(
     change_sd: float,
     read: float,
 ) -> tuple[float, float]:
-    """Kalman's update, averaged over three explanations: as before, the ground has changed, the reading says nothing.
+    """Kalman update, averaged over three explanations: as before, the ground has changed, the reading is an outlier.
 
     Args:
         x: Mean, shape (STATES,).
         p: Covariance.
-        surprise: What was read beyond what was predicted.
-        variance: Of the surprise, if the ground is as before.
+        surprise: Reading less prediction.
+        variance: Its variance, if the ground is as before.
         shared: Covariance of the reading with the states, if so.
-        jump: How states depend on a change of the rolling resistance; the energy does as `USED` does.
+        jump: Derivative of the states by a change of the rolling resistance; the energy's is that of `USED`.
         change: Probability of such a change.
-        change_sd: Standard deviation of it.
-        read: What was read.
+        change_sd: Its standard deviation.
+        read: The reading.
 
     Returns:
-        Logarithm of the likelihood; square of the surprise over its variance.
+        Log likelihood; squared surprise over its variance.
     """
     q = change_sd * change_sd
     rise = jump[USED]

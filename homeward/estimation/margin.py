@@ -1,4 +1,4 @@
-"""What a plan leaves: energy left, less what driving on and then home consumes, as a distribution."""
+"""Margin of a plan: energy left, less that of driving on and then home, as a distribution."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ PLAN_DTYPE = np.dtype(
         ("onwards_m", np.float64),  # to drive on before heading home, negative to drive towards home
         ("speed_mps", np.float64),  # of that
         ("onwards_j", np.float64),  # all but driving meanwhile, by the robot's own model
-        ("onwards_s", np.float64),  # how long that takes
+        ("onwards_s", np.float64),  # duration of that
         ("home_mps", np.float64),  # speed home
         ("home_cost_j", np.float64),  # from here home by the robot's own model at cruise
         ("sine", np.float64),  # of the slope ahead; NaN: as here
         ("knows_ahead", np.float64),  # 1: slopes and directions ahead are those noted for the places there
         ("elsewhere", np.float64),  # 1: home leads by another way than the one out, which `ways` gives
-        ("unsure_j", np.float64),  # standard deviation of what the plan consumes beyond all that is estimated
+        ("unsure_j", np.float64),  # standard deviation of the plan's energy beyond all that is estimated
     ]
 )
 """A plan: drive on, then home."""
@@ -43,12 +43,12 @@ MARGIN_DTYPE = np.dtype(
     [(f"{name}{kind}_j", np.float64) for name in ("left", "cost", "margin") for kind in ("", "_sd")]
     + [("cost_share", np.float64), ("cost_share_sd", np.float64), ("margin_low_j", np.float64)]
 )
-"""Energy left, cost of a plan and margin, metered, and their standard deviations; the cost as a share of a full
-battery; and the margin at the risk that was asked for."""
-_BISECTIONS, _FARTHEST = 50, 20.0  # standard deviations within which a quantile is looked for
-_MOST_STEPS = 100  # five or six suffice, but where the probability jumps; chosen: bounds the search
-_EXACTLY = 1e-3  # of the probability that belongs to a quantile
-_LEAST_SKEWNESS = 1e-3  # below which a distribution is taken for normal
+"""Energy left, energy of a plan and margin, as metered, and their standard deviations; the energy of the plan as a
+share of a full battery; and the margin at the given risk."""
+_BISECTIONS, _FARTHEST = 50, 20.0  # standard deviations within which a quantile is searched
+_MOST_STEPS = 100  # five or six are enough, unless the probability jumps; chosen: bounds the search
+_EXACTLY = 1e-3  # relative accuracy of a quantile's probability
+_LEAST_SKEWNESS = 1e-3  # below which a distribution counts as normal
 
 
 @compiled
@@ -56,7 +56,7 @@ def judge(
     v: Any, prior: Any, plans: Any, ways: Any, risk: float, robots: Any, hypotheses: Any, places: Any, rollings: Any,
     margins: Any, each: Any,
 ) -> None:  # fmt: skip
-    """What plans leave.
+    """Compute the margins of plans.
 
     Args:
         v: `Vehicle`.
@@ -64,13 +64,13 @@ def judge(
         plans: `PLAN_DTYPE`, shape (n,); one without a way home, NaN, is left out.
         ways: `WAY_DTYPE`, shape (m,): the way home of plans that lead home elsewhere.
         risk: Probability that the margin is below `margin_low_j`; 0 leaves that out, which takes a third of the time.
-        robots: See `homeward.estimation.filter`, as the next three.
+        robots: See `homeward.estimation.filter`, like the next three.
         hypotheses: Shape (n, hypotheses).
         places: Shape (n, places).
         rollings: Shape (n, hypotheses, places).
         margins: Written, `MARGIN_DTYPE`, shape (n,).
-        each: Written: weight and mean, standard deviation and skewness of the margin of each hypothesis, no skewness
-            above 0, shape (n, hypotheses, 4).
+        each: Written: weight and mean, standard deviation and skewness (at most 0) of the margin of each hypothesis,
+            shape (n, hypotheses, 4).
     """
     slope, share, part = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
     sums, bend, wind = np.zeros((4, 2)), np.zeros(3), np.zeros(3)
@@ -101,7 +101,7 @@ def judge(
             margin_variance = variance + _quadratic(p, slope)
             _add(sums[2], weight, left - cost, margin_variance)
             each[i, k, 0], each[i, k, 1], each[i, k, 2] = weight, left - cost, np.sqrt(margin_variance)
-            # A tail that is thinner than a normal distribution's is not counted on.
+            # A tail lighter than a normal distribution's is not used.
             longer = max(_third_cumulant(p, slope, bend, wind, stays, to_come), 0.0)
             each[i, k, 3] = -longer / max(margin_variance, 1e-18) ** 1.5
             slope[:] = 0.0
@@ -138,14 +138,14 @@ def _quadratic(p: Any, slope: Any) -> float:
 
 @inline
 def _third_cumulant(p: Any, slope: Any, bend: Any, wind: Any, stays: float, to_come: float) -> float:
-    """Of the energy: what winds that blow harder than expected add to its tail.
+    """Third cumulant of the energy: winds above their expectation add to its tail.
 
     Args:
         p: Covariance of the states.
-        slope: By how much each state raises the energy.
+        slope: Derivative of the energy by each state.
         bend: Second derivatives by the wind.
         wind: Covariance of the wind on the way.
-        stays: See `covariance_of_wind`, as the next one.
+        stays: See `covariance_of_wind`, like the next one.
         to_come: Variance.
     """
     # Covariance of the wind with the energy, as far as that is linear.
@@ -171,7 +171,7 @@ def _below(z: float, skewness: float) -> float:
 
 @inline
 def _deviations(z: float, skewness: float) -> float:
-    """The inverse of `_below`, of a probability that is given as that of a normal distribution below `z`."""
+    """The inverse of `_below`, for the probability that a normal distribution has below `z`."""
     if abs(skewness) > _LEAST_SKEWNESS:
         return float(2.0 / skewness * (max(1.0 + skewness / 6.0 * (z - skewness / 6.0), 0.0) ** 3 - 1.0))
     return z
@@ -188,7 +188,7 @@ def _normal_quantile(risk: float) -> float:
 
 @compiled
 def _quantile(each: Any, risk: float, z: float) -> float:
-    """Below which a mixture of distributions of given mean, deviation and skewness is with a probability.
+    """Quantile of a mixture of distributions of given mean, deviation and skewness.
 
     It lies between the quantiles of its parts, and is found there by the Illinois method (Dowell and Jarratt, BIT 11,
     1971).
@@ -196,7 +196,7 @@ def _quantile(each: Any, risk: float, z: float) -> float:
     Args:
         each: Weight, mean, standard deviation and skewness of each part, shape (n, 4).
         risk: The probability.
-        z: Below which a normal distribution is with that probability.
+        z: The same quantile of a normal distribution.
     """
     low, high = np.inf, -np.inf
     for k in range(len(each)):
@@ -225,7 +225,7 @@ def _quantile(each: Any, risk: float, z: float) -> float:
 
 @inline
 def _log_below(each: Any, value: float) -> float:
-    """Logarithm of the probability that such a mixture is below a value."""
+    """Logarithm of the probability of such a mixture below a value."""
     below = 0.0
     for k in range(len(each)):
         if each[k, 0] > 0.0:
@@ -240,17 +240,17 @@ def _cost(
 ) -> tuple[float, float, float, float]:  # fmt: skip
     """Energy of a plan by a hypothesis.
 
-    Written are by how much each state raises it (`slope`), its second derivatives by the wind (`bend`) and the
-    covariance of the wind on the way (`wind`), both east, both and north.
+    Writes its derivatives by each state (`slope`), its second derivatives by the wind (`bend`) and the covariance of
+    the wind on the way (`wind`), both east, both and north.
 
     Returns:
-        The energy; its variance beside that of the states; share of the gusts now that is met on the way; variance of
-        either part of the gusts to come.
+        The energy; its variance beyond that of the states; share of the present gusts that remains on the way; variance
+        of either component of the gusts to come.
     """
     x, p = h.mean, h.covariance
     here_m = robot.position_m
     turn_m = max(here_m + plan.onwards_m, 0.0)
-    # Of the gusts now a part stays on average; of those to come, an average over the way counts.
+    # Of the present gusts a part remains on average; of those to come, an average over the way counts.
     home_s = _lasts(ways) + max(plan.onwards_m, 0.0) / plan.home_mps if plan.elsewhere > 0.0 else turn_m / plan.home_mps
     course = max((plan.onwards_s + home_s) / h.gust_s, 1e-6)
     stays = (1.0 - np.exp(-course)) / course
@@ -271,7 +271,7 @@ def _cost(
                 energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
                 cost += energy
                 variance += left
-    # As the ground's rolling bends with the wind, so does the way home: on average the one makes up for the other.
+    # The rolling of the ground depends on the wind as the way home does: on average the two cancel.
     home_share = min(turn_m / max(here_m, 1e-9), 1.0) if plan.elsewhere == 0.0 else 0.0
     new_m = 0.0
     if plan.elsewhere > 0.0:
@@ -297,10 +297,10 @@ def _cost(
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
     new_m += max(turn_m - here_m, 0.0)
     if new_m > 0.0:
-        # New ground: it may roll otherwise, out and home.
+        # New ground: its rolling resistance may differ, out and home.
         change = 1.0 - np.exp(-new_m / prior.patch_m)
         variance += change * (2.0 * prior.patch_sd * rolling(v, 0.0) * new_m / v.full_j) ** 2
-    # What the winds that may be, and gusts to come, take on average beyond the mean wind.
+    # Mean additional energy of possible winds and gusts to come, beyond the mean wind.
     gusty = 0.5 * gusts * (bend[0] + bend[2])
     for a in range(3):
         bend[a] -= home_share * h.bend[0, a]
@@ -308,7 +308,7 @@ def _cost(
     to_come = max(2.0 / course * (1.0 - stays) - stays * stays, 0.0) * gusts
     wind[:] = covariance_of_wind(p, stays, to_come)
     variance += curvature(bend, wind)[1]
-    # All but driving: the model's way home at cruise, and what its electronics take at another speed.
+    # All but driving: the model's way home at cruise, and the energy of electronics at another speed.
     if plan.elsewhere > 0.0:
         rest_j = max(plan.home_cost_j - own, 0.0) + plan.onwards_j
         rest_j += v.idle_w * max(plan.onwards_m, 0.0) / plan.home_mps
@@ -323,7 +323,7 @@ def _cost(
 
 @inline
 def _lasts(ways: Any) -> float:
-    """How long a way takes, s."""
+    """Duration of a way, s."""
     total = 0.0
     for way in ways:
         total += way.way_m / way.speed_mps

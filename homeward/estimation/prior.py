@@ -1,4 +1,4 @@
-"""What is known before anything was driven: the spread of robots, winds and ground, and the errors of instruments."""
+"""Prior: the spread of robots, winds and ground, and the errors of instruments."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 
 class Prior(NamedTuple):
-    """Means and standard deviations (`sd`) of what a mission hides, and of the instruments' errors.
+    """Means and standard deviations (`sd`) of a mission's hidden variables, and of the instruments' errors.
 
-    The defaults are the robots and winds of `uncertain` missions with exact instruments.
+    The defaults are those of `uncertain` missions with exact instruments.
     """
 
     capacity: float = 0.9  # of the battery, over the file's usable energy: U(0.8, 1)
@@ -26,8 +26,8 @@ class Prior(NamedTuple):
     gust_s: float = 1040.0  # their correlation time, log-uniform between the next two
     shortest_gust_s: float = 300.0
     longest_gust_s: float = 3600.0
-    missed: float = 0.05  # probability that the forecast says nothing about the wind
-    missed_mps: float = 4.5  # strength of the mean wind then, U(3, 6), from anywhere
+    missed: float = 0.05  # probability that the forecast is of another wind
+    missed_mps: float = 4.5  # strength of the mean wind then, U(3, 6), from any direction
     missed_sd_mps: float = 1.2
     patch_m: float = np.inf  # mean distance between changes of the ground
     patch_sd: float = 0.0  # of such a change, over the file's rolling resistance
@@ -38,11 +38,9 @@ class Prior(NamedTuple):
     soc_noise: float = 0.0  # of the same, before rounding
     soc_lag_s: float = 0.0  # time constant by which the state of charge lags
     slope_noise: float = 0.0  # of a reading of a slope's sine
-    slope_within_place: float = 0.003  # of the sine along a place about its mean: no ground is as even as its map
-    model_knows_slopes: float = (
-        1.0  # whether modelled energies are by the slopes as they are (1) or as they are read (0)
-    )
-    model_error: float = 0.001  # of a decision's energy, a share: what the model leaves out
+    slope_within_place: float = 0.003  # of the sine along a place about its mean: ground is less even than its map
+    model_knows_slopes: float = 1.0  # whether modelled energies use the true slopes (1) or the slopes as read (0)
+    model_error: float = 0.001  # of a decision's energy, a share: what the model omits
 
     @property
     def soc_sd(self) -> float:
@@ -51,27 +49,27 @@ class Prior(NamedTuple):
 
 
 STATES = 12
-"""Numbers of a hypothesis: those of the next line."""
+"""Number of states of a hypothesis, named in the next line."""
 GAIN, ROLLING, WEIGHT, EAST, NORTH, GUST_EAST, GUST_NORTH, OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY = range(STATES)
-"""State of a hypothesis. Energies are metered ones without the meter's offset, over the file's usable energy.
+"""States of a hypothesis. Energies are as metered, without the meter's offset, over the file's usable energy.
 
 GAIN        metered over modelled energy of all but rolling and climbing
 ROLLING     metered rolling energy over the file's, where the robot is
 WEIGHT      metered climbing energy over the file's
 EAST, NORTH             mean wind, towards where it comes from, m/s
-GUST_EAST, GUST_NORTH   what the wind is beyond that now, m/s
+GUST_EAST, GUST_NORTH   present deviation from the mean wind, m/s
 OFFSET      of the power meter, per second
 ROLLED      rolling energy between home and here
-CLIMB       the file's climbing energy between home and here beyond that of the slopes as they were read
+CLIMB       the file's climbing energy between home and here beyond that of the slopes as read
 USED        energy used so far
 PER_CAPACITY            1 over the battery's capacity
 """
 _RING = 8
-"""Hypotheses of a wind that the forecast missed, all around. Chosen: neighbours are 3.4 m/s apart (chord of a circle of
-`missed_mps`), about three of their standard deviations."""
+"""Hypotheses of a wind that the forecast lacks, in all directions. Chosen: neighbours are 3.4 m/s apart (chord of a
+circle of `missed_mps`), about three of their standard deviations."""
 _AROUND, _SHARE, _APART = 6, 0.6, 1.6
-"""Of the forecast's hypotheses: how many lie around the one in the middle, their probability, and how far away they are
-in standard deviations, so that winds that the same readings explain are not all in one."""
+"""Hypotheses of the forecast: number around the central one, its probability, and their distance in standard
+deviations, so that winds with equal readings are not all in one."""
 _FORECASTS = _APART * np.array(
     [(0.0, 0.0)] + [(np.cos(a), np.sin(a)) for a in 2.0 * np.pi * np.arange(_AROUND) / _AROUND]
 )
@@ -81,12 +79,12 @@ HYPOTHESES = len(_FORECASTS) + _RING
 def first_hypotheses(
     prior: Prior, full_j: float, forecast_mps: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Means, covariances and probabilities of the hypotheses about missions that begin.
+    """Means, covariances and probabilities of the hypotheses of missions that begin.
 
     Args:
-        prior: What is known.
+        prior: The prior.
         full_j: Usable energy of a full battery by the file.
-        forecast_mps: East and north component of the wind that was forecast, shape (n, 2).
+        forecast_mps: East and north component of the forecast wind, shape (n, 2).
 
     Returns:
         Shapes (n, HYPOTHESES, STATES), (n, HYPOTHESES, STATES, STATES) and (n, HYPOTHESES).
@@ -112,7 +110,7 @@ def first_hypotheses(
     for axis in range(2):
         given = forecast_mps[:, None, axis]
         moved = np.sqrt(wind_left) * _FORECASTS[:, axis]
-        # Where the mean wind is another, so is the gust that the forecast leaves room for.
+        # If the mean wind differs, so does the gust that is compatible with the forecast.
         regression = -gust * per_total * wind / wind_left if wind else 0.0
         mean[:, :f, EAST + axis] = wind * per_total * given + moved
         mean[:, :f, GUST_EAST + axis] = gust * per_total * given + regression * moved

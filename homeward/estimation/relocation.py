@@ -1,4 +1,4 @@
-"""Robots that are elsewhere on their way home than they drove to: short cuts, and homes that move."""
+"""Robots moved to another place on their way home: short cuts, and homes that move."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from homeward.physics.jit import compiled, inline
 
 @compiled
 def relocate(v: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any, position_m: float) -> None:
-    """Put robots elsewhere on their way home; no energy is taken and no time passes.
+    """Move robots to another place on their way home, without energy or time.
 
     Args:
         v: `Vehicle`.
@@ -23,7 +23,7 @@ def relocate(v: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any, p
         hypotheses: `HYPOTHESIS_DTYPE`, shape (n, hypotheses).
         places: `PLACE_DTYPE`, shape (n, places).
         rollings: Shape (n, hypotheses, places).
-        position_m: From home.
+        position_m: Distance from home, m.
     """
     for i in range(len(robots)):
         robot = robots[i]
@@ -40,7 +40,7 @@ def relocate(v: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any, p
 
 @inline
 def _shorten(v: Any, robot: Any, h: Any, places: Any, rollings: Any, position_m: float) -> None:
-    """Of the ground between home and here a part remains, as it was met."""
+    """Keep a part of the ground between home and here, as it was met."""
     total = 0.0
     for k in range(place_of(v, position_m, places) + 1):
         total += rollings[k] * rolling(v, places[k].sine_driven) * max(min(v.place_m, position_m - k * v.place_m), 0.0)
@@ -58,7 +58,7 @@ def _shorten(v: Any, robot: Any, h: Any, places: Any, rollings: Any, position_m:
 
 @inline
 def _lengthen(v: Any, robot: Any, h: Any, places: Any, rollings: Any, position_m: float) -> None:
-    """The ground added rolls as here."""
+    """Add ground with the rolling resistance of that here."""
     first = place_of(v, robot.position_m, places)
     rolls = rolling(v, places[first].sine_driven) * (position_m - robot.position_m) / v.full_j
     carry(h.covariance, ROLLED, 1.0, ROLLING, rolls)

@@ -1,9 +1,8 @@
-"""Tails of what is estimated: heavier than those of the normal distributions that a filter reckons with.
+"""Tails of estimates: heavier than those of the filter's normal distributions.
 
-A filter of twelve numbers and a wind is surer in the tails than it should be: margins fall below its quantile at one in
-a thousand in up to seven of a thousand missions (docs/estimation.md). So probabilities are those of Student's t with as
-many standard deviations. By it a risk of one in a thousand asks for the normal quantile at one in a million, which is
-what the shield was tuned to.
+The filter is overconfident in the tails: margins are below its 0.1 % quantile in up to seven of a thousand missions
+(docs/estimation.md). So probabilities are those of Student's t with as many standard deviations. With it, a risk of one
+in a thousand corresponds to the normal quantile at one in a million, to which the shield was tuned.
 """
 
 from __future__ import annotations
@@ -11,11 +10,11 @@ from __future__ import annotations
 from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
 DEGREES = 7.0
-"""Degrees of freedom. Chosen: those by which the shield's confidence of 0.999 asks for its risk of 1e-6."""
+"""Degrees of freedom. Chosen: those at which the shield's confidence of 0.999 corresponds to its risk of 1e-6."""
 
 
 def normal_risk(risk: float) -> float:
-    """Probability that a normal distribution has beyond the standard deviations with which Student's t has a risk.
+    """Normal tail probability of the number of standard deviations at which Student's t has a given risk.
 
     >>> f"{normal_risk(1e-3):.0e}"
     '9e-07'
@@ -24,7 +23,7 @@ def normal_risk(risk: float) -> float:
 
 
 def true_risk(normal: float) -> float:
-    """The reverse of `normal_risk`.
+    """The inverse of `normal_risk`.
 
     >>> round(true_risk(normal_risk(0.02)), 6)
     0.02
@@ -33,7 +32,7 @@ def true_risk(normal: float) -> float:
 
 
 def deviations(share: float) -> float:
-    """Standard deviations below which a share lies.
+    """Standard deviations of a quantile: a share of Student's t is below.
 
     >>> round(deviations(0.95), 2)
     1.89
@@ -42,9 +41,9 @@ def deviations(share: float) -> float:
 
 
 def scale_of(sd: float) -> float:
-    """Scale with which Student's t has the central 90 % interval of a normal distribution of a standard deviation.
+    """Scale with which Student's t has the same central 90 % interval as a normal distribution of a given deviation.
 
-    For what was measured, such as the spread between runs: its interval is as wide as it was, its tails are heavier.
+    For measured spreads, such as that between runs: the interval is as wide, and the tails are heavier.
 
     >>> round(scale_of(1.0) * deviations(0.95), 3)
     1.645

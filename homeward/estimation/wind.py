@@ -1,4 +1,4 @@
-"""The wind that a hypothesis expects on a way, and what the square of the wind adds to its energy.
+"""The wind that a hypothesis expects on a way, and the effect of its square on the energy.
 
 Symmetric 2x2 matrices over the wind are triples: east, both, north.
 """
@@ -13,7 +13,7 @@ from homeward.physics.jit import inline
 
 @inline
 def gust_variance(prior: Any, x: Any, p: Any) -> float:
-    """Of each component of the gusts, (m/s)^2."""
+    """Variance of each component of the gusts, (m/s)^2."""
     square = x[EAST] * x[EAST] + x[NORTH] * x[NORTH] + p[EAST, EAST] + p[NORTH, NORTH]
     return float(prior.gust_share * prior.gust_share * square)
 
@@ -24,7 +24,7 @@ def covariance_of_wind(p: Any, stays: float, to_come: float) -> tuple[float, flo
 
     Args:
         p: Covariance of the states.
-        stays: Share of the gusts now that is met on the way.
+        stays: Share of the present gusts that remains on the way.
         to_come: Variance of either component of the gusts to come.
     """
     east = p[EAST, EAST] + stays * (2.0 * p[EAST, GUST_EAST] + stays * p[GUST_EAST, GUST_EAST])

@@ -28,10 +28,10 @@ def grouped_runs(given: Sequence[str], columns: str | None) -> list[Grouped]:
 
     Args:
         given: Each NAME=RUNS.
-        columns: Mapping for all; data sets bring their own where it is left out.
+        columns: Mapping for all; by default data sets use their own.
 
     Raises:
-        RecordingError: Fewer than two groups, a bad name, or a pattern that no file fits.
+        RecordingError: Fewer than two groups, an invalid name, or a pattern that matches no file.
         DatasetError: A data set's group is unknown or not available.
     """
     groups: dict[str, Grouped] = {}
@@ -45,9 +45,9 @@ def grouped_runs(given: Sequence[str], columns: str | None) -> list[Grouped]:
             before = Grouped(name, (*before.runs, *runs), dataset or before.dataset)
         groups[name] = before
     if len(groups) < 2:
-        raise RecordingError(f"one group only, {next(iter(groups))}; a comparison takes --group at least twice")
+        raise RecordingError(f"one group only, {next(iter(groups))}; a comparison needs --group at least twice")
     if len({one.dataset for one in groups.values()} - {None}) > 1:
-        raise RecordingError("the groups are of different data sets, of different robots; compare those of one")
+        raise RecordingError("the groups are of different data sets, and so of different robots; compare groups of one")
     return list(groups.values())
 
 
@@ -57,5 +57,5 @@ def _runs(value: str, columns: str | None) -> tuple[list[tuple[Path, str | None]
         return [(path, columns or DATASETS[dataset].columns) for path in fetch(dataset, group)], dataset
     found = [value] if Path(value).exists() else sorted(glob.glob(value))
     if not found:
-        raise RecordingError(f"{value}: no such file, and no pattern that a file fits")
+        raise RecordingError(f"{value}: no such file, and no file matches it as a pattern")
     return [(Path(path), columns) for path in found], None

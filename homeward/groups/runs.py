@@ -24,7 +24,7 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
     """Compare the power of a robot at standstill between groups of runs; of one group it gives the level alone.
 
     Raises:
-        RecordingError: A run is too short, or some hold power and others motor current only.
+        RecordingError: A run is too short, or some runs have power and others motor current only.
     """
     runs = [standing_run(one) for one in recordings]
     if len({run.unit for run in runs}) > 1:
@@ -49,7 +49,7 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     so that groups that differ only in how they were driven scatter about the same values.
     """
     evidence = analysis.evidence
-    remarks = [f"{one.recording}: set aside, {one.text}" for one in analysis.findings if one.refused]
+    remarks = [f"{one.recording}: excluded, {one.text}" for one in analysis.findings if one.refused]
     if evidence is None:
         return comparison_of("driving", recordings, labels, {}, [], [], remarks)
     used = {name: index for index, name in enumerate(evidence.runs.names)}

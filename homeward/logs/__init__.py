@@ -1,4 +1,4 @@
-"""Logs of robots, tables, ROS bags and flight logs, as recordings: channels by name, in SI units, over one clock."""
+"""Logs of robots (tables, ROS bags, flight logs) as recordings: named channels in SI units on one clock."""
 
 from homeward.logs.columns import Columns, RecordingError, load_columns
 from homeward.logs.recordings import Recording, read_recording

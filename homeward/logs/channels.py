@@ -76,7 +76,7 @@ standing Husky of BorealTC, ICE/pro_04, reads up to 0.012 m/s); the slowest robo
 
 
 def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:
-    """The first set of channels that is there, () where none is."""
+    """The first complete set of channels, () if there is none."""
     return next((names for names in sets if all(name in present for name in names)), ())
 
 

@@ -85,9 +85,9 @@ def shipped(folder: Traversable) -> list[str]:
 
 
 def read_mapping(what: str, mapping: str | Path, folder: Traversable, known: set[str]) -> dict[str, Any]:
-    """What a mapping file holds, by its path or a name that ships in `folder`.
+    """Content of a mapping file, by its path or the name of a shipped one in `folder`.
 
-    Beside the entries that are `known` it may have `description` and `source`; `what` it maps is for messages.
+    Besides the entries that are `known` it may have `description` and `source`; `what` it maps is for messages.
 
     Raises:
         RecordingError: Unknown name, unreadable file or an unknown entry.
@@ -95,22 +95,20 @@ def read_mapping(what: str, mapping: str | Path, folder: Traversable, known: set
     names = shipped(folder)
     path = folder / f"{mapping}.toml" if str(mapping) in names else Path(mapping)
     if not path.is_file() and str(mapping) != STANDARD_INPUT:
-        raise RecordingError(
-            f"{what} {str(mapping)!r} is neither a file nor one that ships with the package ({', '.join(names)})"
-        )
+        raise RecordingError(f"{what} {str(mapping)!r} is neither a file nor a shipped mapping ({', '.join(names)})")
     try:
         data = read_toml(str(path))
     except (ValueError, OSError) as error:
         raise RecordingError(f"{mapping}: not a readable TOML file: {error}") from error
     known = known | {"description", "source"}
     for key in sorted(data.keys() - known):
-        hint = "; a bag takes a mapping of topics" if key == "columns" else ""
+        hint = "; for a bag, give a mapping of topics" if key == "columns" else ""
         raise RecordingError(f"{mapping}: {key} is not a known entry; known: {', '.join(sorted(known))}{hint}")
     return data
 
 
 def _is_number(value: Any) -> bool:
-    """Whether an entry is a number that a float holds; a whole number of a TOML file may have any length."""
+    """Whether an entry is a number that a float can hold; an integer of a TOML file may have any length."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
@@ -119,7 +117,7 @@ def source_of(where: str, entry: Any, key: str) -> Source:
     an offset.
 
     Raises:
-        RecordingError: The entry is something else.
+        RecordingError: The entry is invalid.
     """
     if isinstance(entry, str):
         return Source(((entry, 1.0),))
@@ -143,14 +141,14 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
 
     The file has a table `[columns]` with one line per channel: the file's column name, or a table with `column` (or
     `columns`, which are added), `factor` (or `factors`) and `offset`; a table `[constants]` for channels that the file
-    lacks and that did not vary; and optionally `separator` and `decimal`, else inferred from the file. `header`, a
-    list of names, is for files without a line of names: their broken lines are left out. `sample_hz` stands for time
-    stamps that a file lacks. `time_s = { column = NAME, whole_seconds = true }` is for stamps of whole seconds, numbers
-    or HH:MM:SS: the samples of a second are spread evenly over it. `unknown_if_zero` lists channels that a file lacks
-    where they are zero throughout. `known_by_columns = true` is for mappings that ship, see `known_columns`.
+    lacks and that did not vary; and optionally `separator` and `decimal`, otherwise inferred from the file. `header`, a
+    list of names, is for files without a header line: their broken lines are left out. `sample_hz` replaces missing
+    time stamps. `time_s = { column = NAME, whole_seconds = true }` is for stamps of whole seconds, numbers or HH:MM:SS:
+    the samples of a second are spread evenly over it. `unknown_if_zero` lists channels that count as missing if they
+    are zero throughout. `known_by_columns = true` is for shipped mappings, see `known_columns`.
 
     Raises:
-        RecordingError: Unknown name, unreadable file or a wrong entry.
+        RecordingError: Unknown name, unreadable file or an invalid entry.
 
     >>> load_columns("husky_borealtc").sources["motor_left_a"]
     Source(terms=(('curL', 1.0),), offset=0.0)
@@ -216,16 +214,16 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
 
 
 def known_columns(header: Collection[str]) -> Columns | None:
-    """The mapping that ships for the program that writes tables with these columns; None where there is none."""
+    """The shipped mapping for the program that writes tables with these columns; None if there is none."""
     mappings = map(load_columns, shipped(_MAPS))
     return next((one for one in mappings if one.known_by_columns and {*one.file_columns()} <= {*header}), None)
 
 
 def numeric(column: pd.Series[Any]) -> pd.Series[Any]:
-    """A column as numbers, NaN where a cell is none.
+    """A column as numbers, NaN where a cell is not a number.
 
     Raises:
-        RecordingError: A number has more digits than any number that was measured.
+        RecordingError: A number has more digits than any measured number.
     """
     try:
         return pd.to_numeric(column, errors="coerce")
@@ -239,7 +237,7 @@ def _spread(stamps: pd.Series[Any]) -> pd.Series[Any]:
     if second.isna().any():
         second = pd.to_timedelta(stamps.astype(str), errors="coerce").dt.total_seconds()
     if second.isna().any():
-        raise RecordingError(f"the time stamp {str(stamps[second.isna()].iloc[0])[:30]!r} is no number and no HH:MM:SS")
+        raise RecordingError(f"the time stamp {str(stamps[second.isna()].iloc[0])[:30]!r} is not a number or HH:MM:SS")
     values = second.to_numpy(dtype=np.float64, copy=True)
     values += 86400.0 * np.cumsum(np.diff(values, prepend=values[:1]) < -43200.0)  # past midnight
     first = np.flatnonzero(np.diff(values) != 0.0) + 1

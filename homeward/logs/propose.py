@@ -133,7 +133,7 @@ class Proposal:
 
     def toml(self) -> str:
         """The mapping file."""
-        head = f"# Proposed for {_one_line(self.path.name)}: check each line, above all signs and what is only a guess."
+        head = f"# Proposed for {_one_line(self.path.name)}: check each line, above all signs and guesses."
         rest = [f"# Not used: {_one_line(', '.join(self.left_over))}"] if self.left_over else []
         return "\n".join([head, "", "[columns]", *(one.entry() for one in self.guesses), *rest]) + "\n"
 
@@ -185,7 +185,7 @@ def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], di
         return [str(name) for name in table.columns], table.set_axis(map(str, table.columns), axis="columns"), (), {}
     if not path.name.lower().endswith(tables.SUFFIXES):
         kinds = ", ".join(tables.SUFFIXES)
-        raise RecordingError(f"is no table; give a {kinds} or .parquet file (a bag has topics, not columns)")
+        raise RecordingError(f"is not a table; give a {kinds} or .parquet file (a bag has topics, not columns)")
     text = tables.sniff(path)
     names = list(dict.fromkeys(name for name in text.header if name))
     if not names:
@@ -300,7 +300,7 @@ def _signed(guess: Guess, values: Array) -> Guess:
     """The guess with the sign of battery current or power turned where it is mostly negative."""
     if guess.channel in ("current_a", "power_w") and float(np.nanmedian(values)) < 0.0:
         return Guess(guess.column, guess.channel, -guess.factor, guess.offset, 2,
-                     f"{guess.why}; mostly negative, so taken as negative when discharging")  # fmt: skip
+                     f"{guess.why}; mostly negative, so assumed to be negative when discharging")  # fmt: skip
     if guess.channel in ("grade_rad", "heading_rad") and "pitch" in guess.column.lower():
         return Guess(
             guess.column, guess.channel, guess.factor, guess.offset, 2, f"{guess.why}; uphill must be positive"
@@ -329,7 +329,7 @@ def _why_left(name: str, offered: list[Guess], chosen: dict[str, Guess], column:
         return " (neither numbers nor times such as 2024-05-01T12:00:00.1)"
     if not mine:
         return ""
-    return f" (could be {mine[0].channel}, which {chosen[mine[0].channel].column} is taken for)"
+    return f" (could be {mine[0].channel}, for which {chosen[mine[0].channel].column} is used)"
 
 
 def _toml_number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Reading recordings: one file, one run, SI channels by name; anything unusable is refused with one clear line."""
+"""Reading recordings: one file is one run, with named channels in SI units; unusable input is refused in one line."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of
 class Recording:
     """One run of one robot.
 
-    `channels` maps names of the schema to float64 arrays of shape (n,) in SI units; a value that was not recorded is
-    NaN. `notes` lists what was left out. `start_s` added to `time_s` is the time since 1970, s; 0 where that is
+    `channels` maps names of the schema to float64 arrays of shape (n,) in SI units; values that were not recorded are
+    NaN. `notes` lists what was left out. `time_s` plus `start_s` is the time since 1970, s; `start_s` is 0 if that is
     unknown.
     """
 
@@ -66,18 +66,18 @@ class Recording:
 def read_recording(
     path: str | Path, columns: str | Path | Columns | None = None, *, standing: bool = False
 ) -> Recording:
-    """Read a recording in the project's schema, or a foreign one through a mapping.
+    """Read a recording in the project's schema, or another one through a mapping.
 
     Args:
         path: A .csv, .csv.gz, .tsv, .txt or .parquet file, a bag (.bag, .mcap, .db3, or the folder of a ROS 2 bag) or a
             log of an autopilot (.ulg, .bin). One file or folder is one run. "-" is standard input.
-        columns: Mapping for foreign files: shipped name, TOML path or `Columns`. For a bag or log it names topics, see
-            `homeward.logs.bags.topics.load_topics`, and where it is left out the one that fits best is taken.
-            A table that VESC Tool wrote needs none.
+        columns: Mapping for other files: shipped name, TOML path or `Columns`. For a bag or log it names topics, see
+            `homeward.logs.bags.topics.load_topics`; by default the shipped one that fits best. A table written by VESC
+            Tool needs none.
         standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
 
     Raises:
-        RecordingError: The file is missing, empty, cut off, not what its name says, lacks channels, or holds times that
+        RecordingError: The file is missing, empty, cut off or of another kind, lacks channels, or has times that
             do not increase or values in another unit.
     """
     path = Path(path)
@@ -95,7 +95,7 @@ def read_recording(
 
 
 def _read_standard_input(columns: str | Path | Columns | None, standing: bool) -> Recording:
-    """As `read_recording`, of a table that is piped in: CSV, gzipped or not, or Parquet."""
+    """Like `read_recording`, for a table from standard input: CSV, gzipped or not, or Parquet."""
     with tempfile.TemporaryDirectory() as folder:
         start = sys.stdin.buffer.read(4)
         kind = ".parquet" if start == b"PAR1" else ".csv.gz" if start[:2] == b"\x1f\x8b" else ".csv"

@@ -147,7 +147,7 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
         separator, decimal: Known parts of the format.
 
     Raises:
-        RecordingError: It is no text, has no line of names, or its cells and numbers are both cut by commas.
+        RecordingError: It is not text, has no header line, or both its cells and its decimals use commas.
     """
     with refusing(), opened(path) as file:
         start = file.read(_SNIFFED)
@@ -234,8 +234,8 @@ def _refuse_wide(rows: Sequence[Sequence[str]], header: Sequence[str], separator
     """Rows with more cells than names: their numbers have decimal commas, or a name is missing."""
     for number, row in enumerate(rows, start=1):
         if any(cell.strip() for cell in row[len(header) :]):
-            guess = "; numbers with decimal commas want another separator, such as ;" if separator == "," else ""
-            raise RecordingError(f"row {number} has {len(row)} cells, the line of names {len(header)}{guess}")
+            guess = "; numbers with decimal commas need another separator, such as ;" if separator == "," else ""
+            raise RecordingError(f"row {number} has {len(row)} cells, the header {len(header)}{guess}")
 
 
 def _notes(encoding: str, separator: str, decimal: str, comments: int, units: bool) -> tuple[str, ...]:

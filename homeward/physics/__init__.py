@@ -1,4 +1,4 @@
-"""The battery-dissemination model, what it leaves out, and the step that both environments and diagnosis share."""
+"""The battery-dissemination model, its effects, and the step that environments and diagnosis share."""
 
 from homeward.physics.effects import EFFECTS
 from homeward.physics.kernel import CAUSES

@@ -1,4 +1,4 @@
-"""Compilation with numba: cached on disk under a name that changes with the physics, and announced the first time."""
+"""Compilation with numba: cached on disk under a name that depends on the physics, and announced once."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ except ModuleNotFoundError:  # on Windows
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _LONGEST_WAIT_S = 60.0
-"""For another process that compiles: the largest kernel takes a third of that on a busy machine."""
+"""Waiting time for another process that compiles: the largest kernel takes a third of that on a busy machine."""
 
 
 def inline(function: Function) -> Function:
@@ -75,7 +75,7 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
         return jit()(function)
     config: Any = numba.config
     before = config.CACHE_DIR
-    # numba's cache knows a function by its name alone: the parallel form of one needs a folder of its own.
+    # numba's cache identifies a function by its name alone: the parallel form of one needs a folder of its own.
     config.CACHE_DIR = str(folder / ("parallel" if parallel else "serial"))
     try:
         cache = KernelCache(function)
@@ -83,7 +83,7 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
         config.CACHE_DIR = before
     kernel: Any = jit()(function)
     kernel._cache = cache
-    # Where numba cannot write, it goes on to folders that nobody has checked, and that know nothing of formulas.
+    # Where numba cannot write, it uses folders that were not checked and whose names do not depend on the formulas.
     return kernel if Path(cache.cache_path).is_relative_to(folder) else jit()(function)
 
 
@@ -94,8 +94,8 @@ _NumberedFiles: Any = IndexDataCacheFile
 class CacheFiles(_NumberedFiles):  # type: ignore[misc]
     """Cached kernels of one function, an index and a file for each signature, which is named after that signature.
 
-    numba numbers these files: of two processes that compile two signatures at once, each takes the next number, and
-    one of them is later given the code of the other.
+    numba numbers these files. Of two processes that compile two signatures at once, each takes the next number, and one
+    of them later loads the code of the other.
     """
 
     def save(self, key: Any, data: Any) -> None:
@@ -105,7 +105,8 @@ class CacheFiles(_NumberedFiles):  # type: ignore[misc]
 
 
 class KernelCache(_FunctionCache):  # type: ignore[misc]
-    """Cached kernels of one function; of processes that need one at once, one compiles and the others wait for it."""
+    """Cached kernels of one function. If several processes need one at once, one compiles and the others wait for
+    it."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -130,9 +131,9 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
 
 
 class Lock:
-    """A file that one process holds at a time; it is free when that process ends, however it ends.
+    """A file that one process holds at a time. It is released when that process ends, however it ends.
 
-    It only saves work: where the file cannot be locked, or is held for too long, one goes on without.
+    It only saves work: if the file cannot be locked, or is held for too long, the process continues without it.
     """
 
     def __init__(self, file: Path) -> None:
@@ -161,10 +162,10 @@ class Lock:
 
 @functools.cache
 def cache_folder(source: Path) -> Path | None:
-    """Folder of the kernels of one source file, compiled from exactly this code, or None if none is to be trusted.
+    """Folder of the kernels of one source file, compiled from exactly this code, or None if no folder is safe.
 
     numba checks only the file of the outermost function, so a cached kernel would keep old physics after an edit of a
-    formula it calls. The folder's name therefore carries a hash of every file that the kernel may be made of.
+    formula that it calls. The folder's name therefore contains a hash of every file that the kernel may depend on.
     """
     base = _cache_base()
     if base is None:
@@ -182,7 +183,7 @@ def cache_folder(source: Path) -> Path | None:
 
 
 def sources(source: Path) -> list[Path]:
-    """Files that kernels of a source file may be made of: itself, what it imports of this package, and all of physics,
+    """Files that kernels of a source file may depend on: itself, its imports from this package, and all of physics,
     where effects are found by their names."""
     package = Path(__file__).parents[1]
     found: set[Path] = set()
@@ -206,23 +207,23 @@ _IMPORT = re.compile(
 
 @functools.cache
 def _read(file: Path) -> str:
-    """A source file as it is when first asked for, as a process keeps what it has loaded."""
+    """A source file as it was when first read, because a process keeps what it has loaded."""
     return file.read_text("utf-8")
 
 
 @functools.cache
 def _cache_base() -> Path | None:
-    """Folder for compiled kernels: HOMEWARD_CACHE, if that is set, else in the user's cache folder.
+    """Folder for compiled kernels: HOMEWARD_CACHE if set, otherwise in the user's cache folder.
 
-    Cached kernels are code that will be run: where someone else may write to the folder or replace it, the kernels are
-    kept in a private folder among temporary files instead, and one line on stderr says so.
+    Cached kernels are code that will be run. If another user may write to the folder or replace it, the kernels are
+    kept in a private temporary folder instead, and one line on stderr says so.
     """
     home = os.path.expanduser(os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or "~/.cache")
     bases = (Path(home) / "homeward", Path(tempfile.gettempdir()) / f"homeward-{_user_id()}")
     for base in bases:
         try:
             for place in (*reversed(base.parents), base):
-                if not place.exists():  # one by one, as a mode is that of the last folder only
+                if not place.exists():  # one by one, because a mode applies only to the last folder
                     place.mkdir(mode=0o700, exist_ok=True)
             folder = base.resolve()
             open_to_others = _open_to_others(folder)
@@ -233,7 +234,7 @@ def _cache_base() -> Path | None:
         if open_to_others is not None:
             instead = "in a private temporary folder" if base == bases[0] else "nowhere"
             print(
-                f"homeward: others may change {open_to_others}: compiled kernels are kept {instead} instead; mend it "
+                f"homeward: other users may change {open_to_others}: compiled kernels are kept {instead}; fix it "
                 "with chown and chmod go-w, or name another folder in HOMEWARD_CACHE",
                 file=sys.stderr,
                 flush=True,
@@ -242,18 +243,18 @@ def _cache_base() -> Path | None:
 
 
 def _open_to_others(base: Path) -> Path | None:
-    """A folder on the way to the base, or an entry of it, that others than this user and root may change."""
+    """A folder on the way to the base, or an entry of it, that users other than this one and root may change."""
     if os.name != "posix":
         return None
     for place in (base, *base.parents):
-        # In a sticky folder, as /tmp is, nobody but its owner can rename or replace an entry.
+        # In a sticky folder such as /tmp only its owner can rename or replace an entry.
         if _by_others(place.stat(), sticky_is_safe=place != base):
             return place
     for folder, folders, files in os.walk(base):
-        # What lies within a private folder is out of others' reach: only what they left there before counts.
+        # Other users cannot reach into a private folder: only what they left there before matters.
         private = folder != str(base) and not os.stat(base / Path(folder).relative_to(base).parts[0]).st_mode & 0o077
         for name in (*folders, *files):
-            with contextlib.suppress(FileNotFoundError):  # another process may have put it in its place meanwhile
+            with contextlib.suppress(FileNotFoundError):  # another process may have moved it into place meanwhile
                 if _by_others((Path(folder) / name).lstat(), mode_is_safe=private):
                     return Path(folder) / name
     return None
@@ -268,7 +269,7 @@ def _by_others(status: os.stat_result, *, sticky_is_safe: bool = False, mode_is_
 
 
 def _roots_in_a_container() -> tuple[int, ...]:
-    """What owns the files of the system's root where that is nobody inside: in a user namespace without it."""
+    """Owner of the system's root files where that is nobody inside: in a user namespace without it."""
     try:
         inside, outside, _ = map(int, Path("/proc/self/uid_map").read_text().split()[:3])
         return () if (inside, outside) == (0, 0) else (int(Path("/proc/sys/fs/overflowuid").read_text()),)
@@ -277,12 +278,12 @@ def _roots_in_a_container() -> tuple[int, ...]:
 
 
 def _user_id() -> int:
-    return os.getuid() if hasattr(os, "getuid") else 0  # 0 is what files have for an owner on Windows
+    return os.getuid() if hasattr(os, "getuid") else 0  # on Windows files have the owner 0
 
 
 @functools.cache
 def announce_first_compilation() -> None:
-    """From now on say once, on stderr, when a kernel is compiled because it is not in the cache."""
+    """From now on print one line on stderr when a kernel is compiled because it is not in the cache."""
     event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]
 
 
@@ -293,7 +294,7 @@ class _Announcement(event.Listener):
     def on_start(self, event: Any) -> None:
         if not self._made and event.data["dispatcher"].py_func.__module__.startswith("homeward"):
             self._made = True
-            often = "kept for next time" if _cache_base() else "each time, as there is no folder to keep them in"
+            often = "kept for next time" if _cache_base() else "each time, because no folder can keep them"
             print(
                 f"homeward: compiling the kernels that this needs, {often} (up to half a minute) ...",
                 file=sys.stderr,

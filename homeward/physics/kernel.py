@@ -1,7 +1,8 @@
-"""The step: how long a robot drives or stands on its battery, and where the energy goes.
+"""The step: how long a robot drives or stands on its battery, and the energy by cause.
 
 One compiled step over one robot record and one state record serves the environments, the replay of recordings and the
-range. Within a step the conditions are constant, so that the power is too and the moment of depletion is solved for.
+range. Within a step the conditions are constant. So the power is constant too, and the moment of depletion is solved
+for.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from homeward.physics.robot import Robot
 
 BASE_CAUSES = ("sensing", "communication", "controller", "computer", "rolling", "drag", "grade", "braking")
 CAUSES = BASE_CAUSES + tuple(effect.id for effect in EFFECTS)
-"""Columns of the energy ledger. Forces are charged while the drive works: `grade` is then negative downhill. Where the
-slope drives the robot by itself, no force is. `braking` is regenerated energy that a full battery cannot take."""
+"""Columns of the energy ledger. Forces are booked while the drive works, with `grade` negative downhill. Where the
+slope drives the robot alone, no force is booked. `braking` is regenerated energy that a full battery cannot store."""
 
 SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING = range(len(BASE_CAUSES))
 _BASE, _EFFECTS, _FORCES = len(BASE_CAUSES), len(EFFECTS), sum(effect.kind == "force" for effect in EFFECTS)
 _INTERMITTENT = np.uint64(1 << [effect.id for effect in EFFECTS].index("intermittent_load"))
-_GUESSES, _HALVINGS, _ROUNDING = 20, 60, 1e-14  # of the moment of depletion: halvings go down to its rounding
+_GUESSES, _HALVINGS, _ROUNDING = 20, 60, 1e-14  # of the moment of depletion: halvings reach its rounding
 
 STATE_FIELDS = (
     ("energy_j", np.float64),  # left in the battery
@@ -34,7 +35,7 @@ STATE_FIELDS = (
     ("distance_m", np.float64),  # driven, in any direction
     ("speed_mps", np.float64),  # in the step before
     ("winding_k", np.float64),  # motor winding above ambient
-    ("winding_fade", np.float64),  # share of its distance from the steady temperature that a step leaves
+    ("winding_fade", np.float64),  # share of its difference from the steady temperature that a step leaves
     ("step_s", np.float64),  # length of the step under way
     ("traction_n", np.float64),  # force at the wheels in the last step
     ("drive_w", np.float64),  # mean power into the drive in the last step
@@ -47,7 +48,7 @@ STATE_FIELDS = (
 
 
 class Conditions(NamedTuple):
-    """What the robot does and meets during one step. Signs are along the direction of travel.
+    """Action of the robot and conditions during one step. Signs are along the direction of travel.
 
     `direction` is 1 on the way out and -1 on the way home.
     """
@@ -66,11 +67,11 @@ class Conditions(NamedTuple):
 
 
 def _compose(kind: Kind, *, cumulative: bool) -> Callable[..., float]:
-    """Compose all effects of a kind into one function: what those that are switched on add to a load.
+    """Compose all effects of a kind into one function: the sum that the active effects add to a load.
 
-    It notes each one's own power in its column of the state's `parts_w`: its contribution times `watts_per_unit`. With
-    `cumulative` each effect sees the load with all before it added, else each sees the load alone. Effects that are off
-    leave their column as it is, zero; a kind of which none is on costs one test.
+    It writes each effect's own power to its column of the state's `parts_w`: its contribution times `watts_per_unit`.
+    With `cumulative` each effect gets the load with all before it added, otherwise the load alone. The columns of
+    inactive effects stay zero. A kind without active effects takes one test.
     """
 
     @inline
@@ -171,7 +172,7 @@ def _stepper(effects: bool) -> Callable[..., Any]:
             passed_s = s.energy_j / power_w if power_w > 0.0 else 0.0
             spent_j = s.energy_j
         elif effects and spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j:
-            # A full battery takes nothing back: the brakes do.
+            # A full battery stores nothing: the brakes take the energy.
             s.ledger_j[BRAKING] += s.energy_j - spent_j - s.capacity_j
             spent_j = s.energy_j - s.capacity_j
         s.energy_j -= spent_j
@@ -191,14 +192,14 @@ _paper_step, _step_with_effects = _stepper(effects=False), _stepper(effects=True
 
 @inline
 def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
-    """Let time pass under constant conditions, until `dt_s` is over or the battery is empty.
+    """Advance time under constant conditions until `dt_s` is over or the battery is empty.
 
     Args:
         p: Robot record.
         s: State record (`STATE_FIELDS`), updated; `depleted` is set, and stays set, when the battery runs out, and
             `ledger_j` sums to what the battery has lost.
         x: `Conditions`.
-        dt_s: Time to pass, s, above zero.
+        dt_s: Time to advance, s, above zero.
 
     Returns:
         Time that passed, s.
@@ -237,7 +238,7 @@ def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     """Mean power until the battery is empty, W: effects that act at the start or build up change it within the step."""
     low_s, high_s, power_w = 0.0, s.step_s, s.power_w
     for trial in range(_GUESSES + _HALVINGS):
-        # Most often the power hardly changes with the length of the step, and the first guesses meet.
+        # The power rarely changes with the length of the step, and the first guesses usually agree.
         guess_s = s.energy_j / power_w if power_w > 0.0 else high_s
         if trial >= _GUESSES or not low_s < guess_s <= high_s:
             guess_s = 0.5 * (low_s + high_s)
@@ -267,7 +268,7 @@ def _book(p: Any, s: Any, x: Any, passed_s: float, watts_per_n: float) -> None:
 
 
 def _booking(kinds: Sequence[Kind]) -> Callable[..., None]:
-    """Compose what adds all effects of some kinds to the ledger: only those that are on touch the memory."""
+    """Compose the function that books all effects of some kinds: only active effects access memory."""
 
     @inline
     def nothing(on: Any, s: Any, passed_s: float) -> None:
@@ -306,7 +307,7 @@ _book_drive, _book_ancillary, _book_battery = _booking(("drive",)), _booking(("a
 
 @inline
 def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
-    """Add the effects' part to the ledger, and let them remember."""
+    """Book the effects' part, and update effects that have a memory."""
     if s.traction_n > 0.0:
         _book_forces(p.effects, s, passed_s)
     _book_drive(p.effects, s, passed_s)

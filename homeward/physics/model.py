@@ -27,9 +27,9 @@ GRADES = Bounds(-math.pi / 2, math.pi / 2)
 
 @inline
 def traction_efficiency(robot: Any) -> Any:
-    """Gamma: share of the energy entering the drive that becomes traction work.
+    """Gamma: share of the drive's input energy that becomes traction work.
 
-    The paper's text calls 91.8 % the friction loss eta3, its Table I says an efficiency of 9.2 %; the presets use the
+    The paper's text gives the friction loss eta3 as 91.8 %, its Table I as an efficiency of 9.2 %. The presets use the
     table, which reproduces the paper's Omega.
 
     Source: the paper, below Eq. 7: Gamma = (1 - eta2)(1 - eta3).
@@ -51,13 +51,13 @@ def drag_force(robot: Any, speed_mps: Any) -> Any:
 
 @inline
 def headwind(from_east_mps: Any, from_north_mps: Any, east: Any, north: Any) -> Any:
-    """Part of a wind that blows against a direction of travel, given as a unit vector, m/s; negative from behind."""
+    """Component of a wind against a direction of travel (a unit vector), m/s; negative from behind."""
     return from_east_mps * east + from_north_mps * north
 
 
 @inline
 def wind_force(robot: Any, speed_mps: Any, headwind_mps: Any) -> Any:
-    """Air drag against moving air beyond that in still air, c (u |u| - v^2) with u = v + w, N."""
+    """Additional air drag due to wind, c (u |u| - v^2) with u = v + w, N."""
     air_mps = speed_mps + headwind_mps
     return robot.drag_ns2_per_m2 * (air_mps * np.abs(air_mps) - speed_mps * speed_mps)
 
@@ -69,9 +69,9 @@ def grade_force(robot: Any, sin_grade: Any) -> Any:
 
 
 def traction_force(robot: Any, speed_mps: Any, grade_rad: Any) -> Any:
-    """Force at the wheels at constant speed, N (Eq. 3); times a distance it is the manoeuvring energy of Eq. 4.
+    """Force at the wheels at constant speed, N (Eq. 3). Times a distance it is the manoeuvring energy of Eq. 4.
 
-    It is negative on descents steeper than tan(theta) = -C_rr. There the robot brakes: see `drive_power`.
+    It is negative on descents steeper than tan(theta) = -C_rr, where the robot brakes: see `drive_power`.
 
     Args:
         robot: The robot.
@@ -85,7 +85,7 @@ def traction_force(robot: Any, speed_mps: Any, grade_rad: Any) -> Any:
     >>> rusti = homeward.load_robot("rusti")
     >>> round(float(traction_force(rusti, 1.0, 0.0)), 3)
     0.777
-    >>> bool(abs(traction_force(rusti, 0.1, np.radians(-5.71))) < 0.001)  # rolls down its incline at almost no force
+    >>> bool(abs(traction_force(rusti, 0.1, np.radians(-5.71))) < 0.001)  # almost no force down the paper's incline
     True
     """
     speed_mps = checked("speed_mps", speed_mps, NOT_NEGATIVE)
@@ -103,12 +103,13 @@ def watts_per_newton(robot: Any, speed_mps: Any) -> Any:
 
 @inline
 def drive_power(robot: Any, force_n: Any, speed_mps: Any) -> Any:
-    """Electrical power of the drive, W: F v / Gamma, and nothing where the force is negative.
+    """Electrical power of the drive, W: F v / Gamma, and 0 where the force is negative.
 
-    Dividing a negative force by Gamma would return more energy than gravity gave. Energy comes back only through the
-    effect `regeneration`, at most |F| v.
+    Dividing a negative force by Gamma would return more energy than gravity supplied. Only the effect `regeneration`
+    returns energy, at most |F| v.
 
-    On the plane at 1 m/s, without drag, where the paper's Table III has 4.82 to 6.85 W (its speed fell with the load):
+    On level ground at 1 m/s, without drag, where the paper's Table III has 4.82 to 6.85 W (its speed fell with the
+    load):
 
     >>> import homeward
     >>> rusti = homeward.load_robot("rusti")
@@ -131,7 +132,7 @@ def computer_power(robot: Any, sensing_hz: Any) -> Any:
 
 
 def ancillary_power(robot: Any, sensing_hz: Any) -> Any:
-    """Ancillary power P_anc = s0 + s1 f_s + P_C, W (Eq. 5), drawn moving or not.
+    """Ancillary power P_anc = s0 + s1 f_s + P_C, W (Eq. 5), drawn whether the robot moves or not.
 
     Args:
         robot: The robot.
@@ -168,8 +169,8 @@ overload(ancillary_power, strict=False)(lambda *_: _ancillary_power)
 def usable_energy(robot: Any, cycles: Any, age: Any) -> Any:
     """Battery energy left after charge cycles and age, E_O exp(-(k1 C + k2 t)), J (Eq. 6).
 
-    The paper gives k1 and k2 no unit; taken per cycle, ten cycles would cost 71 % of the battery. C and t are therefore
-    normalised, and a robot file says what one unit is. The battery loss eta1 is, as in the paper, part of this
+    The paper gives k1 and k2 no unit. Taken per cycle, ten cycles would consume 71 % of the battery, so C and t are
+    normalised, and a robot file states what one unit is. As in the paper, the battery loss eta1 is part of this
     equation and of Omega, not a factor of its own.
 
     Args:
@@ -192,7 +193,7 @@ def usable_energy(robot: Any, cycles: Any, age: Any) -> Any:
 
 
 def ideal_range(robot: Any) -> Any:
-    """Range of a loss-less robot on the plane, E / (C_rr m g), m (Eq. 2).
+    """Range of a loss-less robot on level ground, E / (C_rr m g), m (Eq. 2).
 
     >>> import homeward
     >>> round(float(ideal_range(homeward.load_robot("rusti"))))
@@ -202,13 +203,13 @@ def ideal_range(robot: Any) -> Any:
 
 
 def composition(parts_w: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    """Least and most share of each part in the total power, by the rule of the paper's Table III.
+    """Minimum and maximum share of each part in the total power, by the rule of the paper's Table III.
 
-    A share is least with the part at its least and all others at their most, and the reverse. What the table prints for
-    sensing, 0.46 to 0.54 %, does not follow from this rule.
+    A share is minimal if the part is at its minimum and all others are at their maximum, and vice versa. The range that
+    the table prints for sensing, 0.46 to 0.54 %, does not follow from this rule.
 
     Args:
-        parts_w: Least and most power of each part, W.
+        parts_w: Minimum and maximum power of each part, W.
 
     >>> rusti_w = {"manoeuvring": (4.8158, 6.8456), "sensing": (0.0293, 0.0348), "radio": (0.165, 0.166),
     ...     "micro-controller": (0.3928, 0.3928)}
@@ -219,7 +220,7 @@ def composition(parts_w: Mapping[str, tuple[float, float]]) -> dict[str, tuple[f
     radio 2.22% to 3.07%
     micro-controller 5.28% to 7.27%
     >>> most_w = sum(most for _, most in rusti_w.values())
-    >>> f"{6.8456 / (most_w + 15.0):.1%}"  # manoeuvring beside a 15 W computer, everything at its most
+    >>> f"{6.8456 / (most_w + 15.0):.1%}"  # manoeuvring beside a 15 W computer, all at their maximum
     '30.5%'
     """
     all_least_w = sum(least for least, _ in parts_w.values())

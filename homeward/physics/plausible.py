@@ -1,4 +1,4 @@
-"""Values that are allowed but that no ground robot is known to have: most are a slip of the unit."""
+"""Values that are allowed but that no known ground robot has: most have a wrong unit."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _PER_KG = 250.0, 3e6
 """Rated energy over mass, J/kg: below, a charge does not lift the robot by 25 m; above, it exceeds that of a cell."""
 
 _ANCILLARY = "sensing_idle_w", "communication_w", "controller_w", "computer_w"
-_MOST_ANCILLARY_W = 20_000.0  # of all these together; chosen: 300 times the most of the presets (60 W)
+_MOST_ANCILLARY_W = 20_000.0  # of all these together; chosen: 300 times the highest of the presets (60 W)
 
 
 class PlausibilityWarning(UserWarning):
-    """A value that is allowed but that no ground robot is known to have."""
+    """A value that is allowed but that no known ground robot has."""
 
 
 def implausible(robot: Any) -> list[str]:
-    """What of a robot's numbers no ground robot is known to have, each in a phrase with the usual range.
+    """Parameters of a robot outside the range of known ground robots, each in a phrase with that range.
 
     >>> from homeward.physics import load_robot
     >>> implausible(load_robot("husky"))
@@ -52,14 +52,14 @@ def implausible(robot: Any) -> list[str]:
 
 
 def warn_of_implausible(robot: Any, source: str) -> None:
-    """Warn of what is implausible in a robot that was read from a source."""
+    """Warn of implausible values in a robot that was read from a source."""
     if found := implausible(robot):
         message = f"{source}: {'; '.join(found)}: is the unit right?"
         warnings.warn(message, PlausibilityWarning, stacklevel=_outside())
 
 
 def _outside() -> int:
-    """How many frames up the caller outside this package is, whose line the warning names."""
+    """Number of frames up to the caller outside this package, whose line the warning names."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("homeward"):
         level, frame = level + 1, frame.f_back

@@ -1,4 +1,4 @@
-"""Range on one battery charge: the paper's Eqs. 4, 7 and 8, and the same by the kernel where effects are on."""
+"""Range on one battery charge: the paper's Eqs. 4, 7 and 8, and the kernel's range where effects are active."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def mission_energy(
 ) -> Any:
     """Battery energy of a mission of a given length, J (Eq. 7): d { P_anc / (v D) + F / Gamma }.
 
-    The paper also writes AE = eta4 E; that contradicts Eq. 7 and its Table I, so Eq. 7 is the model. A negative force
-    (a steep descent) draws nothing.
+    The paper also writes AE = eta4 E. That contradicts Eq. 7 and its Table I, so Eq. 7 is the model. A negative force
+    (a steep descent) consumes nothing.
 
     Args:
         robot: The robot; its effects are not part of the equation.
@@ -60,9 +60,9 @@ def mission_energy(
 def optimal_speed(robot: Robot, grade_rad: Any = 0.0, duty: Any = 1.0, sensing_hz: Any = 0.0) -> Any:
     """Speed with the longest range, m/s: (P_anc Gamma / (2 c D))^(1/3), within the robot's limits.
 
-    The minimum of Eq. 7 over v at a fixed duty cycle. Without drag the fastest speed wins. On a descent that the robot
-    rolls down by itself it is at least the speed at which drag holds the balance. Where effects are on, the kernel's
-    range is searched instead.
+    The minimum of Eq. 7 over v at a fixed duty cycle. Without drag the highest speed is optimal. On a descent that the
+    robot rolls down without power it is at least the speed at which drag balances gravity. With active effects, the
+    kernel's range is maximised instead.
 
     Args:
         robot: The robot.
@@ -103,8 +103,7 @@ def d_max(
 ) -> Any:
     """Range on one battery charge, m (Eq. 8): E / { P_anc / (v D) + F(v) / Gamma }.
 
-    For a robot with effects the kernel drives until the battery is empty, so that one physics gives both; without them
-    the kernel and Eq. 8 agree.
+    For a robot with effects the kernel drives until the battery is empty. Without effects the kernel and Eq. 8 agree.
 
     Args:
         robot: The robot.
@@ -133,7 +132,7 @@ def d_max(
     if robot.active_effects:
         return _range_by_kernel(robot, speed_mps, grade_rad, duty, sensing_hz, energy_j)
     per_metre = _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
-    with np.errstate(divide="ignore"):  # a descent that costs nothing has no end
+    with np.errstate(divide="ignore"):  # a descent without consumption has an infinite range
         return np.divide(energy_j, np.where(energy_j, per_metre, 1.0))
 
 
@@ -184,7 +183,7 @@ def _steady(speed_mps: float, sensing_hz: float, grade_rad: float, roughness: fl
 
 @compiled
 def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, duty: float) -> Any:
-    """Distance on one charge, m: drives and stands in turn, in cycles that take a thousandth of the charge each."""
+    """Distance on one charge, m: drives and stands in turn, in cycles that consume a thousandth of the charge each."""
     p, s = robots[0], states[0]
     charge_j = s.energy_j
     s.speed_mps, s.step_s = driving.speed_mps, 1.0
@@ -192,11 +191,11 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
     spent_j = 0.0
     while s.energy_j > 0.0:
         before_j, before_m = s.energy_j, s.distance_m
-        s.speed_mps = driving.speed_mps  # an average speed: stops and starts are not part of the range
+        s.speed_mps = driving.speed_mps  # an average speed: the range excludes stops and starts
         advance(p, s, driving, duty * cycle_s)
         if duty < 1.0:
             advance(p, s, standing, (1.0 - duty) * cycle_s)
-            if s.depleted and spent_j > 0.0:  # the share of a cycle that the rest of the charge suffices for
+            if s.depleted and spent_j > 0.0:  # the share of a cycle for which the rest of the charge is enough
                 return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
         spent_j = before_j - s.energy_j
         if spent_j <= 0.0 and cycle_s > _LONGEST_MEMORY_S:

@@ -1,4 +1,5 @@
-"""A robot: the numbers of the model, read from a TOML file, checked, and turned into a record for compiled kernels."""
+"""A robot: the parameters of the model, read from a TOML file, checked, and turned into a record for compiled
+kernels."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ class RobotError(ValueError):
 
 
 def _quantity(section: str, meaning: str, bounds: Bounds, default: float | None = None) -> Any:
-    """Declare one number of the robot file: its section, what it means and what is allowed."""
+    """Declare one number of the robot file: section, meaning and allowed values."""
     metadata = {"section": section, "meaning": meaning, "bounds": bounds}
     return field(metadata=metadata) if default is None else field(default=default, metadata=metadata)
 
@@ -38,14 +39,14 @@ _POSITIVE = Bounds(0.0, 1e6, open_low=True)
 _NOT_NEGATIVE = Bounds(0.0, 1e6)
 _SPEED = Bounds(0.0, 100.0, open_low=True)
 _LOSS = Bounds(0.0, 1.0, open_high=True)
-_LEAST_HEALTH = 0.01  # share of the rated energy; chosen: less is a slip of the units of the fade
+_LEAST_HEALTH = 0.01  # share of the rated energy; chosen: less means a wrong unit of the fade
 
 
 @dataclass(frozen=True)
 class Robot:
     """A ground robot on one battery charge: the parameters of the battery-dissemination model, all in SI units.
 
-    Frozen: vary one with `dataclasses.replace(robot, mass_kg=1.0)`, which checks the new value as the file is checked.
+    It is frozen: `dataclasses.replace(robot, mass_kg=1.0)` returns a changed copy, checked as a file is checked.
     Derived quantities are properties.
 
     Raises:
@@ -113,14 +114,14 @@ class Robot:
 
     @property
     def active_effects(self) -> tuple[str, ...]:
-        """Ids of the effects that are switched on: those whose first parameter is not zero."""
+        """Ids of the active effects: those whose first parameter is not zero."""
         return tuple(
             effect.id for effect in EFFECTS if self.effects.get(effect.id, _OFF).get(effect.switch.name, 0.0) != 0.0
         )
 
     @property
     def traction_efficiency(self) -> float:
-        """Gamma = (1 - eta2)(1 - eta3): share of the energy entering the drive that becomes traction work."""
+        """Gamma = (1 - eta2)(1 - eta3): share of the drive's input energy that becomes traction work."""
         return float(model.traction_efficiency(self))
 
     @property
@@ -134,7 +135,7 @@ class Robot:
         return float(model.usable_energy(self, self.cycles, self.age))
 
     def record(self) -> NDArray[np.void]:
-        """Array of shape (1,) and dtype `ROBOT_DTYPE`, as compiled kernels take it."""
+        """Array of shape (1,) and dtype `ROBOT_DTYPE`, the form that compiled kernels take."""
         record = np.zeros(1, ROBOT_DTYPE)
         for quantity in _QUANTITIES:
             record[quantity.name] = getattr(self, quantity.name)
@@ -183,7 +184,7 @@ ROBOT_DTYPE = np.dtype(
 
 
 def preset_names() -> list[str]:
-    """Names of the robots that ship with the package."""
+    """Names of the shipped robots."""
     return sorted(
         entry.name.removesuffix(".toml") for entry in _preset_folder().iterdir() if entry.name.endswith(".toml")
     )
@@ -198,7 +199,7 @@ def load_robot(robot: str | Path | Robot) -> Robot:
     Raises:
         RobotError: Unknown name, unreadable file, or a field that is wrong, missing or unphysical.
 
-    A value that is allowed but that no ground robot is known to have raises a `PlausibilityWarning`.
+    A value that is allowed but that no known ground robot has raises a `PlausibilityWarning`.
 
     >>> round(load_robot("rusti").overall_efficiency, 6)
     0.086144

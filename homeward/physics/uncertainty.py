@@ -1,4 +1,4 @@
-"""How sure a robot file is: what a diagnosis leaves open of the robot, and how well its instruments read."""
+"""Uncertainty of a robot file: of its parameters after a diagnosis, and of the robot's instruments."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import numpy as np
 _MOST_NUMBERS = 64  # chosen: more than the 32 parameters of all effects with those of a robot
 _OF = ("energy", "charge")
 MOST_ERROR, MOST_LAG_S = 0.5, 3600.0
-"""Most that an instrument's error, a share, and the lag of a state of charge may be. Chosen: with more it tells nothing
-of what it reads."""
+"""Upper limits of an instrument's relative error and of the lag of a state of charge. Chosen: with more, a reading
+contains no information."""
 _INSTRUMENTS: dict[str, float] = {
     "power_gain": MOST_ERROR, "power_noise": 10.0, "reading_s": 3600.0, "soc_step": MOST_ERROR, "soc_noise": MOST_ERROR,
     "soc_lag_s": MOST_LAG_S, "speed_noise": MOST_ERROR, "grade_noise": MOST_ERROR,
 }  # fmt: skip
 """Sizes of the instruments' errors, standard deviations unless `homeward.envs.conditions.instruments` says otherwise,
-and the most that each may be; `reading_s` is the time between the readings of power that have its noise."""
+and the upper limit of each. `reading_s` is the time between the readings of power that have its noise."""
 
 
 class UncertaintyError(ValueError):
@@ -29,19 +29,19 @@ class UncertaintyError(ValueError):
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """The table `[uncertainty]` of a robot file; shares are of the value that the file has.
+    """The table `[uncertainty]` of a robot file; shares are relative to the file's value.
 
     Attributes:
         source: Where it comes from.
-        fitted: Names of what was fitted: `idle_power`, `sample_energy`, `rolling`, `drag`, `mass`, `capacity`, or those
-            of effects, such as `turning.scrub`.
-        covariance: Of their errors as shares, shape (fitted, fitted).
-        between_runs: Standard deviation of the energy of a run about what the file says, a share; None: not known.
-        unexplained: Standard deviation of power that nothing explains, a share of the mean power.
-        unexplained_m: Way over which that is correlated, m.
-        instruments: Sizes of the instruments' errors by name, as far as they are known.
-        of: `energy`, or `charge` where motor current was recorded, which follows torque and not power: shares are of
-            that then.
+        fitted: Names of the fitted parameters: `idle_power`, `sample_energy`, `rolling`, `drag`, `mass`, `capacity`, or
+            those of effects, such as `turning.scrub`.
+        covariance: Covariance of their relative errors, shape (fitted, fitted).
+        between_runs: Relative standard deviation of a run's energy about the prediction; None if not known.
+        unexplained: Standard deviation of unexplained power, relative to the mean power.
+        unexplained_m: Correlation length of unexplained power, m.
+        instruments: Sizes of the instruments' errors by name, as far as known.
+        of: `energy`, or `charge` if motor current was recorded, which follows torque and not power: shares then
+            refer to the charge.
         rest_current_a: Motor current at rest, A, which no other field of a robot file has.
 
     Raises:
@@ -95,7 +95,7 @@ class Uncertainty:
             raise UncertaintyError("covariance has a negative eigenvalue: no numbers vary so together")
 
     def variance(self, name: str) -> float | None:
-        """Variance of the error of one that was fitted, as a share; None where it was not.
+        """Variance of a fitted parameter's relative error; None if it was not fitted.
 
         >>> Uncertainty(fitted=("mass",), covariance=((0.01,),)).variance("mass")
         0.01
@@ -103,10 +103,10 @@ class Uncertainty:
         return self.covariance[self.fitted.index(name)][self.fitted.index(name)] if name in self.fitted else None
 
     def unexplained_over(self, way_m: float) -> float:
-        """Standard deviation over a way of what nothing explains, as a share of its energy.
+        """Standard deviation of unexplained power averaged over a distance, relative to the mean power.
 
-        Of an exponential correlation of length L the mean over a way x has the variance 2 L / x - 2 (L / x)^2 (1 -
-        exp(-x / L)), in units of that at a point.
+        For an exponential correlation of length L, the mean over a distance x has the variance 2 L / x - 2 (L / x)^2 (1
+        - exp(-x / L)), relative to that at a point.
 
         >>> one = Uncertainty(unexplained=0.3, unexplained_m=10.0)
         >>> round(one.unexplained_over(0.001), 3), round(one.unexplained_over(2000.0), 4)
@@ -118,25 +118,25 @@ class Uncertainty:
         return self.unexplained * math.sqrt(max(2.0 * share * (1.0 - share * -math.expm1(-1.0 / share)), 0.0))
 
     def to_toml(self) -> str:
-        """Text of the table, which `from_table` reads back."""
+        """Text of the table, readable by `from_table`."""
         lines = ["[uncertainty]", f"source = {_quoted(self.source)}"]
         if self.of == "charge":
-            lines.append('of = "charge"  # of the motors: shares below are of their current')
+            lines.append('of = "charge"  # of the motors: shares below refer to their current')
             lines.append(f"rest_current_a = {self.rest_current_a:.6g}  # of the motors at rest, A")
         lines.append(f"fitted = [{', '.join(map(_quoted, self.fitted))}]")
         rows = (f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in self.covariance)
-        lines.append(f"covariance = [{', '.join(rows)}]  # of their errors as shares")
+        lines.append(f"covariance = [{', '.join(rows)}]  # of their relative errors")
         if self.between_runs is not None:
-            lines.append(f"between_runs = {self.between_runs:.6g}  # standard deviation of a run's {self.of}, a share")
-        lines.append(f"unexplained = {self.unexplained:.6g}  # standard deviation of power nothing explains, a share")
-        lines.append(f"unexplained_m = {self.unexplained_m:.6g}  # over which it is correlated, m")
+            lines.append(f"between_runs = {self.between_runs:.6g}  # relative standard deviation of a run's {self.of}")
+        lines.append(f"unexplained = {self.unexplained:.6g}  # relative standard deviation of unexplained power")
+        lines.append(f"unexplained_m = {self.unexplained_m:.6g}  # its correlation length, m")
         if self.instruments:
             lines += ["", "[uncertainty.instruments]", *(f"{name} = {value:.6g}" for name, value in self.instruments)]
         return "\n".join(lines) + "\n"
 
 
 def from_table(table: Any) -> Uncertainty:
-    """The uncertainty that a table of a robot file gives.
+    """Read the table `[uncertainty]` of a robot file.
 
     Raises:
         UncertaintyError: A field is unknown or a value not allowed.

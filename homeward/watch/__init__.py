@@ -1,1 +1,1 @@
-"""Drives watched: recordings replayed to a companion as if live, and routes looked at before they are driven."""
+"""Tests of the companion on recordings, replayed as if live, and predictions of routes before they are driven."""

@@ -1,8 +1,7 @@
-"""What motors take of a charge: recordings of motor current alone, replayed as those of power.
+"""Charge of the motors: replay of recordings with motor current only.
 
-Motor current follows torque, not power: there is no energy and no companion. What there is comes from the file: what it
-predicts of the rest, by how much runs differ from it, of which a run shows its own part on the way, and what nothing
-explains.
+Motor current follows torque, not power, so there is no energy and no companion. The prediction comes from the robot
+file: the charge of the rest, scaled by the run's ratio so far within the spread between runs, and unexplained current.
 """
 
 from __future__ import annotations
@@ -16,25 +15,25 @@ from homeward.estimation.tails import scale_of
 from homeward.physics import Robot
 from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
-_LEAST_WAY_M = 1e-3  # least way left; chosen: at its end a millimetre is as good as none
+_LEAST_WAY_M = 1e-3  # least way left; chosen: at the end a millimetre counts as none
 
 
 def watch_charge(run: Signals, robot: Robot) -> Watched:
-    """Replay a run with motor currents: at each moment the charge of the rest, A s, and the way of its wheels.
+    """Replay a run with motor currents: at each moment the charge of the rest, A s, and the way still to drive.
 
     Args:
-        run: With the motors' current.
-        robot: As its file says, with an `[uncertainty]` of charge.
+        run: A run with motor currents.
+        robot: The robot of the file, with an `[uncertainty]` of charge.
 
     Raises:
-        CompanionError: The file does not say how sure it is of charge, or the robot stood.
+        CompanionError: The file has no uncertainty of charge, or the robot stood.
     """
     sure = robot.uncertainty
     if sure is None or sure.of != "charge":
         raise CompanionError(
-            f"{run.name}: has motor currents only, which follow torque, and the way home consumes energy; "
-            "record power_w, or voltage_v and current_a. To watch the motors' charge, give the corrected.toml of such "
-            "recordings"
+            f"{run.name}: has motor currents only, which show torque and not the energy of the way home; "
+            "record power_w, or voltage_v and current_a. To predict the motors' charge, give the corrected.toml of "
+            "such recordings"
         )
     step_s = np.append(steps_s(run.time_s), 0.0)
     left_m, took_as, expected_as = (
@@ -50,13 +49,13 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
     samples = samples[(left_m[samples] > 0.0) & (expected_as[samples] > 0.0)]
     if not len(samples):
         raise CompanionError(
-            f"{run.name}: by the robot's file its motors take no charge in this run; a file that knows what turning on "
-            "the spot takes, or what they take at rest, can be watched"
+            f"{run.name}: by the robot's file its motors need no charge in this run; give a file with the charge of "
+            "turning on the spot, or of the motors at rest"
         )
     variance = _OF_ONE_RUN**2 if sure.between_runs is None else scale_of(sure.between_runs) ** 2
     spreads = []
     for sample in samples:
-        # The run's own factor: of mean 1 beforehand, and as it has shown so far.
+        # The run's own factor: its prior has mean 1, updated with the run so far.
         seen_as, driven_m = expected_as[0] - expected_as[sample], left_m[0] - left_m[sample]
         factor, unsure = 1.0, variance
         if seen_as > 0.0 and driven_m > 0.0:
@@ -67,9 +66,7 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
         rest_as = float(expected_as[sample])
         spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
     mean, low, high = (np.array([getattr(one, name) for one in spreads]) for name in ("mean", "low", "high"))
-    words = (
-        f"charge of the motors by the robot's file, which says how sure it is: {sure.source or 'no source given'}",
-    )
+    words = (f"charge of the motors and its uncertainty from the robot's file: {sure.source or 'no source given'}",)
     return Watched(
         run.name, since_s[samples], left_m[samples], took_as[samples], mean, low, high, float(left_m[0]), words, (),
         unit="A s",
@@ -77,5 +74,5 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
 
 
 _OF_ONE_RUN = 0.3
-"""Standard deviation between runs, a share, of a file that does not know it. Chosen: as of the Husky's runs on one
+"""Relative standard deviation between runs of a file that does not know it. Chosen: as of the Husky's runs on one
 ground, for which diagnoses of half of them say 0.12 to 0.9, and 0.28 in the median."""

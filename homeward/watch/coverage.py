@@ -1,4 +1,4 @@
-"""How predictions fared: coverage, bias and error by what was left of the way."""
+"""Quality of predictions: coverage, bias and error by the share of the way left."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ import numpy as np
 from homeward.watch.predictions import Watched
 
 _BORDERS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)
-"""Shares of a run's way that rows lie between. Chosen: finer near home, where errors in metres decide."""
+"""Borders of the rows: shares of a run's way left. Chosen: finer near home, where errors in metres decide."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Predictions made while so much of the way was left.
+    """Predictions made while a share of the way was left.
 
     Attributes:
-        most: Share of the way that was left, at most.
-        least: At least.
-        metres: Least and most of the way that was left, m.
-        moments: How many.
-        runs: Of how many runs.
-        covered: Share in the 90 % interval.
-        bias: Sum of what was predicted over that of what it consumed, less 1.
-        error: Median of the absolute error, as a share of what it consumed.
-        width: Median of half the interval, as a share of what was predicted.
+        most: Largest share of the way left.
+        least: Smallest share.
+        metres: Least and most of the way left, m.
+        moments: Number of predictions.
+        runs: Number of runs.
+        covered: Share of values in the 90 % interval.
+        bias: Sum of predictions over that of measured values, less 1.
+        error: Median absolute error, relative to the measured value.
+        width: Median of half the interval, relative to the prediction.
     """
 
     most: float
@@ -42,7 +42,7 @@ class Row:
 
 
 def rows_of(runs: Sequence[Watched]) -> list[Row]:
-    """Rows by what was left, and one for all; those without a moment are left out."""
+    """Rows by the way left, and one for all; rows without predictions are omitted."""
     left = np.concatenate([one.left_m for one in runs])
     share = np.concatenate([one.left_m / one.length_m for one in runs])
     number = np.concatenate([np.full(len(one.left_m), index) for index, one in enumerate(runs)])

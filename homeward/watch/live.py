@@ -17,17 +17,17 @@ from homeward import quantities
 from homeward.companion import Advice, UncertainValue
 
 _PER_S = 8.0
-"""Pictures a second."""
+"""Frames a second."""
 _WARNINGS = 4
-"""How many are shown; of those that differ in figures alone, the last."""
+"""Number of warnings shown; of those that differ only in numbers, the last."""
 
 
 def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[str, ...]) -> Panel:
-    """One picture.
+    """One frame.
 
     Args:
-        name: Of the robot or its recording.
-        advice: What the companion says.
+        name: Name of the robot or its recording.
+        advice: The companion's advice.
         since_s: Time since the start, s.
         full_j: Energy of a full battery by the robot's file, J.
         said: The last warnings, with the time of each.
@@ -40,7 +40,7 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
     grid.add_row("battery", _with_bar(left, _between(advice.energy_left_j), "green" if left > takes else "red"))
     home = f"{_between(advice.energy_home_j)}, {quantities.distance(advice.way_home_m)}"
     grid.add_row("way home", _with_bar(takes, home, "cyan"))
-    grid.add_row("chance to get home", Text(f"{advice.chance_home:.2%}"))
+    grid.add_row("probability of getting home", Text(f"{advice.chance_home:.2%}"))
     if advice.turn_now:
         grid.add_row("point of no return", Text("TURN NOW", style="bold red"))
     else:
@@ -52,7 +52,7 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
 
 
 def _with_bar(share: float, text: str, style: str) -> Table:
-    rows = Table.grid()  # a bar does not end its line
+    rows = Table.grid()  # because a bar does not end its line
     rows.add_row(ProgressBar(total=1.0, completed=share, width=40, complete_style=style))
     rows.add_row(Text(text))
     return rows
@@ -64,17 +64,17 @@ def _between(one: UncertainValue) -> str:
 
 
 def kind_of(warning: str) -> str:
-    """A warning without its figures, so that one that counts is not taken for a new one."""
+    """A warning without its numbers, so that a counting one is not shown as a new one."""
     return "".join(sign for sign in warning if not sign.isdigit())
 
 
 class LiveView:
-    """Shows advice as it comes, a few pictures a second.
+    """Shows advice as it arrives, a few frames a second.
 
     Args:
         console: Terminal.
         full_j: Energy of a full battery by the robot's file, J.
-        speed: Times as fast as it was recorded; 0 for as fast as it goes.
+        speed: Multiple of the recorded speed; 0: as fast as possible.
     """
 
     def __init__(self, console: Console, full_j: float, speed: float = 0.0) -> None:
@@ -93,7 +93,7 @@ class LiveView:
         self._live.__exit__(kind, error, trace)
 
     def show(self, name: str, advice: Advice, since_s: float, duration_s: float) -> None:
-        """Show an advice, if it is time for a picture."""
+        """Show an advice, if a frame is due."""
         if name != self._name:
             self._name, self._begun_s = name, time.monotonic()
             self._said.clear()

@@ -1,4 +1,4 @@
-"""One page of what was watched: predictions against what came, and how far to trust them."""
+"""The page of `homeward watch`: predictions against measured values, and their quality."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 def watch_html(
     runs: Sequence[Watched], robot: Robot, dropped: Sequence[str] = (), notes: Sequence[tuple[str, str]] = ()
 ) -> str:
-    """The page, which needs no network; what was named by others is escaped.
+    """The page, which needs no network; names from files are escaped.
 
     Args:
-        runs: What was watched, at least one.
+        runs: Predictions of at least one run.
         robot: The robot.
-        dropped: What was said of recordings that were set aside.
-        notes: How recordings were read: names of files, and what is to be said of them.
+        dropped: Messages about recordings that were left out.
+        notes: Notes on reading: file names with their messages.
     """
     environment = templates(package="homeward.watch")
     environment.filters |= {
@@ -50,18 +50,19 @@ def watch_html(
 
 
 def verdict(whole: Row) -> str:
-    """What the row of all moments comes to, in a sentence."""
+    """Conclusion from the row of all moments, in a sentence."""
     trust = "as often as it should" if 0.8 <= whole.covered <= 0.97 else (
-        "too seldom: it is surer than it should be" if whole.covered < 0.8 else "too often: it could be surer"
+        "too rarely: it is overconfident" if whole.covered < 0.8 else "too often: it could be narrower"
     )  # fmt: skip
     return (
-        f"The 90 % interval held what the rest consumed at {100.0 * whole.covered:.0f} % of {whole.moments} moments, "
-        f"{trust}; in all it predicted {abs(100.0 * whole.bias):.1f} % too {'much' if whole.bias > 0.0 else 'little'}."
+        f"The 90 % interval contained the consumption of the rest at {100.0 * whole.covered:.0f} % of "
+        f"{whole.moments} moments, {trust}. On average it was {abs(100.0 * whole.bias):.1f} % too "
+        f"{'high' if whole.bias > 0.0 else 'low'}."
     )
 
 
 def figure(runs: Sequence[Watched]) -> Markup:
-    """Energy of the rest over what is left of the way, predicted with its interval and as it came; a panel a run."""
+    """Energy of the rest over the way left, predicted with its interval and as measured; a panel a run."""
     shown = list(runs[:MOST_RUNS])
     made = make_subplots(
         len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12),

@@ -1,4 +1,4 @@
-"""What was predicted in a run, and what came."""
+"""Predictions and measured values of a run."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from homeward.companion import Advice
 Array = NDArray[np.float64]
 
 WINDOWS = 40
-"""Readings that the estimator takes in of a recording at least. Chosen: a fifth of those of a whole charge; a
+"""Minimum number of readings of a recording for the estimator. Chosen: a fifth of those of a whole charge; a
 recording may be a part of one."""
 LEAST_WINDOW_S = 2.0
-"""Shortest time over which readings are summed up. Chosen."""
+"""Shortest time over which readings are averaged. Chosen."""
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What was predicted in a run, and what came; arrays of shape (moments,).
+    """Predictions and measured values of a run; arrays of shape (moments,).
 
     Attributes:
-        name: Of the recording.
-        time_s: Since its start.
-        left_m: Way that was then still to come.
-        took_j: Energy that the rest then consumed.
-        mean_j: What was predicted of it.
-        low_j: Lower end of the 90 % interval.
-        high_j: Upper end.
-        length_m: Way of the whole run.
-        rests_on: What the predictions rest on, a sentence each.
-        warnings: What was warned of, with the time of the first such warning, s.
-        advice: The last advice; None of motor currents.
-        unit: `J`, or `A s` of motor currents: so are what it consumed and what was predicted then.
+        name: Name of the recording.
+        time_s: Time since its start, s.
+        left_m: Way left, m.
+        took_j: Energy that the rest consumed, J.
+        mean_j: Predicted mean of it, J.
+        low_j: Lower end of the 90 % interval, J.
+        high_j: Upper end, J.
+        length_m: Length of the whole run, m.
+        rests_on: Readings and assumptions behind the predictions, a sentence each.
+        warnings: Warnings, with the time of the first of each kind, s.
+        advice: The last advice; None with motor currents.
+        unit: `J`, or `A s` with motor currents, for all of the above.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Watched:
 
     @property
     def covered(self) -> NDArray[np.bool_]:
-        """Where the truth was in the interval, shape (moments,)."""
+        """Where the measured value was in the interval, shape (moments,)."""
         return np.asarray((self.low_j <= self.took_j) & (self.took_j <= self.high_j))
 
 

@@ -1,7 +1,7 @@
-"""A recording, replayed to a companion as if live: the predicted energy of the rest against that which it consumed.
+"""A recording replayed to a companion as if live: predicted against measured energy of the rest.
 
-The way of the rest, its speeds and its stops are taken from the recording, as if the robot had a map and a schedule:
-what is put to the proof is what the companion knows of the robot, the ground and the wind.
+The way, the speeds and the stops of the rest are taken from the recording, as if the robot had a map and a schedule.
+What is tested is the companion's estimate of the robot, the ground and the wind.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 Array = NDArray[np.float64]
 
 _STRETCHES = 48
-"""Pieces of a recording's way, of equal length, over which ground, wind and speed are taken to be alike."""
+"""Stretches of a recording's way, of equal length, with uniform ground, wind and speed."""
 _MOST_FED = 20_000
-"""Samples that are fed; of longer recordings, means of neighbours. Chosen: an update takes 0.3 ms
+"""Maximum number of samples; longer recordings are averaged over neighbours. Chosen: an update takes 0.3 ms
 (benchmarks/on_the_robot/update.py), so that these take six seconds."""
 
 
 class Rest:
-    """The rest of a recording from any of its samples, as far as its map and schedule say it."""
+    """The rest of a recording from any of its samples, as a map and a schedule give it."""
 
     def __init__(self, run: Signals, companion: Companion) -> None:
         self._v = companion.vehicle
@@ -55,12 +55,12 @@ class Rest:
         self._sine_m, self._speed_m = rest_of(sine * self.way_m), rest_of(np.abs(run.speed_mps) * self.way_m)
         self._east_m, self._north_m = (rest_of(along[:, axis] * self.way_m) for axis in range(2))
         at_m = self.left_m[0] * (1.0 - np.arange(_STRETCHES + 1) / _STRETCHES)
-        # Samples with which stretches begin: what is left falls.
+        # First samples of the stretches: the way left falls.
         self._edges = np.unique(np.searchsorted(-self.left_m, -at_m))
         self._edges[-1] = len(run.time_s)
 
     def from_sample(self, sample: int) -> tuple[NDArray[np.void], float]:
-        """Stretches of the rest, `WAY_DTYPE`, and what the model has for all else in it, J."""
+        """Stretches of the rest, `WAY_DTYPE`, and the model's energy of all else in it, J."""
         starts = np.concatenate(([sample], self._edges[self._edges > sample])).astype(np.intp)
         ways = np.zeros(len(starts) - 1, WAY_DTYPE)
         length_m = -np.diff(self.left_m[starts])
@@ -77,20 +77,20 @@ class Rest:
 
 
 def heading_of(run: Signals) -> Array:
-    """Heading, recorded or by the turning rate from east, rad, shape (n,)."""
+    """Heading, as recorded or integrated from the turning rate from east, rad, shape (n,)."""
     if "heading_rad" in run.context and np.isfinite(run.context["heading_rad"]).all():
         return run.context["heading_rad"]
     return np.concatenate(([0.0], np.cumsum(run.yaw_rate_radps[:-1] * steps_s(run.time_s))))
 
 
 def turns(recording: Recording) -> bool:
-    """Whether a recording says which way the robot went."""
+    """Whether a recording contains the direction of travel."""
     names = ("heading_rad", "yaw_rate_radps")
     return any(name in recording.channels for name in names) or "wheel_left_mps" in recording.channels
 
 
 def window_of(robot: Robot, duration_s: float) -> float:
-    """Time over which readings are summed up, s: the companion's own, or less for a short recording."""
+    """Time over which readings are averaged, s: the companion's own, or less for a short recording."""
     lasts_s = float(d_max(robot)) / float(optimal_speed(robot))
     return max(min(lasts_s / 200.0, duration_s / WINDOWS), LEAST_WINDOW_S)
 
@@ -105,20 +105,20 @@ def watch(
     cutoff_v: float | None = None,
     show: Callable[[Advice, float, float], None] | None = None,
 ) -> Watched:
-    """Replay a recording to a companion whose home is where it began; of motor currents, see `watch_charge`.
+    """Replay a recording to a companion whose home is where it began; for motor currents see `watch_charge`.
 
     Args:
-        recording: With battery power, or voltage and current.
-        robot: The robot, as its file says.
-        soc: State of charge at the start; as recorded, or full, if left out.
-        prior: What is known beforehand, instead of what follows from the file.
-        risk: Of not getting home that is accepted.
+        recording: A recording with battery power, or voltage and current.
+        robot: The robot of the file.
+        soc: State of charge at the start; by default as recorded, or full.
+        prior: Prior of the estimator, instead of the one that follows from the file.
+        risk: Accepted probability of not getting home.
         cutoff_v: Voltage at which the battery is cut off.
-        show: Called with each advice, the time in the recording and how long it is, s.
+        show: Called with each advice, the time in the recording and its duration, s.
 
     Raises:
-        CompanionError: The recording has motor current only, and the file knows nothing of charge; the robot stood; or
-            it is too short, or in another unit.
+        CompanionError: The recording has motor current only, and the file has no uncertainty of charge; the robot
+            stood; or it is too short, or in another unit.
     """
     run = signals(recording, robot)
     if run.unit == "A":
@@ -167,9 +167,9 @@ def _mean(values: Array) -> float | None:
 
 
 def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, Array]:
-    """What is fed, arrays of shape (n,): as recorded where the robot would read it so.
+    """Readings for the companion, arrays of shape (n,): as recorded if the robot would read them so.
 
-    A slope from elevations is smoothed over the drive, and a heading from turning rates is summed up from the start.
+    A slope from elevations is smoothed over the drive, and a heading is integrated from turning rates.
     """
     raw = recording.channels
     kept = np.isin(raw["time_s"], run.time_s)
@@ -185,7 +185,7 @@ def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, 
     if has_turns:
         given["heading_rad"] = heading_of(run)
     else:
-        # No heading: home is as far as was driven.
+        # No heading: the distance from home is the distance driven.
         given["position"] = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * steps_s(run.time_s))))
     return given
 
@@ -196,11 +196,11 @@ def run_all(
     """Replay recordings one after the other, see `watch`.
 
     Raises:
-        CompanionError: As `watch`, or some have power and others motor currents.
+        CompanionError: As of `watch`, or some have power and others motor currents.
     """
     runs = [watch(one, robot, show=None if show is None else _named(show, one.name), **keywords) for one in recordings]
     if len({one.unit for one in runs}) > 1:
-        raise CompanionError("some recordings have power and others motor currents only; watch them apart")
+        raise CompanionError("some recordings have power and others motor currents only; watch them separately")
     return runs
 
 

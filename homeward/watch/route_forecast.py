@@ -1,4 +1,4 @@
-"""`homeward range ROBOT --route ROUTE`: energy and range with intervals, and the chance to get there and back."""
+"""`homeward range ROBOT --route ROUTE`: energy and range with intervals, and the probability of getting home."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from homeward.physics import Robot
 Array = NDArray[np.float64]
 
 _POINTS = 60
-"""Points of the picture on the way there and back. Chosen: the line looks smooth."""
+"""Points of the plot on the way there and back. Chosen: the line looks smooth."""
 _QUANTILES = (0.05, 0.5, 0.95)  # median and the 90 % interval that the companion shows
 
 
 @dataclass(frozen=True)
 class RouteForecast:
-    """What is to be expected of a route before it is driven; arrays of shape (points,).
+    """Prediction for a route before it is driven; arrays of shape (points,).
 
     Attributes:
-        advice: Of the companion at home, with a full battery.
-        driven_m: Way there and back.
-        left_j: Quantiles of the energy left, 5, 50 and 95 %, shape (points, 3).
-        there_j: What the way to the end takes.
-        both_j: What the way there and back takes.
-        range_m: Quantiles of how far it gets on the way there and back, as `left_j`; infinite where it lasts.
+        advice: The companion's advice at home, with a full battery.
+        driven_m: Distance driven, there and back, m.
+        left_j: Quantiles of the energy left, 5, 50 and 95 %, J, shape (points, 3).
+        there_j: Energy of the way to the end, J.
+        both_j: Energy of the way there and back, J.
+        range_m: Quantiles of the distance driven there and back, as of `left_j`, m; infinite if the energy is enough.
     """
 
     advice: Advice
@@ -48,10 +48,10 @@ class RouteForecast:
 
 
 def forecast_along(robot: Robot, route: RouteLike, speed_mps: float | None, risk: float) -> RouteForecast:
-    """Ask a companion at home what a route will take, at a speed, m/s, or that with the longest range.
+    """Predict the energy of a route at a speed, m/s, or that with the longest range.
 
     Raises:
-        CompanionError: An argument cannot be used.
+        CompanionError: An argument is invalid.
     """
     companion = Companion(robot, route=route, cruise_mps=speed_mps, risk=risk, soc=1.0)
     advice = companion.update(0.0, position=0.0)
@@ -87,7 +87,7 @@ def _first(ways: NDArray[np.void], ends: Array, way_m: float) -> NDArray[np.void
 
 
 def _empty_m(driven_m: Array, left_j: Array) -> float:
-    """Where the energy is down to nothing, m; infinite where it is not."""
+    """Distance at which the energy is used up, m; infinite if it is not."""
     below = np.flatnonzero(left_j < 0.0)
     if not len(below):
         return float("inf")
@@ -96,11 +96,11 @@ def _empty_m(driven_m: Array, left_j: Array) -> float:
 
 
 def show(console: Terminal, robot: Robot, route_name: str, length_m: float, found: RouteForecast) -> None:
-    """Print what is to be expected."""
+    """Print the prediction."""
     advice = found.advice
     assert advice.chance_there_and_back is not None
     console.print(
-        f"{robot.name} on {quantities.distance(length_m)} out and back: chance to get there and back "
+        f"{robot.name} on {quantities.distance(length_m)} out and back: probability of getting there and back "
         f"{advice.chance_there_and_back:.1%}",
         style="bold",
     )
@@ -133,8 +133,8 @@ def picture(robot: Robot, length_m: float, found: RouteForecast, suffix: str) ->
 
     Args:
         robot: The robot.
-        length_m: Of the route.
-        found: What is to be expected.
+        length_m: Length of the route, m.
+        found: The prediction.
         suffix: `.png`, `.svg` or `.pdf`.
     """
     figure = Figure(figsize=(7.5, 4.2), layout="constrained")
@@ -153,7 +153,9 @@ def picture(robot: Robot, length_m: float, found: RouteForecast, suffix: str) ->
     axis.legend(frameon=False, fontsize=9)
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(alpha=0.25, linewidth=0.6)
-    figure.suptitle(f"{robot.name}: chance to get there and back {found.advice.chance_there_and_back:.1%}", fontsize=11)
+    figure.suptitle(
+        f"{robot.name}: probability of getting there and back {found.advice.chance_there_and_back:.1%}", fontsize=11
+    )
     buffer = io.BytesIO()
     figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)
     return buffer.getvalue()

@@ -71,7 +71,7 @@ def test_an_agent_of_ones_own_comes_from_its_factory() -> None:
     assert env.action_space.contains(policy.act(observations, np.ones(3, np.bool_)))
     with pytest.raises(AgentError, match=r"no_such.*give package\.module:factory"):
         make_policy("mine", env, "no_such:factory")
-    with pytest.raises(AgentError, match=r"answers a str, not a homeward\.agents\.Policy"):
+    with pytest.raises(AgentError, match=r"returns a str, not a homeward\.agents\.Policy"):
         make_policy("mine", env, "builtins:repr")
 
 

@@ -163,7 +163,7 @@ def test_a_slope_that_drives_the_robot_for_nothing(
     file.write_text(free.to_toml())
     code, out, _ = call(f"range {file} --grade -20", monkeypatch, capsys)
     assert code == 0
-    assert "any distance: the slope drives it for nothing" in out
+    assert "any distance: the slope drives it without power" in out
 
 
 def test_robots_are_listed_and_printed(

@@ -157,7 +157,7 @@ def test_a_sweep_writes_curves(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert curves["dmax_belief"]["score"][SWEPT["dmax_belief"].index(3.0)] == pytest.approx(means["dmax_belief"])
     assert curves["soc50+shield"]["reserve"] == [10.0**-k for k in range(1, 9)]
     shown = " ".join(capsys.readouterr().out.split())
-    assert "at no more than so many stranded" in shown and "margins.json" in shown
+    assert "at a stranding rate of at most" in shown and "margins.json" in shown
     assert result.runs["soc50"][0].episodes.home.any()
 
 

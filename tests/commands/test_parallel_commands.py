@@ -112,7 +112,7 @@ def test_a_trial_that_diverges_does_not_end_the_search(tmp_path: Path, monkeypat
     pytest.importorskip("optuna")
 
     def diverge(args: train.Args) -> Path:
-        raise DivergedError("the weights are no finite numbers any more")
+        raise DivergedError("the weights are not finite any more")
 
     monkeypatch.setattr(sweep, "train_quietly", diverge)
     with pytest.raises(TrainingError, match="no trial ended with weights that are finite"):
@@ -161,7 +161,7 @@ def test_a_bad_sweep_is_refused(given: dict[str, Any], message: str, tmp_path: P
 
 
 def test_a_node_that_does_not_see_the_folder_says_so(tmp_path: Path) -> None:
-    with pytest.raises(TrainingError, match="not to be seen from this node: give an --out that all nodes share"):
+    with pytest.raises(TrainingError, match="not visible from this node: give an --out that all nodes share"):
         sweep.train_quietly(train.Args(out=tmp_path / "elsewhere" / "seed_0"))
 
 
@@ -247,10 +247,10 @@ def test_how_recordings_of_a_fleet_were_read_is_said(
 def test_a_fleet_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"cannot read .*give a folder of folders"):
         fleet.main(fleet.Args(tmp_path / "nowhere", out=tmp_path / "out"))
-    with pytest.raises(RecordingError, match="holds no folder"):
+    with pytest.raises(RecordingError, match="contains no folder"):
         fleet.main(fleet.Args(tmp_path, out=tmp_path / "out"))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(RecordingError, match="holds no recording"):
+    with pytest.raises(RecordingError, match="contains no recording"):
         fleet.main(fleet.Args(tmp_path, out=tmp_path / "out"))
 
 

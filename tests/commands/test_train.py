@@ -290,7 +290,7 @@ def test_two_trainings_do_not_share_a_folder(finished: Path, tmp_path: Path, roo
     out = tmp_path / "run"
     with locked(out):
         second = subprocess.run(command(out), cwd=root, capture_output=True, text=True)
-    said = f"train.py: another training is at work in {out}: wait for it, or choose another --out\n"
+    said = f"train.py: another training is using {out}: wait for it, or choose another --out\n"
     assert (second.returncode, second.stderr) == (2, said)
     assert [entry.name for entry in out.iterdir()] == [LOCK]
     assert (main(tiny(out)) / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
@@ -300,7 +300,7 @@ def test_two_trainings_do_not_share_a_folder(finished: Path, tmp_path: Path, roo
 def test_fewer_steps_never_replace_a_longer_finished_run(finished: Path, tmp_path: Path, changes: Any) -> None:
     out = copied(finished, tmp_path / "run")
     before = contents(out)
-    with pytest.raises(TrainingError, match=rf"trained on {STEPS} steps, and 1 steps replace no longer run"):
+    with pytest.raises(TrainingError, match=rf"trained on {STEPS} steps, which a run of 1 steps must not replace"):
         main(tiny(out, steps=1, resume=True, replace=True, **changes))
     assert contents(out) == before
 
@@ -355,7 +355,7 @@ def test_replacing_trains_anew_once_and_says_so(
 ) -> None:
     out = copied(finished, tmp_path / "run")
     (out / "notes.txt").write_text("mine")
-    for expected in ("held a run with other settings or made with other code: removed, training anew", "nothing to do"):
+    for expected in ("contained a run with other settings or of other code: removed, training anew", "nothing to do"):
         main(tiny(out, resume=True, replace=True))
         assert expected in capsys.readouterr().err
     assert (out / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
@@ -366,7 +366,7 @@ def test_replacing_trains_anew_once_and_says_so(
 
 def test_replacing_leaves_what_is_no_run(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(TrainingError, match="holds no training run"):
+    with pytest.raises(TrainingError, match="contains no training run"):
         main(tiny(tmp_path, replace=True))
     assert [entry.name for entry in tmp_path.iterdir()] == ["notes.txt"]
 
@@ -458,7 +458,7 @@ def test_ctrl_c_takes_one_line_and_the_run_goes_on(
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60.0)
-    assert (process.returncode, error) == (130, "train.py: interrupted: go on with --resume\n")
+    assert (process.returncode, error) == (130, "train.py: interrupted: continue with --resume\n")
 
 
 def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tmp_path: Path) -> None:
@@ -474,7 +474,7 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("notes.txt", "", "not empty and holds no training run"),
+        ("notes.txt", "", "not empty and contains no training run"),
         (RUN, "{}", "does not describe"),
         (RUN, "\x00", "does not"),
     ],

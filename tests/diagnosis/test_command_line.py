@@ -46,7 +46,7 @@ def test_unusable_input(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     assert "no such file" in refused(monkeypatch, capsys, "none.csv", *out)
     good = shipped_recording()
     assert "presets:" in refused(monkeypatch, capsys, good, "--robot", "huskie", *out)
-    assert "neither a file nor one that ships" in refused(monkeypatch, capsys, good, "--columns", "none", *out)
+    assert "neither a file nor a shipped mapping" in refused(monkeypatch, capsys, good, "--columns", "none", *out)
     assert "known: husky_borealtc" in refused(monkeypatch, capsys, "--dataset", "kitti", *out)
     assert "not both" in refused(monkeypatch, capsys, good, "--dataset", "husky_borealtc", *out)
     assert not list((tmp_path).glob("out/*"))

@@ -166,7 +166,7 @@ def test_runs_beside_those_that_cannot_be_used_are_diagnosed(short_drive: Drive,
     milli = with_channels(milli, power_w=1000.0 * milli.channels["power_w"])
     diagnosis = diagnose([good, dead, milli], husky)
     assert [one.path for one in diagnosis.recordings] == [good.name]
-    assert "2 of the runs set aside (run1.csv the recorded power" in diagnosis.summary
+    assert "2 of the runs excluded (run1.csv the recorded power" in diagnosis.summary
     assert "zero throughout" in diagnosis.summary
 
 

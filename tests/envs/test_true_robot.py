@@ -115,5 +115,5 @@ def test_a_robot_that_is_none_is_refused(option: str) -> None:
         HomewardEnv(**unknown)
     downhill = {"regeneration": {"share": 0.9}, "hidden_grade": {"slope": -0.5}}
     endless: dict[str, Any] = {option: dataclasses.replace(BELIEVED, effects=downhill)}
-    with pytest.raises(OptionError, match="'husky' never runs empty on the flat"):
+    with pytest.raises(OptionError, match="'husky' never runs empty on level ground"):
         HomewardEnv(**endless)

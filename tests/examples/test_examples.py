@@ -31,7 +31,7 @@ def test_onnx_on_the_robot(tmp_path: Path, root: Path, capsys: pytest.CaptureFix
     example = runpy.run_path(str(root / "examples" / "onnx_on_the_robot.py"))
     assert example["main"](example["Args"](out=tmp_path))
     printed = capsys.readouterr().out
-    assert "the policy asks: go at 1 m/s, 0 Hz" in printed and "the policy asks: return at" in printed
+    assert "action of the policy: go at 1 m/s, 0 Hz" in printed and "action of the policy: return at" in printed
     assert printed.splitlines()[-1].startswith("home after ")
 
 

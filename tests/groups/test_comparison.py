@@ -264,7 +264,7 @@ def test_unusable_groups(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
         (["--group", a, "--group", "b"], "is not NAME=RUNS"),
         (["--group", a, "--group", "[b]=x.csv"], "is not NAME=RUNS"),
         (["--group", a, "--group", "b="], "is not NAME=RUNS"),
-        (["--group", a, "--group", f"b={logs}/none*.csv"], "no pattern that a file fits"),
+        (["--group", a, "--group", f"b={logs}/none*.csv"], "no file matches it as a pattern"),
         (["--group", a, "--group", f"b={logs}/a0.csv"], "is the same recording as"),
         (["--group", a, "--group", b, logs / "a0.csv"], "not both"),
         (["--group", a, "--group", "b=turtlebot3_tactics/EE9"], "has no group 'EE9'; groups: EE1"),

@@ -223,7 +223,7 @@ def test_times_of_day(table: pd.DataFrame, csv: Write) -> None:
 def test_commas_for_both_cells_and_decimals_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time_s,speed_mps,power_w\n" + "".join(f"0,{row},1,0,5,5\n" for row in range(9)))
-    assert "row 1 has 6 cells, the line of names 3; numbers with decimal commas" in refusal(path)
+    assert "row 1 has 6 cells, the header 3; numbers with decimal commas" in refusal(path)
 
 
 def test_a_half_line_of_a_wide_encoding(table: pd.DataFrame, tmp_path: Path) -> None:

@@ -192,8 +192,8 @@ def test_a_cache_that_others_may_write_to_is_not_run(
     assert folder is not None and folder.is_relative_to(tmp_path / "temporary")
     assert folder.stat().st_mode & 0o077 == 0
     assert capsys.readouterr().err == (
-        f"homeward: others may change {opened}: compiled kernels are kept in a private temporary folder instead; "
-        "mend it with chown and chmod go-w, or name another folder in HOMEWARD_CACHE\n"
+        f"homeward: other users may change {opened}: compiled kernels are kept in a private temporary folder; "
+        "fix it with chown and chmod go-w, or name another folder in HOMEWARD_CACHE\n"
     )
 
 

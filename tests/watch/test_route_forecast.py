@@ -64,7 +64,7 @@ def test_it_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     profile.write_text("distance_m,elevation_m\n0,0\n1000,30\n2000,10\n")
     main(Args("husky", route=str(profile), plot=tmp_path / "fan.png"))
     printed = capsys.readouterr().out
-    for part in ("chance to get there and back", "there and back", "90 % interval", "Point of no return", "generic"):
+    for part in ("probability of getting there", "there and back", "90 % interval", "Point of no return", "generic"):
         assert part in printed
     assert (tmp_path / "fan.png").read_bytes().startswith(b"\x89PNG")
     assert b"<svg" in picture(

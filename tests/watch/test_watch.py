@@ -74,7 +74,7 @@ def test_a_change_that_nobody_could_foresee_is_a_miss(tmp_path: Path) -> None:
     early = spoiled.time_s < 1000.0
     assert early.any() and not spoiled.covered[early & (spoiled.time_s > 300.0)].any()
     assert rows_of([spoiled])[-1].bias < -0.05
-    assert "too seldom" in verdict(rows_of([spoiled])[0]) or rows_of([spoiled])[0].covered >= 0.8
+    assert "too rarely" in verdict(rows_of([spoiled])[0]) or rows_of([spoiled])[0].covered >= 0.8
 
 
 def test_hills_shorter_than_places_are_no_surprise(tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_of_motor_currents_the_charge_is_watched(tmp_path: Path, capsys: pytest.
     assert "charge of the motors" in capsys.readouterr().out
     assert "took_as" in pd.read_csv(tmp_path / "out" / "watch.csv")
     assert "charge of the rest" in (tmp_path / "out" / "watch.html").read_text("utf-8")
-    with pytest.raises(CompanionError, match="watch them apart"):
+    with pytest.raises(CompanionError, match="watch them separately"):
         main(Args((*paths, drive(tmp_path, 0)), str(tmp_path / "husky.toml"), out=tmp_path / "out"))
 
 

@@ -30,7 +30,7 @@ class Finding:
 def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
     """Check each recording of a robot and bring the usable ones into one form.
 
-    Power is preferred: where some runs hold power and others only motor current, the latter are set aside. Top speed
+    Power is preferred: where some runs hold power and others only motor current, the latter are excluded. Top speed
     and power by the robot file distinguish a wrong unit from a fast drive.
     """
     findings: list[Finding] = []
@@ -79,16 +79,16 @@ def _corrected(runs: list[Signals], sources: Sequence[Recording], robot: Robot) 
     late_s = late_slope(runs, sources, robot)
     if late_s:
         runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
-        notes.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are set right"))
+        notes.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are corrected"))
     if any("grade_rad" in source.channels for source in sources):
         runs, angle = without_tilt(runs)
         if angle:
             text = f"slopes of ways that close have a mean of {np.degrees(angle):+.2g} degrees"
-            notes.append(Finding(first, f"{text}: the sensor is tilted, and the slopes of all runs are set right"))
+            notes.append(Finding(first, f"{text}: the sensor is tilted, and the slopes of all runs are corrected"))
     runs, drifts = without_drift(runs, robot)
     for name, drift_s in drifts.items():
         way = "back" if drift_s > 0.0 else "ahead"
-        text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is set right"
+        text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is corrected"
         notes.append(Finding(name, text))
     ratio = _over_expected(runs, robot)
     if not 1.0 / rules.RIGHT_ROBOT < ratio < rules.RIGHT_ROBOT:

@@ -126,7 +126,7 @@ def report_html(analysis: Analysis) -> str:
 
 
 def _by_text(analysis: Analysis) -> dict[tuple[bool, str], list[str]]:
-    """The recordings under each finding, those set aside first."""
+    """The recordings under each finding, those excluded first."""
     grouped: dict[tuple[bool, str], list[str]] = {}
     for one in sorted(analysis.findings, key=lambda finding: not finding.refused):
         grouped.setdefault((one.refused, one.text), []).append(one.recording)

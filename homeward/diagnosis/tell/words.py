@@ -31,7 +31,7 @@ def summary(
     found: Sequence[MissingPhysics],
     file: CorrectedFile,
 ) -> str:
-    """The verdict in one or two sentences, the content of corrected.toml, and how many runs were set aside."""
+    """The verdict in one or two sentences, the content of corrected.toml, and how many runs were excluded."""
     text = (
         templates(autoescape=False)
         .get_template("summary.txt")

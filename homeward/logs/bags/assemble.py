@@ -23,7 +23,7 @@ from homeward.logs.channels import CHANNELS, MOTION, POWER, STANDSTILL_MPS, Arra
 from homeward.logs.columns import RecordingError
 from homeward.logs.times import is_epoch
 
-_LEVEL_M = 0.05  # chosen: a height that varies by less is a plane's, whose odometry knows no height
+_LEVEL_M = 0.05  # chosen: a height that varies by less is that of planar odometry, which does not measure height
 _ELECTRIC = {name for names in POWER for name in names}
 _NEEDED = {*_ELECTRIC, *(name for names in MOTION for name in names)}
 
@@ -40,12 +40,12 @@ class Series:
 
 def read_bag(path: Path, mapping: str | Path | None = None) -> tuple[pd.DataFrame, list[str], float]:
     """Read a log as a table of the schema's channels, with the time in s from its start; notes of one line each; and
-    that start, s since 1970, 0 where the log does not have it.
+    the start, s since 1970, or 0 if the log does not have it.
 
-    Without a mapping (see `load_topics`) it is the one that ships and covers most of the log.
+    Without a mapping (see `load_topics`) the shipped one that covers most of the log is used.
 
     Raises:
-        RecordingError: Nothing can be read, power or motion is missing, or the mapping is wrong.
+        RecordingError: Nothing can be read, power or motion is missing, or the mapping is invalid.
     """
     with FlightLog(path) if is_flight_log(path) else Bag(path) as bag:
         topics = best_topics(bag.connections) if mapping is None else load_topics(mapping)

@@ -127,7 +127,7 @@ class _Finite:
     def read(self, size: int = -1) -> bytes:
         self._left -= 1
         if self._left < 0:
-            raise RuntimeError("its lengths lead back")  # not a ValueError, which pyulog passes over
+            raise RuntimeError("its lengths lead back")  # not a ValueError, which pyulog ignores
         data: bytes = self._file.read(size)
         return data
 
@@ -168,7 +168,7 @@ class _DataFlash:
         from pymavlink.DFReader import DFReader_binary
 
         with open_regular(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            if _EMPTY_FORMAT.search(content):  # pymavlink would read it for ever
+            if _EMPTY_FORMAT.search(content):  # pymavlink would loop for ever
                 raise ValueError("the definition of a message is damaged")
         self._log: Any = DFReader_binary.__new__(DFReader_binary)
         self._log.init_clock = self._log.init_clock_usec  # or it reads all of a log without GPS for the time of day

@@ -67,7 +67,7 @@ def _stores(connection: Connection) -> list[Typestore]:
         if kind in definitions
     ]
     if not found:
-        raise UnknownType(f"{kind}: the bag holds no definition of this type, and none ships")
+        raise UnknownType(f"{kind}: the bag has no definition of this type, and neither has this package")
     return found
 
 

@@ -98,12 +98,12 @@ def load_topics(mapping: str | Path) -> Topics:
     """Load a topic mapping by shipped name or from a TOML file.
 
     The file has tables `[[topics]]`, the preferred first. In each: `name`, a pattern as in a shell; optionally `type`,
-    `except` (a pattern of names that do not fit) and `stamp = "receive"`; and one line per channel with the path of a
+    `except` (a pattern of names to exclude) and `stamp = "receive"`; and one line per channel with the path of a
     field, or a table with `field` (or `fields`, which are added), `factor` (or `factors`) and `offset`. The entries
     `orientation` (path of a quaternion) and `acceleration` (path of a vector) give the grade.
 
     Raises:
-        RecordingError: Unknown name, unreadable file or a wrong entry.
+        RecordingError: Unknown name, unreadable file or an invalid entry.
 
     >>> load_topics("turtlebot").topics[0].sources["current_a"]
     Source(terms=(('current', -1.0),), offset=0.0)
@@ -116,7 +116,7 @@ def load_topics(mapping: str | Path) -> Topics:
 
 
 def best_topics(connections: Sequence[Offer]) -> Topics:
-    """The mapping that ships and covers most of a bag; between equals the first by name."""
+    """The shipped mapping that covers most of a bag; of equals the first by name."""
     return max((load_topics(name) for name in shipped_topics()), key=lambda one: one.value(connections))
 
 

@@ -1,11 +1,11 @@
-"""What the paper leaves out: one effect a file, each off at zero. The paper's model is the point where all are off."""
+"""Effects: physics that the paper's model omits, one file each. With all of them off it is the paper's model."""
 
 from importlib import import_module
 
 from homeward.physics.effects.base import Effect, Kind, Parameter
 
-# In the order in which loads add up: slip sees the force of all before it, regeneration that of all forces. Forces come
-# first, as the kernel counts on. The losses of a start and of capacity follow the battery's effects of momentary power.
+# In the order in which loads add up: slip depends on all forces before it, regeneration on all forces. The kernel needs
+# forces first. The losses of a start and of capacity follow the battery's effects of momentary power.
 _IDS = (
     "inertia",
     "viscous",

@@ -1,4 +1,4 @@
-"""Capacity lost beyond what the file says."""
+"""Capacity lost beyond that of the robot file."""
 
 from typing import Any
 
@@ -17,8 +17,8 @@ EFFECT = Effect(
     id="ageing",
     kind="battery",
     function=ageing,
-    parameters=(Parameter("lost_share", "1", 0.0, 0.9, "share of the usable energy that is gone"),),
-    sentence="The battery holds less than its file says, so its gauge falls faster.",
+    parameters=(Parameter("lost_share", "1", 0.0, 0.9, "share of the usable energy that is lost"),),
+    sentence="The battery holds less energy than its file says, so its state of charge falls faster.",
     equation="P = load lost / (1 - lost)",
     source="Eq. 6 of the paper with unknown C and t",
     needs=("soc",),

@@ -1,4 +1,4 @@
-"""What an effect is: physics that the paper's model leaves out, in one file, and zero unless switched on."""
+"""An effect: physics that the paper's model omits, in one file, and zero unless switched on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Kind = Literal["force", "drive", "ancillary", "battery"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect: unit, bounds, default, and one sentence."""
+    """One parameter of an effect: unit, bounds, default, and meaning in one sentence."""
 
     name: str
     unit: str
@@ -35,11 +35,11 @@ class Effect:
         kind: Where it enters: force at the wheels, electrical power of the drive, ancillary power, battery.
         function: The formula; numpy arrays broadcast through it.
         parameters: The first is the magnitude: at zero the effect is off.
-        sentence: What it is, as a roboticist would say it.
+        sentence: Description in one sentence, in terms of robotics.
         equation: The formula in plain text.
         source: Where the formula comes from.
         needs: Recording channels without which it cannot be seen.
-        confused_with: Effects that look alike on most drives.
+        confused_with: Effects that most drives cannot distinguish from it.
     """
 
     id: str

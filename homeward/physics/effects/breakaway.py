@@ -19,9 +19,9 @@ EFFECT = Effect(
     kind="battery",  # an energy, which no effect of the momentary power should change with the length of the step
     function=breakaway,
     parameters=(Parameter("start_j", "J", 0.0, 100000.0, "battery energy of one start from standstill"),),
-    sentence="Every start from standstill costs an extra burst of energy.",
+    sentence="Every start from standstill consumes additional energy.",
     equation="E = start_j per start",
-    source="static friction and in-rush, which the paper leaves out as not easily quantifiable",
+    source="static friction and in-rush, which the paper omits as not easily quantifiable",
     needs=("speed_mps",),
     confused_with=("inertia",),
 )

@@ -22,7 +22,7 @@ EFFECT = Effect(
         Parameter("per_k", "1/K", 0.0, 0.05, "share of the capacity lost per kelvin below warm_c"),
         Parameter("warm_c", "C", -20.0, 40.0, "temperature with full capacity", 20.0),
     ),
-    sentence="The battery gives less in the cold.",
+    sentence="The battery delivers less energy in the cold.",
     equation="P = load l / (1 - l), l = per_k max(warm_c - T, 0), at most 0.8",
     source="capacity of lithium-ion cells below room temperature, linearised",
     needs=("temperature_c",),

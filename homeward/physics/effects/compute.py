@@ -1,4 +1,4 @@
-"""On-board computing that grows with the data."""
+"""On-board computing whose power grows with the data."""
 
 from typing import Any
 
@@ -18,9 +18,9 @@ EFFECT = Effect(
     function=compute,
     parameters=(
         Parameter("power_w", "W", 0.0, 10000.0, "power at the fastest sensing rate"),
-        Parameter("base_share", "1", 0.0, 1.0, "share of it as soon as anything is sensed", 0.5),
+        Parameter("base_share", "1", 0.0, 1.0, "share of that power as soon as anything is sensed", 0.5),
     ),
-    sentence="Processing the samples on board takes power.",
+    sentence="Processing the samples on board consumes power.",
     equation="P = power_w (b + (1 - b) f_s / f_max) while sensing, b = base_share",
     source="the paper's next step: an embedded computer of 8 to 15 W",
     needs=("sensing_hz",),

@@ -1,4 +1,4 @@
-"""Slope that the map does not show."""
+"""Slope that the map lacks."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ EFFECT = Effect(
     kind="force",
     function=hidden_grade,
     parameters=(Parameter("slope", "1", -0.5, 0.5, "tangent of the slope missing from the map, along the way out"),),
-    sentence="The ground climbs where the map says it does not.",
+    sentence="The ground has a slope that the map lacks.",
     equation="F = (m + dm) g slope cos(theta), dm the payload",
     source="Eq. 3 of the paper, to first order in the missing slope",
     needs=("speed_mps",),

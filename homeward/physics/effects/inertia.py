@@ -17,9 +17,9 @@ EFFECT = Effect(
     kind="force",
     function=inertia,
     parameters=(Parameter("mass_factor", "1", 0.0, 3.0, "accelerated over moving mass; above 1 for rotating parts"),),
-    sentence="Speeding up takes energy, and the robot rolls on it when it slows down.",
+    sentence="Accelerating consumes energy, which the robot uses when it slows down.",
     equation="F = mass_factor (m + dm) dv/dt while moving, dm the payload",
-    source="Newton's second law; the paper calls it negligible",
+    source="Newton's second law; the paper neglects it",
     needs=("speed_mps",),
     confused_with=("breakaway",),
 )

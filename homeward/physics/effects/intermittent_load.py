@@ -1,4 +1,4 @@
-"""A load that switches on and off by the clock."""
+"""A load that switches on and off periodically."""
 
 from typing import Any
 
@@ -37,9 +37,9 @@ EFFECT = Effect(
     parameters=(
         Parameter("power_w", "W", 0.0, 10000.0, "power while on"),
         Parameter("period_s", "s", 1.0, 100000.0, "period", 60.0),
-        Parameter("duty", "1", 0.0, 1.0, "share of the period that it is on", 0.5),
+        Parameter("duty", "1", 0.0, 1.0, "share of the period in which it is on", 0.5),
     ),
-    sentence="Something switches on and off by the clock.",
+    sentence="A load switches on and off periodically.",
     equation="P = power_w for the first duty share of every period",
     source="square wave",
     needs=("time_s",),

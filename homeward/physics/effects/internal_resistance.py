@@ -10,8 +10,8 @@ from homeward.physics.jit import inline
 
 @inline
 def internal_resistance(p: Any, s: Any, x: Any, load: Any) -> Any:
-    # No current delivers more than V^2 / 4R, where half of the energy is lost. The load is met all the same, as the
-    # model knows no brown-out, and goes on losing half.
+    # No current delivers more than V^2 / 4R, where half of the energy is lost. Above that the load is still supplied,
+    # with half of the energy lost, because the model has no brown-out.
     relative = load * (4.0 * p.internal_resistance_ohm / (p.nominal_voltage_v * p.nominal_voltage_v))
     root = np.sqrt(np.maximum(1.0 - relative, 0.0))  # twice the efficiency, minus 1
     return load * (1.0 - root) / (1.0 + root)
@@ -22,7 +22,7 @@ EFFECT = Effect(
     kind="battery",
     function=internal_resistance,
     parameters=(Parameter("ohm", "ohm", 0.0, 100.0, "internal resistance"),),
-    sentence="The battery loses energy inside, more at high power.",
+    sentence="The battery loses energy inside, and more at high power.",
     equation="P = R I^2, V I - R I^2 = load; above V^2 / 4R P = load",
     source="Thevenin model of a battery",
     needs=("voltage_v", "current_a"),

@@ -1,4 +1,4 @@
-"""Windings that warm up and so resist more."""
+"""Motor windings that warm up, which raises their resistance."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ HOTTEST_K = 150.0
 def motor_heating(p: Any, s: Any, x: Any, load: Any) -> Any:
     work_w = _work(p, x, load)
     steady_k = _steady(p, work_w)
-    # Mean of the temperature over the step, so that its length does not matter.
+    # Mean temperature over the step, so that the step length does not matter.
     constants = np.maximum(s.step_s / p.motor_heating_time_constant_s, 1e-6)
     s.winding_fade = np.exp(-constants)
     mean_k = steady_k + (s.winding_k - steady_k) * ((1.0 - s.winding_fade) / constants)

@@ -1,4 +1,4 @@
-"""Power that the drive draws only to turn."""
+"""Power that the drive consumes just to turn."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ EFFECT = Effect(
     kind="drive",
     function=no_load,
     parameters=(Parameter("power_w", "W", 0.0, 10000.0, "power while driving, at any load"),),
-    sentence="The drive draws a fixed power whenever it turns, whatever the load.",
+    sentence="The drive consumes a constant power whenever it turns, whatever the load.",
     equation="P = power_w while moving",
     source="iron and brush losses of DC motors",
     needs=("speed_mps",),

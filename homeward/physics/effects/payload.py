@@ -9,7 +9,7 @@ from homeward.physics.model import GRAVITY_MPS2
 
 @inline
 def moved_mass(p: Any) -> Any:
-    """Mass that the robot moves, kg: its own and what it carries. Every effect of mass acts on it."""
+    """Mass that the robot moves, kg: its own and its payload. Every effect of mass acts on it."""
     return p.mass_kg + p.payload_mass_kg
 
 

@@ -1,4 +1,4 @@
-"""A radio that sends harder far from base."""
+"""A radio that transmits with more power far from base."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ EFFECT = Effect(
     function=radio,
     parameters=(
         Parameter("w_per_km2", "W/km^2", 0.0, 1e7, "power per squared distance from base"),
-        Parameter("reach_m", "m", 0.0, 1e6, "distance from which on it sends as hard as it can", 1e6),
+        Parameter("reach_m", "m", 0.0, 1e6, "distance from which on the power is constant", 1e6),
     ),
     sentence="The radio needs more power far from base.",
     equation="P = k min(r, reach)^2",

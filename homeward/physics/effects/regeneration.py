@@ -1,4 +1,4 @@
-"""Energy that braking gives back, downhill and, with the effect `inertia`, when the robot slows down."""
+"""Energy recovered by braking, downhill and, with the effect `inertia`, when the robot slows down."""
 
 from typing import Any
 
@@ -18,9 +18,9 @@ EFFECT = Effect(
     kind="drive",
     function=regeneration,
     parameters=(Parameter("share", "1", 0.0, 0.95, "share of the braking power that returns to the battery"),),
-    sentence="Braking gives energy back to the battery.",
+    sentence="Braking returns energy to the battery.",
     equation="P = -share |F| v where the sum of all forces F < 0",
-    source="conservation of energy: at most the power that gravity or the loss of speed gives",
+    source="conservation of energy: at most the power that gravity or the loss of speed supplies",
     needs=("speed_mps",),
     confused_with=(),
 )

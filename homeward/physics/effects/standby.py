@@ -1,4 +1,4 @@
-"""Power that something draws all the time."""
+"""A constant load."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ EFFECT = Effect(
     kind="ancillary",
     function=standby,
     parameters=(Parameter("power_w", "W", 0.0, 10000.0, "constant power"),),
-    sentence="Something draws power all the time that the file does not list.",
+    sentence="A load that the file lacks consumes power all the time.",
     equation="P = power_w",
     source="s0 of the paper's Eq. 5, too small",
     needs=("power_w",),

@@ -1,4 +1,4 @@
-"""Ground that rolls harder than the ground C_rr was measured on."""
+"""Ground with another rolling resistance than the ground C_rr was measured on."""
 
 from typing import Any
 
@@ -21,9 +21,9 @@ EFFECT = Effect(
     function=surface,
     parameters=(
         Parameter("gain", "1", -0.9, 10.0, "rise of C_rr over its value, at roughness 1"),
-        Parameter("usual", "1", 0.0, 10.0, "roughness of ground of which nothing is known"),
+        Parameter("usual", "1", 0.0, 10.0, "typical roughness, for ground that is unknown"),
     ),
-    sentence="The ground changes on the way and rolls harder or easier than assumed.",
+    sentence="The ground changes on the way and its rolling resistance differs from the assumed one.",
     equation="F = max(gain roughness, -1) C_rr m g cos(theta)",
     source="rolling resistance by surface (Wong, Theory of Ground Vehicles)",
     needs=("speed_mps", "distance_m"),

@@ -14,7 +14,7 @@ from homeward.physics.model import GRAVITY_MPS2, traction_efficiency
 def wheel_force(p: Any, x: Any) -> Any:
     """Force of the scrub against which the wheels turn, summed over all wheels, N, standing or driving.
 
-    It is the torque, and so the current, that turning takes: also on the spot, where the speed is zero.
+    It is the torque, and so the current, of turning, also on the spot, where the speed is zero.
     """
     turn_mps = _turn_mps(p, x)
     share = turn_mps / np.maximum(turn_mps + 2.0 * x.speed_mps, 1e-9)  # 0 straight on, 1 turning on the spot

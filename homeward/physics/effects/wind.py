@@ -17,7 +17,7 @@ EFFECT = Effect(
     kind="force",
     function=wind,
     parameters=(Parameter("exposure", "1", 0.0, 3.0, "share of the wind that the robot meets"),),
-    sentence="Wind pushes: a headwind costs energy and a tailwind saves some.",
+    sentence="Wind acts on the robot: a headwind consumes energy and a tailwind saves some.",
     equation="F = c (u |u| - v^2), u = v + exposure w",
     source="air drag on relative wind",
     needs=("speed_mps", "heading_rad"),

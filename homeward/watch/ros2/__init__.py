@@ -1,8 +1,8 @@
-"""A robot watched over its ROS 2 network, without ROS: by Eclipse Cyclone DDS (extra `ros2`).
+"""`homeward watch --ros2`: a robot's ROS 2 network joined without ROS, by Eclipse Cyclone DDS (extra `ros2`).
 
-Topics are found and subscribed under the names that ROS 2 gives them in DDS (`network`), with types made from their
-message definitions (`idl`). What a mapping names of them becomes readings (`listener`), on a clock (`stamps`) and in a
-frame (`odometry`) that go on whatever the publishers do. `node` asks the companion, and publishes its advice
+Topics are subscribed under the names that ROS 2 gives them in DDS (`network`), with types made from their message
+definitions (`idl`). A mapping selects fields as readings (`listener`), on a continuous clock (`stamps`) and in a
+continuous frame (`odometry`), whatever the publishers do. `node` runs the companion and publishes its advice
 (`advice_messages`).
 """
 
@@ -12,4 +12,4 @@ LOOPBACK = (
     '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="localhost"/></Peers></Discovery>'
     "</Domain></CycloneDDS>"
 )
-"""CYCLONEDDS_URI with which nothing leaves this computer."""
+"""CYCLONEDDS_URI that keeps all traffic on this computer."""

@@ -16,21 +16,21 @@ _OK, _WARN, _ERROR, _STALE = range(4)  # diagnostic_msgs/DiagnosticStatus
 _DISCHARGING = 2  # sensor_msgs/BatteryState
 _UNMEASURED = "voltage", "temperature", "current", "charge", "capacity", "design_capacity"
 OWN = "homeward"
-"""Part of the names of the topics that are published, /diagnostics but for."""
+"""Prefix of the published topics, except /diagnostics."""
 
 
 def messages(
     advice: Advice | None, full_j: float, robot: str, warnings: Sequence[str], silent: bool, namespace: str
 ) -> Iterator[tuple[str, str, IdlStruct]]:
-    """Topics, types and messages that say an advice; without one, diagnostics alone.
+    """Topics, types and messages of an advice; without one, only diagnostics.
 
     Args:
-        advice: What the companion says, if it has anything to go by.
+        advice: The companion's advice, None if there were not enough readings.
         full_j: Energy of a full battery by the robot's file, J.
-        robot: Its name.
-        warnings: What is wrong now.
-        silent: Whether nothing of motion is heard.
-        namespace: Put before the names, "" or with a slash in front.
+        robot: Name of the robot.
+        warnings: Present warnings.
+        silent: Whether no motion is received.
+        namespace: Prefix of the names, "" or with a leading slash.
     """
     stamp = message("builtin_interfaces/msg/Time", sec=int(time.time()), nanosec=time.time_ns() % 10**9)
     header = message("std_msgs/msg/Header", stamp=stamp)
@@ -55,23 +55,23 @@ def messages(
 
 
 def can_reach_home(advice: Advice) -> bool:
-    """Whether the robot gets home when it turns now, at the risk that is accepted."""
+    """Whether the robot gets home when it turns now, at the accepted risk."""
     return advice.chance_home >= 1.0 - advice.risk
 
 
 def reserve(advice: Advice, full_j: float) -> float:
-    """Share of a full battery that the way home leaves at the risk that is accepted; 0 from when it must turn."""
+    """Share of a full battery that the way home leaves at the accepted risk; 0 from when it must turn."""
     least_j = advice.margin_j.quantile(advice.risk)
     return 0.0 if advice.turn_now else min(max(least_j / full_j, 0.0), 1.0)
 
 
 def _status(advice: Advice | None, robot: str, warnings: Sequence[str], silent: bool, namespace: str) -> IdlStruct:
-    level, text = (_STALE if silent else _WARN if warnings else _OK), "nothing to go by yet"
+    level, text = (_STALE if silent else _WARN if warnings else _OK), "no readings yet"
     values: dict[str, object] = {}
     if advice is not None:
         text = f"turn within {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}"
         if not can_reach_home(advice):
-            level, text = _ERROR, f"it may not get home: chance {advice.chance_home:.2%}"
+            level, text = _ERROR, f"it may not get home: probability {advice.chance_home:.2%}"
         elif advice.turn_now:
             level, text = max(level, _WARN), "turn now"
         values = {

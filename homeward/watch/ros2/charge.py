@@ -1,17 +1,18 @@
-"""Whether a battery was charged or swapped, by its state of charge."""
+"""Detection of a charged or swapped battery by its state of charge."""
 
 from __future__ import annotations
 
 import math
 
 _CHARGED = 0.1
-"""By how much a state of charge must rise: monitors that go by voltage rise by some per cent when the robot stops."""
+"""Rise of the state of charge for a charge: monitors that measure voltage rise by some per cent when the robot
+stops."""
 _STEP = 0.015
-"""By how much it must fall until a charge is taken to be over: more than a step of most monitors."""
+"""Fall after which a charge is over: more than a step of most monitors."""
 
 
 class Charge:
-    """Tells a battery that is charged or swapped from one that recovers while the robot rests."""
+    """Distinguishes a charged or swapped battery from one that recovers while the robot rests."""
 
     def __init__(self) -> None:
         self._from, self._charging = math.inf, False

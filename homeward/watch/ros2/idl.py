@@ -1,4 +1,4 @@
-"""Types of ROS 2 messages as Cyclone DDS wants them, made from the message definitions that `rosbags` knows.
+"""Types of ROS 2 messages in the form of Cyclone DDS, from the message definitions of `rosbags`.
 
 ROS 2 calls the type `sensor_msgs/msg/Imu` `sensor_msgs::msg::dds_::Imu_` in DDS, and serialises its fields in order as
 plain CDR (design.ros2.org, Topic and Service name mapping to DDS; OMG DDS-XTypes 1.3, 7.4).
@@ -35,7 +35,7 @@ def _store() -> Typestore:
 
 
 def kind_of(type_name: str) -> str | None:
-    """The message type that a DDS type carries, None for what is no message of ROS 2 or has no known definition.
+    """The message type of a DDS type, None if it is not a ROS 2 message or has no known definition.
 
     >>> kind_of("sensor_msgs::msg::dds_::Imu_"), kind_of("HelloWorld")
     ('sensor_msgs/msg/Imu', None)
@@ -51,7 +51,7 @@ def struct_of(kind: str) -> type[IdlStruct]:
 
     Raises:
         KeyError: It has no known definition.
-        CompanionError: It has a field that Cyclone DDS for Python has no type for.
+        CompanionError: Cyclone DDS for Python has no type for one of its fields.
     """
     package, _, name = kind.split("/")
     fields = {field: _type_of(definition) for field, definition in _store().fielddefs[kind][1]}

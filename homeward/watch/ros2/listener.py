@@ -1,8 +1,8 @@
-"""From messages of a network to readings for the companion, by the topic mappings that bags are read with.
+"""From messages of a network to readings for the companion, by the topic mappings for bags.
 
-What a bag's reader decides knowing the whole drive is decided here as it comes: of the topics that give a channel the
-most preferred that has had something to say, the sign of a battery's current by which way it flows while the robot
-drives. Messages of a moment are taken together: means of what is measured, the last of where the robot is.
+A bag's reader knows the whole drive; here decisions are made as messages arrive. For each channel the most preferred
+topic that has had values is used. The sign of a battery's current is its direction while the robot drives. Messages
+within a short time are combined: means of measurements, the last position.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ from homeward.watch.ros2.values import POSE, Value, acceleration, east_m, field_
 ODOMETRY = "nav_msgs/msg/Odometry"
 
 _MOTION = "speed_mps", "wheel_left_mps"
-"""Channels of which the first that is heard gives the clock."""
+"""Channels of which the first that is received gives the clock."""
 _SETTLES_S = 2.0
-"""Time from the first motion in which topics are found and not yet believed."""
+"""Time from the first motion in which topics are discovered but not yet used."""
 _MOST = 1000
 """Values of a channel that are kept until there is motion."""
 _LEAST_SIGNS = 50
 """Readings while driving from which the sign of a current is determined."""
 _SILENT, _LEAST_SILENT_S = 5.0, 2.0
-"""Usual times between messages, and the least time, after which a topic is said to be silent."""
+"""Multiple of the typical interval, and minimum time, after which a topic counts as silent."""
 _SAID_S = 60.0
-"""Time for which something is said. Chosen: long enough to be read."""
+"""Time for which a warning is shown. Chosen: long enough to be read."""
 _ELECTRIC = {name for names in POWER for name in names}
 _LAST = {"heading", "heading_rad", "soc"}
-"""Of what the last value is taken, and not the mean: directions have none."""
+"""Channels of which the last value is used, not the mean: directions have none."""
 _VOID = _ELECTRIC | {"grade", "heading"}
-"""What is nothing as long as it is zero: drivers leave unmeasured fields so."""
+"""Channels that count as missing as long as they are zero: drivers leave unmeasured fields so."""
 
 
 class Found(NamedTuple):
@@ -64,7 +64,7 @@ class Found(NamedTuple):
 
 
 class _Option(NamedTuple):
-    """One way to know a channel."""
+    """One way to obtain a channel."""
 
     topic: Topic
     found: Found
@@ -72,10 +72,10 @@ class _Option(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """What was heard in a while.
+    """Readings combined over a short time.
 
     Attributes:
-        time_s: When, s.
+        time_s: Time, s.
         reading: Keyword arguments of `Companion.update`.
         charged: State of charge to which the battery was charged or swapped, None if it was not.
     """
@@ -86,16 +86,15 @@ class Heard(NamedTuple):
 
 
 class Listener:
-    """Gathers what messages say.
+    """Collects messages.
 
     Args:
-        mapping: Which fields of which topics are which channels; that which ships and covers most if left out.
-        max_speed_mps: Top speed of the robot.
-
-    Attributes:
-        wanted: Topics that the mapping names of those found, with the types of their messages.
-        sources: Which topic gives which channel.
-        mapping_name: Of the mapping.
+        mapping: Fields of topics for each channel; by default the shipped mapping that covers most.
+        max_speed_mps: Top speed of the robot, m/s.
+        Attributes:
+        wanted: Discovered topics that the mapping names, with the types of their messages.
+        sources: Topic of each channel.
+        mapping_name: Name of the mapping.
         odometry: The frame of the positions.
     """
 
@@ -148,16 +147,16 @@ class Listener:
         self.wanted = {one.topic: one.msgtype for one in offered if one.topic in self._getters}
 
     def hear(self, name: str, message: Any, publisher: int, now_s: float) -> None:
-        """Take in a message.
+        """Process a message.
 
         Args:
-            name: Of its topic.
-            message: With the fields of its type.
-            publisher: Who published it.
-            now_s: When it came, by a clock that only goes on, s.
+            name: Name of its topic.
+            message: An object with the fields of its type.
+            publisher: Identity of its publisher.
+            now_s: Time of receipt by a monotonic clock, s.
 
         Raises:
-            RecordingError: It has no field that the mapping names.
+            RecordingError: It lacks a field that the mapping names.
         """
         try:
             values = {path: get(message) for path, get in self._getters[name].items()}
@@ -178,7 +177,7 @@ class Listener:
             if all(map(math.isfinite, pose)):
                 self._place, moved = self.odometry.place(pose, speed, publisher, now_s)
                 if moved:
-                    self._say(f"{name} was restarted and began elsewhere: the way goes on from where it was", now_s)
+                    self._say(f"{name} was restarted elsewhere: the way continues from where the robot was", now_s)
         motion = next((one for one in _MOTION if one in self._chosen), None)
         if motion in spoke:
             self._first_motion_s = now_s if self._first_motion_s is None else self._first_motion_s
@@ -188,7 +187,7 @@ class Listener:
             self._stamp = None if on_receipt else stamp_s, now_s
 
     def take(self, now_s: float) -> Heard | None:
-        """What was heard since the last time; None without motion, which is waited for.
+        """Readings since the last call; None without motion.
 
         Args:
             now_s: Time by the clock of `hear`, s.
@@ -208,11 +207,11 @@ class Listener:
         return self._heard_by(time_s, time_s - before_s, now_s)
 
     def silence(self, now_s: float) -> Heard:
-        """What was heard since the last time without motion: that time goes on, and what else there is."""
+        """Readings since the last call without motion: the passed time, and whatever else there is."""
         return self._heard_by(self._stamps.without(now_s), 0.0, now_s)
 
     def warnings(self, now_s: float) -> list[str]:
-        """What is wrong with what is heard, a line each."""
+        """Present warnings about messages, a line each."""
         for name, (at_s, usual_s) in self._at.items():
             if name in self.sources.values() and now_s - at_s > max(_SILENT * usual_s, _LEAST_SILENT_S):
                 self._say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
@@ -220,7 +219,7 @@ class Listener:
         return [text for text, _ in self._said.values()]
 
     def _spokesman(self, channel: str, options: list[_Option], name: str, values: dict[str, float]) -> _Option | None:
-        """The option that speaks for a channel, where it is of this topic; the first that has something to say."""
+        """The option used for a channel, if it is of this topic: the first that has had values."""
         chosen = self._chosen.get(channel)
         for option in options:
             if option[:2] == chosen:
@@ -285,14 +284,14 @@ class Listener:
                 current = -current
                 self._say(
                     f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
-                    "of BatteryState; it is taken as discharge", now_s,
+                    "of BatteryState; it is used as discharge", now_s,
                 )  # fmt: skip
         if current < 0.0 and not abs(speed) > STANDSTILL_MPS:
-            return {}  # charging, which says nothing of what the robot takes
+            return {}  # charging, which does not show the robot's consumption
         return {"voltage_v": self._voltage_v, "current_a": current}
 
     def _slope_felt(self, time_s: float, forward_mps2: float, speed: float) -> float:
-        """Slope by an accelerometer less the robot's own acceleration, NaN until both were heard for a while."""
+        """Slope by an accelerometer less the robot's own acceleration, NaN until both were received for a while."""
         if not math.isfinite(forward_mps2 + speed):
             return math.nan
         self._past.append((time_s, forward_mps2, speed))
@@ -307,11 +306,11 @@ class Listener:
 
     def _heard(self, name: str, now_s: float) -> None:
         if name not in self._at:
-            self._at[name] = now_s, math.inf  # it may come but once
+            self._at[name] = now_s, math.inf  # it may arrive only once
             return
         at_s, usual_s = self._at[name]
         since_s = now_s - at_s
-        # Drawn towards the new one; a gap does not become usual at once.
+        # Moved towards the new interval; one gap does not become typical at once.
         self._at[name] = (
             now_s,
             since_s if usual_s == math.inf else 0.8 * usual_s + 0.2 * min(since_s, 2.0 * usual_s + 0.1),

@@ -17,8 +17,8 @@ from homeward.watch.ros2.idl import kind_of, struct_of
 
 _PREFIX = "rt"  # of topics, before their name with its slash (design.ros2.org)
 _KEPT = 100
-"""Messages of a topic that are kept until they are taken: a fifth of a second of an IMU at 500 Hz."""
-_MOST = 1000  # news of publishers taken at a time; chosen: more than a robot has topics
+"""Messages of a topic that are kept until they are read: a fifth of a second of an IMU at 500 Hz."""
+_MOST = 1000  # news of publishers read at a time; chosen: more than a robot has topics
 _REPRESENTATION = Policy.DataRepresentation(use_cdrv0_representation=True)  # the one that every ROS 2 has
 _SENSOR = Qos(
     Policy.Reliability.BestEffort, Policy.Durability.Volatile, Policy.History.KeepLast(_KEPT), _REPRESENTATION
@@ -27,7 +27,7 @@ _STATE = Qos(Policy.Reliability.Reliable(0), Policy.Durability.Volatile, Policy.
 
 
 class Message(NamedTuple):
-    """A message and who published it."""
+    """A message and its publisher."""
 
     topic: str
     content: Any
@@ -38,10 +38,10 @@ class Network:
     """One participant of a domain.
 
     Args:
-        domain: Its number, which ROS 2 calls ROS_DOMAIN_ID.
+        domain: Its number, ROS_DOMAIN_ID in ROS 2.
 
     Attributes:
-        spoilt: How often messages of a topic could not be read.
+        spoilt: Number of messages of each topic that could not be read.
 
     Raises:
         CompanionError: It cannot be joined.
@@ -61,7 +61,7 @@ class Network:
         self._writers: dict[str, DataWriter[Any]] = {}
 
     def found(self) -> dict[str, str]:
-        """Topics that others publish or have published, with the types of their messages, as far as these are known."""
+        """Topics that others publish or have published, with the types of their messages, as far as known."""
         for one in self._publications.take(_MOST):
             alive = one.sample_info.instance_state == InstanceState.Alive
             if alive and one.topic_name.startswith(f"{_PREFIX}/") and one.participant_key != self._participant.guid:
@@ -71,14 +71,14 @@ class Network:
         return self._found
 
     def subscribe(self, topics: dict[str, str]) -> None:
-        """Subscribe topics, by name and type, that are not yet: best effort, as sensors publish."""
+        """Subscribe to topics, by name and type, that are not subscribed yet: best effort, as sensors publish."""
         for name, kind in topics.items():
             if name not in self._readers:
                 topic = Topic(self._participant, f"{_PREFIX}{name}", struct_of(kind))
                 self._readers[name] = DataReader(self._participant, topic, qos=_SENSOR)
 
     def take(self) -> list[Message]:
-        """Messages that have come since the last time, of each topic in order."""
+        """Messages since the last call, in order for each topic."""
         messages = []
         for name, reader in self._readers.items():
             try:
@@ -92,7 +92,7 @@ class Network:
         return messages
 
     def publish(self, name: str, kind: str, content: IdlStruct) -> None:
-        """Publish a message, reliably to those who ask for that."""
+        """Publish a message, reliably for subscribers that request that."""
         if name not in self._writers:
             topic = Topic(self._participant, f"{_PREFIX}{name}", struct_of(kind))
             self._writers[name] = DataWriter(self._participant, topic, qos=_STATE)

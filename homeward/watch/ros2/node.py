@@ -1,4 +1,4 @@
-"""What is heard of the network goes to the companion, and its advice back to the network."""
+"""The node: messages of the network go to the companion, and its advice is published."""
 
 from __future__ import annotations
 
@@ -15,28 +15,27 @@ from homeward.watch.ros2.listener import Listener
 from homeward.watch.ros2.network import Network
 
 PERIOD_S = 0.1
-"""Time over which messages are taken together. Chosen: ten updates a second, of 0.3 ms each
+"""Time over which messages are combined. Chosen: ten updates a second, of 0.3 ms each
 (benchmarks/on_the_robot/update.py), take 0.3 % of a core."""
 _PUBLISH_S = 1.0
-"""Time after which an advice is published again; one that changes in what matters is at once."""
+"""Time after which an advice is published again; an important change is published at once."""
 _SILENT_S = 2.0
-"""Time without motion after which the companion gets an update without readings. Chosen: as topics are said to be
-silent."""
+"""Time without motion after which the companion is updated without readings."""
 
 
 class Node:
-    """A participant that listens, asks and says; call `step` now and then.
+    """A participant that subscribes, advises and publishes; call `step` regularly.
 
     Args:
-        companion: Of the robot.
+        companion: Companion of the robot.
         domain: Number of the ROS 2 domain.
-        mapping: Which fields of which topics are which channels.
-        namespace: Topics below it alone are listened to, and the advice is published below it; "" for all.
+        mapping: Fields of topics for each channel.
+        namespace: Subscriptions and publications are restricted to topics below it; "" for all.
 
     Attributes:
-        advice: The last, None before the first.
-        warnings: What is wrong now, a line each.
-        messages: How many were taken.
+        advice: The last advice, None before the first.
+        warnings: Present warnings, a line each.
+        messages: Number of messages received.
 
     Raises:
         CompanionError: The domain cannot be joined.
@@ -57,19 +56,19 @@ class Node:
 
     @property
     def found(self) -> dict[str, str]:
-        """Topics of the network that may be listened to, with the types of their messages."""
+        """Topics of the network that may be subscribed, with the types of their messages."""
         return self._found
 
     @property
     def silent(self) -> bool:
-        """Whether no motion is heard."""
+        """Whether no motion is received."""
         return time.monotonic() - self._heard_s > _SILENT_S
 
     def step(self) -> bool:
-        """Take what has come, and publish what is due; whether there is a new advice.
+        """Process new messages, and publish what is due; whether there is a new advice.
 
         Raises:
-            CompanionError: There is no way to know where the robot is.
+            CompanionError: The robot's position cannot be determined.
             RecordingError: The mapping names a field that a message does not have.
         """
         found = {name: kind for name, kind in self._network.found().items() if self._meant(name)}
@@ -111,7 +110,7 @@ class Node:
             self._network.publish(*message)
 
     def save(self, path: Path) -> None:
-        """Write what a restart needs.
+        """Write the state for a restart.
 
         Raises:
             OSError: It cannot be written.
@@ -120,14 +119,14 @@ class Node:
         write_whole(path, json.dumps(state) + "\n")
 
     def load(self, path: Path) -> None:
-        """Go on from a file that `save` wrote.
+        """Continue from a file that `save` wrote.
 
         Raises:
-            CompanionError: It cannot be used.
+            CompanionError: It is invalid.
         """
         try:
             state: dict[str, Any] = read_json(path)
             self.listener.odometry.restore(state["odometry"])
             self.companion.restore(state["companion"])
         except (OSError, KeyError, TypeError, ValueError) as error:
-            raise CompanionError(f"{path} cannot be gone on from: {error}; delete it to begin anew") from None
+            raise CompanionError(f"the state in {path} cannot be used: {error}; delete it to start anew") from None

@@ -1,19 +1,19 @@
-"""Positions by odometry in one frame, also where odometry is restarted and begins at zero again."""
+"""Positions by odometry in one frame, also if odometry restarts from zero."""
 
 from __future__ import annotations
 
 import math
 
-_SLACK_M = 2.0  # poses so near are in one frame, however soon they follow; chosen
-_TOP_SPEEDS = 2.0  # speed over the top speed that a robot may have had meanwhile; chosen
+_SLACK_M = 2.0  # poses this near are in one frame, however soon they follow; chosen
+_TOP_SPEEDS = 2.0  # multiple of the top speed that a robot may have had meanwhile; chosen
 
 
 class Odometry:
     """Keeps the frame of the first pose.
 
-    A robot does not jump because a process was restarted. Where the publisher is another one than before and its pose
-    is farther away than the robot can have driven, the frame is turned and moved so that the robot is where it was, or
-    would be had it gone on as it did. A jump without a restart is left to the companion, which checks positions.
+    A robot does not jump because a process restarts. If the publisher has changed and its pose is farther away than the
+    robot can have driven, the frame is transformed so that the robot is where it was, or would be at constant velocity.
+    A jump without a restart is left to the companion, which checks positions.
 
     Args:
         max_speed_mps: Top speed of the robot.
@@ -33,9 +33,9 @@ class Odometry:
 
         Args:
             pose: As published: m, m, rad.
-            speed_mps: Of the robot, NaN if not known.
-            publisher: Who published it.
-            now_s: When it came, s.
+            speed_mps: Speed of the robot, m/s, NaN if not known.
+            publisher: Identity of the publisher.
+            now_s: Time of receipt, s.
         """
         moved = False
         if self._last is not None and publisher != self._publisher:
@@ -63,9 +63,9 @@ class Odometry:
         self._north_m = north_m + way_m * math.sin(yaw_rad) - y_m
 
     def state(self) -> list[float]:
-        """For a restart of this process: the frame."""
+        """State for a restart of this process: the frame."""
         return [self._turn_rad, self._east_m, self._north_m]
 
     def restore(self, state: list[float]) -> None:
-        """Go on from `state`."""
+        """Continue from `state`."""
         self._turn_rad, self._east_m, self._north_m = (float(one) for one in state)

@@ -1,4 +1,4 @@
-"""A session of `homeward watch --ros2`: join, listen, show, until it is interrupted."""
+"""A session of `homeward watch --ros2`: join, subscribe, show, until it is interrupted."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from homeward.watch.ros2.node import PERIOD_S, Node
 
 _SAVED_S = 60.0  # between saved states; chosen: a crash loses a minute at most
 _PRINTED_S = 60.0
-"""Time between lines where the output is no terminal."""
+"""Time between lines if the output is not a terminal."""
 _WAITS_S = 5.0
-"""Time without an advice after which it is said what is waited for."""
+"""Time without an advice after which the reason is printed."""
 _NAMED = 8
-"""Topics that are named of those that are not listened to. Chosen: a line or two."""
+"""Number of unused topics that are named. Chosen: a line or two."""
 
 
 class Session:
@@ -32,15 +32,15 @@ class Session:
     Args:
         robot: The robot.
         domain: Number of the ROS 2 domain.
-        mapping: Of topics, shipped name or TOML file; that which ships and covers most if left out.
+        mapping: Mapping of topics, shipped name or TOML file; by default the shipped one that covers most.
         namespace: See `Node`.
-        home: Where home is in the frame of the odometry, m; where the robot is first heard, if left out.
-        state: File that is gone on from if it is there, and written every minute and at the end.
-        keywords: Of the companion.
+        home: Home in the frame of the odometry, m; by default where the robot is first heard.
+        state: File of the state: read if it exists, and written every minute and at the end.
+        keywords: Arguments of the companion.
 
     Raises:
-        CompanionError: An argument or the state cannot be used, or the domain cannot be joined.
-        RecordingError: The mapping cannot.
+        CompanionError: An argument or the state is invalid, or the domain cannot be joined.
+        RecordingError: The mapping is invalid.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Session:
             self.node.load(state)
 
     def run(self, console: Terminal, quiet: bool, done: Callable[[], bool] = lambda: False) -> None:
-        """Listen and advise until it is done or interrupted.
+        """Subscribe and advise until it is done or interrupted.
 
         Raises:
             CompanionError, RecordingError: See `Node.step`.
@@ -89,7 +89,7 @@ class Session:
 
 
 class _Printer:
-    """Prints what matters, a line each: what is waited for, and where there is no live view the advice."""
+    """Prints important events, a line each: missing topics and, without a live view, the advice."""
 
     def __init__(self, console: Terminal, node: Node, where: str) -> None:
         self._console, self._node, self._where = console, node, where
@@ -124,11 +124,11 @@ class _Printer:
             self._console.print(f"{quantities.duration(since_s)}: {advice}", soft_wrap=True)
 
     def _heard(self) -> str:
-        """What is listened to, and what else there is."""
+        """The subscribed topics, and others."""
         wanted = self._node.listener.wanted
         here, others = (
             [f"{name} ({kind})" for name, kind in sorted(self._node.found.items()) if (name in wanted) == meant]
             for meant in (True, False)
         )
         more = f"; {len(others)} other topics" + (f", such as {', '.join(others[:_NAMED])}" if others else "")
-        return f"listened to by the topic mapping {self._node.listener.mapping_name}: {', '.join(here) or 'none'}{more}"
+        return f"subscribed by the topic mapping {self._node.listener.mapping_name}: {', '.join(here) or 'none'}{more}"

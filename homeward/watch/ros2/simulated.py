@@ -1,4 +1,4 @@
-"""A simulated robot that publishes as a real one does, to try `homeward watch --ros2` without one.
+"""A simulated robot that publishes like a real one, to try `homeward watch --ros2` without one.
 
 `python -m homeward.watch.ros2.simulated --robot husky` drives to and fro, by the physics of the robot's file, and
 publishes battery state, odometry and IMU, best effort.
@@ -34,7 +34,7 @@ _TOPICS = {
 
 @dataclass(frozen=True)
 class Args:
-    """What it does."""
+    """Behaviour of the simulated robot."""
 
     robot: str = "husky"
     """Preset or robot file."""
@@ -43,31 +43,31 @@ class Args:
     hz: float = 20.0
     """Messages of each topic a second."""
     seconds: float = float("inf")
-    """How long."""
+    """Duration."""
     speed: float = 0.8
     """Speed, m/s."""
     out_s: float = 600.0
     """Time for which it drives one way, s."""
     x: float = 0.0
-    """Where its odometry begins, m."""
+    """Start of its odometry, m."""
     soc: float = 1.0
     """State of charge at the start."""
     lost: float = 0.0
-    """Share of the messages that get lost."""
+    """Share of lost messages."""
     jump_at_s: float = float("inf")
-    """When the clock of its stamps jumps, s after the start."""
+    """Time at which the clock of its stamps jumps, s after the start."""
     jump_s: float = 0.0
-    """By how much, s."""
+    """Size of that jump, s."""
     seed: int = 0
-    """Of what gets lost."""
+    """Seed of the lost messages."""
 
 
 def main(args: Args) -> None:
     """Drive and publish.
 
     Raises:
-        RobotError: There is no such robot.
-        CompanionError: Another argument cannot be used.
+        RobotError: The robot does not exist.
+        CompanionError: Another argument is invalid.
         DDSException: The domain cannot be joined.
     """
     robot = load_robot(args.robot)

@@ -1,21 +1,21 @@
-"""Time by the stamps of messages: it goes on as they do, or by this computer's clock where they jump or stand still."""
+"""Time by the stamps of messages; if they jump or stand still, time by this computer's clock."""
 
 from __future__ import annotations
 
 from homeward import quantities
 
 _JUMP_S = 2.0
-"""By how much a stamp may differ from what has passed since the one before: more than a message is ever late."""
+"""Allowed difference of a stamp from the time passed since the last one: more than any delay of a message."""
 _BEHIND_S = 1.0
-"""By how much the clock keeps back where it goes on without messages, so that the next one is not late."""
+"""Delay of the clock without messages, so that the next message is not late."""
 
 
 class Stamps:
-    """Joins the stamps of messages into a time that never goes back.
+    """Joins the stamps of messages to a time that never goes back.
 
     Attributes:
         time_s: Time since the first message, s.
-        said: What was last wrong, None if nothing is.
+        said: The last fault, None if there is none.
     """
 
     def __init__(self) -> None:
@@ -25,11 +25,11 @@ class Stamps:
         self._now_s: float | None = None
 
     def see(self, stamp_s: float | None, now_s: float) -> float | None:
-        """The time of a message; None where it is not later than the one before.
+        """The time of a message; None if it is not later than the last one.
 
         Args:
-            stamp_s: When its content was measured, by its header, s; None where it has no stamp.
-            now_s: When it came, by a clock that only goes on, s.
+            stamp_s: Time of measurement by its header, s; None if it has no stamp.
+            now_s: Time of receipt by a monotonic clock, s.
         """
         self.said = None
         if self._now_s is None:
@@ -40,7 +40,7 @@ class Stamps:
         if abs(step_s - passed_s) > _JUMP_S:
             way = "stood still" if step_s == 0.0 else f"was set {'forward' if step_s > passed_s else 'back'}"
             by = quantities.duration(abs(step_s - passed_s))
-            self.said = f"the clock of the messages {way} by {by}: time goes on as before"
+            self.said = f"the clock of the messages {way} by {by}: time continues as before"
             step_s = passed_s
         elif step_s <= 0.0:
             return None
@@ -49,6 +49,6 @@ class Stamps:
         return self.time_s
 
     def without(self, now_s: float) -> float:
-        """The time now where no message comes, s: a second behind."""
+        """The present time if no message arrives, s: a second behind."""
         passed_s = 0.0 if self._now_s is None else now_s - self._now_s
         return self.time_s + max(passed_s - _BEHIND_S, 0.0)

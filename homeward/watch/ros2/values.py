@@ -1,4 +1,4 @@
-"""What a message says of a channel: a number from the values of its fields."""
+"""The value of a channel from the fields of a message."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Value = Callable[[dict[str, float]], float]
 
 
 def field_value(topic: Topic, name: str) -> Value:
-    """Of a channel that the mapping names."""
+    """Value of a channel that the mapping names."""
     return topic.sources[name].of
 
 
 def east_m(values: dict[str, float]) -> float:
-    """Of a pose."""
+    """East coordinate of a pose, m."""
     return values[POSE[0]]
 
 
@@ -45,11 +45,11 @@ def heading_of(values: dict[str, float], topic: Topic) -> float:
 
 
 def heading(topic: Topic) -> Value:
-    """The same of any message of a topic."""
+    """The same for any message of a topic."""
     return lambda values: heading_of(values, topic)
 
 
 def acceleration(topic: Topic) -> Value:
-    """Acceleration forwards, m/s^2; NaN where a message says that it has none."""
+    """Forward acceleration, m/s^2; NaN if the message states that it has none."""
     path = topic.vectors[ACCELERATION]
     return lambda values: math.nan if values.get(f"{path}_covariance[0]") == -1.0 else values[f"{path}.x"]

@@ -159,7 +159,7 @@ def test_the_inputs_of_a_mission_begin_anew_with_it(mission: str) -> None:
 
 def test_late_missions_with_inputs_are_refused_where_they_would_go_on() -> None:
     env = HomewardVectorEnv(2, autoreset_mode="SameStep")
-    with pytest.raises(ValueError, match="late_is_lost is False"):
+    with pytest.raises(ValueError, match="late_is_lost = False is not possible"):
         SB3Adapter(env, 0.0, make_inputs(env.batch.known))
 
 

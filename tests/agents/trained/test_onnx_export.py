@@ -137,7 +137,9 @@ def test_a_file_that_decides_otherwise_is_refused(action_type: str, beliefs: boo
 def test_another_robot_than_the_trained_one_is_refused(tmp_path: Path) -> None:
     hashed = robot_hash(known_of(Options("Survey", robot="jackal")))
     policy = save_drawn_policy(tmp_path, made_with={"robot": hashed})
-    with pytest.raises(PolicyFileError, match=r"robot 'husky' has other numbers .* give that one's file with --robot"):
+    with pytest.raises(
+        PolicyFileError, match=r"robot 'husky' has other numbers .* give the file of that one with --robot"
+    ):
         setting_of(policy)
     assert setting_of(policy, "jackal")[1].robot.name == "jackal"
 

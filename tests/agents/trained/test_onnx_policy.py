@@ -59,7 +59,7 @@ def test_files_that_cannot_be_used_are_refused_in_one_line(tmp_path: Path) -> No
     (tmp_path / "mute.onnx").write_bytes(model.SerializeToString())
     (tmp_path / "nonsense.onnx").write_bytes(b"nonsense")
     for name, said in (
-        ("mute", "does not say what it acts in"), ("nonsense", "is no network that onnxruntime reads"),
+        ("mute", "does not contain its environment"), ("nonsense", "is not a network that onnxruntime reads"),
         ("none", "cannot read .*none.onnx: No such file"),
     ):  # fmt: skip
         with pytest.raises(PolicyFileError, match=said) as caught:

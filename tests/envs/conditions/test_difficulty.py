@@ -1,4 +1,4 @@
-"""How far robots and days differ from their files."""
+"""Distributions of the hidden variables."""
 
 from __future__ import annotations
 

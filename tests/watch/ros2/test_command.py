@@ -29,9 +29,9 @@ def test_a_domain_that_there_is_not(domain: str, monkeypatch: pytest.MonkeyPatch
 
 
 def test_what_does_not_go_together() -> None:
-    with pytest.raises(RecordingError, match="takes no recordings"):
+    with pytest.raises(RecordingError, match="accepts no recordings"):
         main(Args((Path("run.csv"),), "husky", ros2=True))
-    with pytest.raises(CompanionError, match="with a slash in front"):
+    with pytest.raises(CompanionError, match="with a leading slash"):
         main(Args((), "husky", ros2=True, namespace="robot1"))
     with pytest.raises(CompanionError, match="are for --ros2"):
         main(Args((Path("run.csv"),), "husky", domain=3))

@@ -149,7 +149,7 @@ def test_a_session_goes_on_from_its_state(tmp_path: Path, capsys: pytest.Capture
     assert other.node.advice is None and other.node.messages == 0
     assert "waiting for motion; listened to by the topic mapping : none; 0 other topics" in capsys.readouterr().out
     state.write_text('{"companion": {}}')
-    with pytest.raises(CompanionError, match="cannot be gone on from"):
+    with pytest.raises(CompanionError, match="cannot be used"):
         drive(0.0)
 
 
