@@ -45,10 +45,21 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, seed: int) -> float
 
     Motion that causes a load does so in every run: where there are enough runs, whole ones are held out, and motion
     that explains half as much is the cause. Within a run, the history of the motion also encodes time: in fewer runs
-    stretches are held out, cut from each `block`, (windows,), and motion must explain nearly as much.
+    stretches are held out, cut from each `block`, (windows,), and motion must explain nearly as much; and where the
+    time since the start explains more, motion only stands for it.
     """
     fold, by = cut_folds(runs, block)
-    return motion_gain(fit, runs, fold, seed) / (rules.OF_MOTION if by == "run" else rules.EQUIVALENT)
+    by_motion = motion_gain(fit, runs, fold, seed)
+    if by == "block":
+        return by_motion / rules.EQUIVALENT
+    return by_motion / rules.OF_MOTION if by_motion > _clock_gain(fit, runs, fold, seed) else 0.0
+
+
+def _clock_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
+    """The same as `motion_gain` by the time since the start of a run."""
+    elapsed_s = runs.time_s - runs.time_s[np.searchsorted(runs.run, runs.run)]
+    after = _by_trees(fit, runs, fold, seed, (), [elapsed_s])
+    return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
 
 
 def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:

@@ -22,9 +22,10 @@ On = Callable[[int, Mapping[str, np.ndarray]], np.ndarray]
     [
         (lambda run, of: np.full(len(of["time_s"]), run >= 2), False),
         (lambda run, of: (run == 1) & (of["time_s"] > 60.0) | (run > 1), False),
+        (lambda run, of: of["time_s"] > 60.0, False),
         (lambda run, of: of["speed_mps"] > 0.5, True),
     ],
-    ids=["from a run on", "from a moment on", "at speed"],
+    ids=["from a run on", "from a moment on", "at the same time in each run", "at speed"],
 )
 def test_motion_accounts_for_a_load_that_it_switches(
     on: On, by_motion: bool, short_drive: Callable[..., list[Recording]], husky: Robot
