@@ -59,7 +59,7 @@ def test_offline_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(requests, "get", offline)
     monkeypatch.setattr(time, "sleep", lambda _: None)  # between tries
-    with pytest.raises(DownloadError, match=r"set HOMEWARD_DATA to a folder that holds husky_borealtc/"):
+    with pytest.raises(DownloadError, match=r"set HOMEWARD_DATA to a folder that contains husky_borealtc/"):
         fetch("husky_borealtc", "FLOORING", progress=False)
 
 

@@ -180,7 +180,7 @@ def test_another_battery_begins_another_mission() -> None:
 
 def test_what_cannot_be_used_takes_one_line() -> None:
     onboard = load_onboard("ppo", "OutAndBack")
-    with pytest.raises(CompanionError, match="the policy decides for robot 'rusti_computer', which is not"):
+    with pytest.raises(CompanionError, match="the policy is for robot 'rusti_computer', whose parameters differ"):
         Companion("husky", policy=onboard)
     with pytest.raises(AgentError, match="mission = None is not allowed; choose from OutAndBack"):
         load_onboard("ppo")

@@ -132,7 +132,7 @@ def test_whole_seconds_are_spread(tmp_path: Path) -> None:
     for stamps, said in (
         (["1"] * 20, "change less than twice"),
         (["3", "2", "1"], "go back"),
-        (["a"] * 9, "no number"),
+        (["a"] * 9, "is not a number"),
     ):
         with pytest.raises(RecordingError, match=f"run.csv: .*{said}"):
             clock(tmp_path, stamps)

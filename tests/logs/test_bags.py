@@ -427,7 +427,7 @@ def test_an_own_message_type_is_read_by_the_definition_in_the_bag(tmp_path: Path
     for form in KINDS:
         recording = read_recording(write_bag(tmp_path / form, form, streams), mapping)
         np.testing.assert_allclose(recording.channels["power_w"], power(recording.channels["time_s"] + SLOW_S[0]))
-    with pytest.raises(RecordingError, match=r"/meter is left out: my_msgs/msg/Meter: the bag holds no definition"):
+    with pytest.raises(RecordingError, match=r"/meter is left out: my_msgs/msg/Meter: the bag has no definition"):
         read_recording(without_definitions(tmp_path / "sqlite3" / "run"), mapping)
 
 
@@ -468,7 +468,7 @@ def test_a_field_that_is_not_there_names_those_that_are(tmp_path: Path) -> None:
 
 WRONG: dict[str, str] = {
     "x = 1\n": "x is not a known entry",
-    "[columns]\ntime_s = 't'\n": "a bag takes a mapping of topics",
+    "[columns]\ntime_s = 't'\n": "for a bag, give a mapping of topics",
     "topics = 3\n": "needs at least one table",
     "[[topics]]\nspeed_mps = 'a'\n": "needs the name of a topic",
     "[[topics]]\nname = '/a'\nspeed = 'a'\n": "speed is not a channel",

@@ -173,7 +173,7 @@ def test_names_on_the_page_are_escaped(runs: list[Watched]) -> None:
     robot = replace(load_robot("husky"), name="x\x1b[31m")
     page = watch_html([replace(runs[0], name="<i>sneaky.csv")], robot, ["<i>sneaky too"], [("a.csv", "<i>sneaky note")])
     assert "<i>sneaky" not in page and page.count("&lt;i&gt;sneaky") == 3 + 6  # six moments in the table
-    assert "<title>x?[31m: watched</title>" in page and "\x1b" not in page
+    assert "<title>x?[31m: replayed as if live</title>" in page and "\x1b" not in page
 
 
 def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: list[Watched]) -> None:

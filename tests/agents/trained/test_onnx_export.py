@@ -138,7 +138,7 @@ def test_another_robot_than_the_trained_one_is_refused(tmp_path: Path) -> None:
     hashed = robot_hash(known_of(Options("Survey", robot="jackal")))
     policy = save_drawn_policy(tmp_path, made_with={"robot": hashed})
     with pytest.raises(
-        PolicyFileError, match=r"robot 'husky' has other numbers .* give the file of that one with --robot"
+        PolicyFileError, match=r"robot 'husky' has other parameters .* give the file of that one with --robot"
     ):
         setting_of(policy)
     assert setting_of(policy, "jackal")[1].robot.name == "jackal"

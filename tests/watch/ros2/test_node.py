@@ -147,7 +147,7 @@ def test_a_session_goes_on_from_its_state(tmp_path: Path, capsys: pytest.Capture
     assert way_m[1] > way_m[0]  # at once: it did not begin anew
     assert "topic mapping any_robot: " in printed and "from /odom" in printed and "turn within" in printed
     assert other.node.advice is None and other.node.messages == 0
-    assert "waiting for motion; listened to by the topic mapping : none; 0 other topics" in capsys.readouterr().out
+    assert "waiting for motion; subscribed by the topic mapping : none; 0 other topics" in capsys.readouterr().out
     state.write_text('{"companion": {}}')
     with pytest.raises(CompanionError, match="cannot be used"):
         drive(0.0)
