@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +33,7 @@ from homeward.envs.options import OptionError, Options, known_of
 from homeward.parallel import ClusterError, TaskError
 
 Array = NDArray[np.float64]
+Ends = list[float] | None
 _FURTHER = (1.25, 1.5, 2.0)
 """Reserves beyond the largest of those that a rule is tuned over, as multiples of it: few strand with them."""
 _RESAMPLES = 999  # of missions; chosen: the 2.5 % beyond an end are then sure to 0.5 % (standard error)
@@ -52,23 +53,6 @@ class Args:
     """Seed that the episodes follow from, as in evaluate.py."""
     jobs: int = 1
     """Processes at once."""
-
-
-@dataclass(frozen=True)
-class Gain:
-    """The planner's score over that of a rule where no more strand, less 1.
-
-    Attributes:
-        rule: Its name.
-        rule_score: Its score there; None where more strand with every reserve.
-        gain: None where that is none, or 0.
-        ci95: Its interval.
-    """
-
-    rule: str
-    rule_score: float | None
-    gain: float | None
-    ci95: list[float] | None
 
 
 def main(args: Args) -> None:
@@ -92,13 +76,12 @@ def main(args: Args) -> None:
         stranded = rate(int(metered.stranded.sum()), args.episodes)
         shown = share_of(metered.score, exact.score, args.seed)
         alone.add_row(mission, difficulty, f"{metered.score.mean():.4g}", stranded, shown)
-        gains = list(gains_of(args, options, metered))
-        best = max(one.rule_score or 0.0 for one in gains)
-        for one in gains:
-            score = "more strand" if one.rule_score is None else f"{one.rule_score:.4g}"
-            gain = span(one.gain, one.ci95, "+.1%") if one.gain is not None and one.ci95 else ""
-            style = "bold" if one.rule_score == best else ""
-            above.add_row(mission, difficulty, one.rule, score, gain, style=style)
+        gains = gains_of(args, options, metered)
+        best = max(score or 0.0 for score, _, _ in gains.values())
+        for rule, (score, gain, ci95) in gains.items():
+            at_equal = "more strand" if score is None else f"{score:.4g}"
+            shown = span(gain, ci95, "+.1%") if gain is not None and ci95 else ""
+            above.add_row(mission, difficulty, rule, at_equal, shown, style="bold" if score == best else "")
     console = Console(width=140)
     console.print(alone)
     console.print(above)
@@ -119,16 +102,20 @@ def share_of(metered: Array, exact: Array, seed: int) -> str:
     return span(metered.mean() / exact.mean(), interval(means["metered"][some] / means["exact"][some]), ".1%")
 
 
-def gains_of(args: Args, options: Options, planner: Episodes) -> Iterator[Gain]:
-    """How far the planner's episodes are above each rule where no more of the rule's strand."""
-    count = len(planner.score)
+def gains_of(args: Args, options: Options, planner: Episodes) -> dict[str, tuple[float | None, float | None, Ends]]:
+    """By rule its score where no more strand than of the planner's episodes, the planner's gain on it and its interval.
+
+    Score and gain are none where more strand with every reserve.
+    """
+    count, gains = len(planner.score), {}
     alike = np.full(count, 1.0 / count)
     weights = np.random.default_rng(args.seed).multinomial(count, alike, _RESAMPLES) / count
     for name in RULES:
         reserves = (*NUMBERS[name], *(NUMBERS[name][-1] * more for more in _FURTHER))
         rule = {one: episodes_of(args, options, name, one) for one in reserves}
         drawn = [gain for _, gain in (gain_on(rule, planner, weight) for weight in weights) if gain is not None]
-        yield Gain(name, *gain_on(rule, planner, alike), interval(np.array(drawn)) if drawn else None)
+        gains[name] = (*gain_on(rule, planner, alike), interval(np.array(drawn)) if drawn else None)
+    return gains
 
 
 def gain_on(

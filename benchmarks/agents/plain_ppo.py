@@ -2,12 +2,13 @@
 
 `python benchmarks/agents/plain_ppo.py` trains `PPO("MlpPolicy")` with five seeds on 16 missions of OutAndBack side by
 side, with all its defaults but the discount factor, which is that of the shaping, and prints what comes of 2,000 unseen
-missions, by the most probable action (greedy) and by one that is drawn (sampled), beside rules on the same missions.
+missions, those of evaluate.py with seed 0, by the most probable action (greedy) and by one that is drawn (sampled).
 Finished seeds are kept in OUT, so that a run that was killed goes on.
 """
 
 from __future__ import annotations
 
+import itertools
 import sys
 import time
 from dataclasses import dataclass
@@ -32,12 +33,10 @@ from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.learning.ppo import one_thread
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import TrainingError
-from homeward.agents.registry import AGENTS, Request
-from homeward.envs.options import Options, known_of
+from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.parallel import ClusterError, TaskError, run_tasks
 
-RULES = ("soc50", "dmax", "dmax_belief")
 OPTIONS = Options("OutAndBack")
 SIDE_BY_SIDE = 16
 """Missions that a learner trains on at once."""
@@ -52,7 +51,7 @@ class Args:
     steps: int = 1_000_000
     """Decisions to train on."""
     episodes: int = 2000
-    """Unseen episodes to compare on: those of evaluate.py with seed 0."""
+    """Unseen episodes to compare on."""
     jobs: int = 1
     """Seeds at once."""
     out: Path = Path("runs/plain_ppo")
@@ -123,19 +122,15 @@ def main(args: Args) -> None:
         raise TrainingError(f"{args}: give at least 1 of --seeds and --steps, and 2 --episodes")
     versions, unseen = {name: version(name) for name in ("stable-baselines3", "torch")}, episode_seeds(0, args.episodes)
     kept = Kept(args.out / "plain_ppo.json", steps=args.steps, episodes=args.episodes, versions=versions)
-    for name in kept.missing(dict.fromkeys(RULES)):
-        kept.keep(name, figures(AGENTS[name](Request(known_of(OPTIONS))), unseen))
     tasks = {f"seed {one}": (one, args.steps, unseen) for one in range(args.seeds)}
     run_tasks(run_seed, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title="training seeds")
     title = f"OutAndBack, uncertain: {args.steps:,} decisions of plain PPO\n{args.episodes} unseen missions"
-    shown = table(title, ("agent",), ("home", "stranded (95 %)", "mean score", "training, s"))
-    rows = [(name, kept.results[name], "") for name in RULES]
-    for name in tasks:
+    shown = table(title, ("training",), ("home", "stranded (95 %)", "mean score", "training, s"))
+    for name, how in itertools.product(tasks, ("greedy", "sampled")):
         run = kept.results[name]
-        rows += [(f"{name}, {how}", run[how], f"{run['trained_s']:.0f}") for how in ("greedy", "sampled")]
-    for name, one, trained_s in rows:
+        one, trained_s = run[how], f"{run['trained_s']:.0f}"
         stranded = rate(one["stranded"], args.episodes)
-        shown.add_row(name, f"{one['home_rate']:.2%}", stranded, f"{one['score_mean']:.4g}", trained_s)
+        shown.add_row(f"{name}, {how}", f"{one['home_rate']:.2%}", stranded, f"{one['score_mean']:.4g}", trained_s)
     Console(width=120).print(shown)
 
 
