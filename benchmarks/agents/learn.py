@@ -125,9 +125,7 @@ def main(args: Args) -> list[Result]:
     results = [compare(args, mission, start) for mission in args.missions for start in args.starts]
     rows = [summary(result) for result in results]
     write_whole(args.out / "learn.json", json.dumps(rows, indent=2) + "\n")
-    console = Console(width=210)
-    console.print(table_of(rows, args))
-    console.print(others_table(results))
+    Console(width=210).print(table_of(rows, args))
     return results
 
 
@@ -245,14 +243,6 @@ def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
         stranded = span(row["stranded_rate"], row["stranded_ci95"], ".2%")
         trained_s = f"{np.median(row['trained_s']):.0f}"
         shown.add_row(row["mission"], row["start"], *scores, *gains, stranded, trained_s)
-    return shown
-
-
-def others_table(results: list[Result]) -> Table:
-    """Score and rate of stranding of the rules and the planner, on the same episodes."""
-    shown = table("on the same episodes: score, stranded", ("mission",), (*RULES, *OTHERS))
-    for mission, others in {result.mission: result.others for result in results}.items():
-        shown.add_row(mission, *(f"{one.score.mean():.4g}, {one.stranded.mean():.2%}" for one in others.values()))
     return shown
 
 

@@ -41,7 +41,8 @@ class Advised(Policy):
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action a mission, see `Policy.act`."""
         if begun.all():  # all missions of a batch begin together
-            self._companions = [self._new() for _ in begun]
+            window_s = float(self._known.shared["decision_s"][0])
+            self._companions = [Companion(self._known.robot, risk=RISK, window_s=window_s) for _ in begun]
         readings = self._readings(observations)
         actions = np.repeat(self._on[None], len(begun), axis=0)
         for k, companion in enumerate(self._companions):
@@ -51,9 +52,6 @@ class Advised(Policy):
             elif advice.looks_back:
                 actions[k] = self._back
         return actions
-
-    def _new(self) -> Companion:
-        return Companion(self._known.robot, risk=RISK, window_s=float(self._known.shared["decision_s"][0]))
 
     def _readings(self, observations: Observations) -> dict[str, NDArray[np.float64]]:
         s = self._known.shared[0]
