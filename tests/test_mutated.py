@@ -236,7 +236,8 @@ def changed(draw: st.DrawFn, name: str) -> bytes:
     data = draw(st.sampled_from(real(name)))
     for _ in range(draw(st.integers(1, 3))):
         values = [match.span(1) for match in re.finditer(rb"(?:[=:,;]\s*|^)([^\s,;\]}]+)", data[:20_000])]
-        if values and draw(st.booleans()):
+        in_value: bool = draw(st.booleans())
+        if values and in_value:
             start, end = draw(st.sampled_from(values))
         else:
             start = draw(st.integers(0, len(data)))

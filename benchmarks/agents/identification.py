@@ -212,7 +212,7 @@ def _wind_error_mps(batch: Batch, belief: Belief) -> Array:
     m, found = batch.records, belief.estimate().mean
     east_mps = found[:, EAST] + found[:, GUST_EAST] - m["mean_east_mps"] - m["gust_east_mps"]
     north_mps = found[:, NORTH] + found[:, GUST_NORTH] - m["mean_north_mps"] - m["gust_north_mps"]
-    return np.hypot(east_mps, north_mps)
+    return np.asarray(np.hypot(east_mps, north_mps))
 
 
 def main(args: Args) -> None:
