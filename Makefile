@@ -8,13 +8,14 @@ BIN := .venv/bin
 DEMO := runs/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint types tests docs release format clean
+.PHONY: help demo test lint types tests docs release wheels format clean
 
 help:
 	@echo "make demo    train, evaluate and diagnose into $(DEMO)"
 	@echo "make test    formatting, lint, types, tests and doctests"
 	@echo "make docs    build the site into site/, warnings as errors"
 	@echo "make release VERSION=1.2.3  set the version; build and check wheel, sdist and site"
+	@echo "make wheels  install wheel and sdist with Python 3.11 to 3.13, and use them"
 	@echo "make format  format the code and fix what the linter can"
 	@echo "make clean   remove .venv, runs and what tools left behind"
 
@@ -49,6 +50,9 @@ docs: .venv/installed
 release: .venv/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[release]'
 	@$(BIN)/python .ci/release.py "$(VERSION)"
+
+wheels:
+	.ci/wheels.sh
 
 .DEFAULT:
 	@echo "make $@: there is no such target; these are:" >&2; $(MAKE) --no-print-directory help >&2; exit 2

@@ -8,28 +8,23 @@ have each of them just above zero: what is timed is the work, not what it does t
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import itertools
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
@@ -37,7 +32,6 @@ import homeward
 from benchmarks.tables import table
 from homeward.diagnosis import Recording, analyse
 from homeward.envs import IDS
-from homeward.envs.threads import Threads
 from homeward.physics import EFFECTS, Robot, load_robot, replay
 from homeward.synthetic import record
 
@@ -51,14 +45,6 @@ QUIET = 0.95
 """Share of the cores from which a machine counts as quiet: the rest is what the system itself takes."""
 
 
-@dataclass
-class Args:
-    """Speed of the environments, the learner, the replay, the diagnosis and the import."""
-
-    only_threads: bool = False
-    """Print only the vector step beside other loads."""
-
-
 @dataclass(frozen=True)
 class Timing:
     """One line of the table: what was measured, in whose units, and what is asked for."""
@@ -70,7 +56,7 @@ class Timing:
     target: str
 
 
-def main(args: Args) -> None:
+def main() -> None:
     """Measure everything and print the table."""
     tasks: list[Callable[[], Timing]] = [
         lambda name=name, place=place: vector_step(name, place)  # type: ignore[misc]
@@ -83,9 +69,6 @@ def main(args: Args) -> None:
     console = Console()
     if (free := free_share()) < QUIET:
         console.print(f"The machine is busy: {1.0 - free:.0%} of its cores are taken, and what is printed is too slow.")
-    console.print(threads_table())
-    if args.only_threads:
-        return
     rows = [task() for task in track(tasks, "measuring", console=Console(stderr=True))]
     title = f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores"
     shown = table(title, ("measure",), ("ours", "peer", "ratio", "asked for"))
@@ -156,115 +139,6 @@ def vector_step(effects: str, place: int) -> Timing:
         f"vector step, {effects}, {count} envs", f"{steps / ours_s:.1f} M/s", f"CartPole {steps / peer_s:.1f} M/s",
         ratio, f"{TARGETS[effects][place]:g} x",
     )  # fmt: skip
-
-
-class Fixed(Threads):
-    """Takes the same number of threads for every step, whatever that takes."""
-
-    def __init__(self, number: int) -> None:
-        self.number = number
-
-    def took(self, seconds: float) -> None:
-        """Learn nothing."""
-
-
-@dataclass(frozen=True)
-class Load:
-    """What else is at work beside the vector step: busy processes, and torch's threads in this one."""
-
-    processes: int = 0
-    torch: str = ""
-
-    def __str__(self) -> str:
-        processes = f"{self.processes} busy" if self.processes else ""
-        return ", ".join(filter(None, (processes, self.torch and f"torch {self.torch}"))) or "nothing"
-
-
-LOADS = (Load(), Load(1), Load(2), Load(4), Load(torch="between steps"), Load(torch="beside"), Load(2, "between steps"))
-SLICE_S, SLICES = 0.2, 15  # of each way of stepping in turn, so that all meet the same drifts of the machine; chosen
-
-
-def threads_table() -> Table:
-    """Vector steps per second on one thread, on all, and as chosen: medians over slices of time, by turns.
-
-    The ratio is of means, as a load makes few steps very slow.
-    """
-    title = "vector steps, M/s, beside other loads: one thread, all, and as chosen"
-    shown = table(title, ("beside",), ("missions", "one", "all", "chosen", "chosen/one"))
-    for load in LOADS:
-        for count in SIZES[:2]:
-            one, every, chosen = beside(load, count)
-            rates = (f"{count / statistics.median(seconds) / 1e6:.2f}" for seconds in (one, every, chosen))
-            ratio = statistics.fmean(one) / statistics.fmean(chosen)
-            shown.add_row(str(load), str(count), *rates, f"{ratio:.2f}")
-    return shown
-
-
-def beside(load: Load, count: int) -> list[list[float]]:
-    """Seconds of a step in each slice of time, on one thread, on all, and as chosen."""
-    entry: Any = gym.VectorizeMode.VECTOR_ENTRY_POINT
-    envs = [gym.make_vec(IDS["Survey"], num_envs=count, vectorization_mode=entry, difficulty="known") for _ in range(3)]
-    for env, number in zip(envs, (1, numba.get_num_threads()), strict=False):
-        vector: Any = env.unwrapped
-        vector.batch.threads = Fixed(number)
-    actions, rounds = some_actions(count), itertools.count()
-    with contextlib.ExitStack() as stack:
-        for _ in range(load.processes):
-            stack.enter_context(busy_process())
-        between = stack.enter_context(torch_at_work(load.torch, count)) if load.torch else lambda: None
-
-        def slice_of(env: Any) -> float:
-            spent_s, steps, end_s = 0.0, 0, time.perf_counter() + SLICE_S
-            while time.perf_counter() < end_s:
-                between()
-                start_s = time.perf_counter()
-                env.step(actions[next(rounds) % len(actions)])
-                spent_s, steps = spent_s + time.perf_counter() - start_s, steps + 1
-            return spent_s / steps
-
-        for env in envs:
-            env.reset(seed=0)
-            slice_of(env)
-        slices = [[slice_of(env) for env in envs] for _ in range(SLICES)]
-    return [list(column) for column in zip(*slices, strict=True)]
-
-
-@contextlib.contextmanager
-def busy_process() -> Iterator[None]:
-    """Another process that takes all it can get of a core."""
-    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as process:
-        try:
-            yield
-        finally:
-            process.kill()
-
-
-@contextlib.contextmanager
-def torch_at_work(how: str, count: int) -> Iterator[Callable[[], Any]]:
-    """A network that is asked by all of torch's threads: between steps, by what is yielded, or all the time beside."""
-    import torch
-
-    network = torch.nn.Sequential(torch.nn.Linear(64, 128), torch.nn.Tanh(), torch.nn.Linear(128, 128))
-    inputs, over = torch.zeros(count, 64), threading.Event()
-
-    def ask() -> None:
-        with torch.no_grad():
-            network(inputs)
-
-    def ask_on() -> None:
-        while not over.is_set():
-            ask()
-
-    if how == "between steps":
-        yield ask
-        return
-    thread = threading.Thread(target=ask_on)
-    thread.start()
-    try:
-        yield lambda: None
-    finally:
-        over.set()
-        thread.join()
 
 
 def free_share() -> float:
@@ -386,6 +260,4 @@ def ppo_rate() -> Timing:
 
 
 if __name__ == "__main__":
-    import tyro
-
-    main(tyro.cli(Args))
+    main()

@@ -1,4 +1,4 @@
-"""Files that once ended in a traceback, a hang or gigabytes are refused: `benchmarks/robustness/fuzz.py` finds them."""
+"""Files that once ended in a traceback, a hang or gigabytes are refused; `test_mutated.py` looks for more."""
 
 from __future__ import annotations
 

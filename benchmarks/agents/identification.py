@@ -39,7 +39,7 @@ from homeward.envs.conditions.instruments import InstrumentError
 from homeward.envs.options import OptionError, Options
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
-from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, ROLLING
+from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH
 
 Array = NDArray[np.float64]
 RISK = 1e-3
@@ -60,8 +60,6 @@ class Args:
     """exact, meter, gauge or a TOML file; by default what the difficulty has."""
     weather: str | None = None
     """still or changing; by default what the difficulty has."""
-    route: str = "generated"
-    """generated, hidden_wind, or a profile."""
     decisions: tuple[int, ...] = (15, 30, 45)
     """Decisions of the way out."""
     missions: int = 2000
@@ -116,18 +114,14 @@ class Forecasts:
         forecasts: Of the way home, as a share, by who made them.
         home_share: What it consumed, shape (missions,).
         wind_mps: Distance of the wind that is believed from the wind that blows, shape (missions,).
-        rolling: Error of the rolling resistance where the robot is, as a share of it, shape (missions,).
         below: Whether the margin was below its quantile, shape (missions,).
-        came_home: Share of all missions.
         update_us: Mean time of an update of one mission, microseconds.
     """
 
     forecasts: dict[str, Mixture]
     home_share: Array
     wind_mps: Array
-    rolling: Array
     below: NDArray[np.bool_]
-    came_home: float
     update_us: float
 
 
@@ -165,7 +159,7 @@ def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
         "belief": way_home(belief, plans),
         "ratio": Mixture(np.ones((len(seeds), 1)), outlook.home[:, None], np.maximum(deviation, 1e-9)[:, None]),
     }
-    wind_mps, rolling = _errors(batch, belief)
+    wind_mps = _wind_error_mps(batch, belief)
     left_j, full_j, alive = m["energy_j"].copy(), m["capacity_j"].copy(), ~m["over"]
     top_up(batch)
     used_j = m["ledger_j"].sum(axis=1)
@@ -177,9 +171,7 @@ def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
         {name: Mixture(*(part[home] for part in one)) for name, one in forecasts.items()},
         (used_j / full_j)[home],
         wind_mps[home],
-        rolling[home],
         (m["meter_gain"] * (left_j - used_j) < low_j)[home],
-        float(home.mean()),
         1e6 * update_s / (count * len(seeds)),
     )
 
@@ -216,15 +208,11 @@ def way_home(belief: Belief, plans: NDArray[np.void]) -> Mixture:
     return Mixture(np.exp(kept), mean, sd)
 
 
-def _errors(batch: Batch, belief: Belief) -> tuple[Array, Array]:
-    """Errors of the wind, m/s, and of the rolling resistance, as a share."""
-    m, p, nominal, found = batch.records, batch.robots, batch.known.robot.record()[0], belief.estimate().mean
+def _wind_error_mps(batch: Batch, belief: Belief) -> Array:
+    m, found = batch.records, belief.estimate().mean
     east_mps = found[:, EAST] + found[:, GUST_EAST] - m["mean_east_mps"] - m["gust_east_mps"]
     north_mps = found[:, NORTH] + found[:, GUST_NORTH] - m["mean_north_mps"] - m["gust_north_mps"]
-    mass = (p["mass_kg"] + p["payload_mass_kg"]) / (nominal["mass_kg"] + nominal["payload_mass_kg"])
-    rough = 1.0 + p["surface_gain"] * m["here"]["roughness"]
-    rolling = m["meter_gain"] * mass * rough * p["rolling_resistance"] / nominal["rolling_resistance"]
-    return np.hypot(east_mps, north_mps), found[:, ROLLING] / rolling - 1.0
+    return np.asarray(np.hypot(east_mps, north_mps))
 
 
 def main(args: Args) -> None:
@@ -235,41 +223,29 @@ def main(args: Args) -> None:
     """
     if args.missions < 2 or args.seed < 0 or any(count < 1 for count in args.decisions):
         raise OptionError("give at least 2 --missions, a --seed of 0 or more and --decisions of 1 or more")
-    ways, rest = _tables(args)
     seeds = episode_seeds(args.seed, args.missions)
-    for difficulty, count in itertools.product(args.difficulties, args.decisions):
-        options = Options(
-            "OutAndBack", difficulty=difficulty, route=args.route, instruments=args.instruments, weather=args.weather
-        )
-        found = drive(options, seeds, count)
-        _add_ways(ways, difficulty, count, found, args.seed)
-        rest.add_row(
-            difficulty, str(count), _absolute(found.wind_mps, "{:.2f}"), _absolute(found.rolling, "{:.2%}"),
-            _rate(found.below), f"{found.came_home:.2%}", f"{found.update_us:.1f}",
-        )  # fmt: skip
-    console = Console(width=140)
-    console.print(ways)
-    console.print(rest)
-    console.print("Errors are forecasts minus what came; rates and ratios with 95 % intervals.", highlight=False)
-
-
-def _tables(args: Args) -> tuple[Table, Table]:
-    """Tables without rows."""
     drawn = (
         f"{args.missions} missions, episode_seeds({args.seed}, {args.missions})\n"
-        f"{args.route}, instruments {args.instruments or 'of the difficulty'}, "
-        f"weather {args.weather or 'of the difficulty'}"
+        f"instruments {args.instruments or 'of the difficulty'}, weather {args.weather or 'of the difficulty'}"
     )
     ways = table(
         f"Way home, % of a full battery, {drawn}", ("difficulty", "decisions out", "by"),
         ("median, 95th pct. of |error|", "bias", f"in {COVERED:.0%} interval (95 %)", "CRPS", "belief / ratio (95 %)"),
     )  # fmt: skip
     rest = table(
-        f"Wind, rolling resistance and margin by the belief, {drawn}", ("difficulty", "decisions out"),
-        ("|wind error|, m/s", "|rolling error|", f"margin below {RISK:g} quantile (95 %)", "came home",
-         "us per update"),
+        f"Wind and margin by the belief, {drawn}", ("difficulty", "decisions out"),
+        ("|wind error|, m/s", f"margin below {RISK:g} quantile (95 %)", "us per update"),
     )  # fmt: skip
-    return ways, rest
+    for difficulty, count in itertools.product(args.difficulties, args.decisions):
+        options = Options("OutAndBack", difficulty=difficulty, instruments=args.instruments, weather=args.weather)
+        found = drive(options, seeds, count)
+        _add_ways(ways, difficulty, count, found, args.seed)
+        wind_mps, below = _absolute(found.wind_mps, "{:.2f}"), _rate(found.below)
+        rest.add_row(difficulty, str(count), wind_mps, below, f"{found.update_us:.1f}")
+    console = Console(width=140)
+    console.print(ways)
+    console.print(rest)
+    console.print("Errors are forecasts minus what came; rates and ratios with 95 % intervals.", highlight=False)
 
 
 def _add_ways(ways: Table, difficulty: str, count: int, found: Forecasts, seed: int) -> None:

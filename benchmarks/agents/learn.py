@@ -56,8 +56,6 @@ class Args:
     """Folder of the runs and the results."""
     missions: tuple[str, ...] = ("OutAndBack", "Survey", "Patrol")
     """Missions to train for."""
-    difficulty: str = "uncertain"
-    """known, uncertain or harsh."""
     starts: tuple[str, ...] = STARTS
     """What to start from: scratch, dmax."""
     seeds: int = 5
@@ -81,7 +79,6 @@ class Result:
     """What came of one mission and start: the first policy, best and last of each seed, others on the same episodes."""
 
     mission: str
-    difficulty: str
     start: str
     first: dict[str, Driven]  # greedy and sampled; of seed 0
     best: dict[str, Driven]  # greedy and sampled; rows of seeds
@@ -128,15 +125,13 @@ def main(args: Args) -> list[Result]:
     results = [compare(args, mission, start) for mission in args.missions for start in args.starts]
     rows = [summary(result) for result in results]
     write_whole(args.out / "learn.json", json.dumps(rows, indent=2) + "\n")
-    console = Console(width=210)
-    console.print(table_of(rows, args))
-    console.print(others_table(results))
+    Console(width=210).print(table_of(rows, args))
     return results
 
 
 def compare(args: Args, mission: str, start: str) -> Result:
     """Train from one start with all seeds, and run the policies, the rules and the planner."""
-    options = Options(mission, difficulty=args.difficulty)
+    options = Options(mission)
     known, seeds = known_of(options), episode_seeds(0, args.episodes)
     folders = [trained(args, mission, start, seed) for seed in range(args.seeds)]
 
@@ -152,7 +147,7 @@ def compare(args: Args, mission: str, start: str) -> Result:
         name: driven(args, options, AGENTS[name](Request(known)), name.encode(), seeds) for name in (*RULES, *OTHERS)
     }
     trained_s = [read_curve(folder)[-1].trained_s for folder in folders]
-    return Result(mission, args.difficulty, start, both(folders[0] / FIRST, 0), best, last, others, trained_s)
+    return Result(mission, start, both(folders[0] / FIRST, 0), best, last, others, trained_s)
 
 
 def stacked(of_seeds: list[dict[str, Driven]]) -> dict[str, Driven]:
@@ -165,12 +160,12 @@ def stacked(of_seeds: list[dict[str, Driven]]) -> dict[str, Driven]:
 
 def trained(args: Args, mission: str, start: str, seed: int) -> Path:
     """Train one policy, or find it trained, and return its folder."""
-    name = f"{mission}-{args.difficulty}-{start}-{seed}"
+    name = f"{mission}-{start}-{seed}"
     Console(stderr=True).print(f"{name}: training", markup=False, highlight=False)
     steps = args.steps or STEPS[mission]
     return train.main(
         train.Args(
-            env=IDS[mission], out=args.out / name, difficulty=args.difficulty, seed=seed, steps=steps, resume=True,
+            env=IDS[mission], out=args.out / name, seed=seed, steps=steps, resume=True,
             ppo=PPOSettings(start=start),
         )
     )  # fmt: skip
@@ -202,7 +197,7 @@ def summary(result: Result) -> dict[str, Any]:
     greedy, sampled = result.best["greedy"], result.best["sampled"]
     stranded, count = int(greedy.stranded.sum()), greedy.stranded.size
     row: dict[str, Any] = {
-        "mission": result.mission, "difficulty": result.difficulty, "start": result.start,
+        "mission": result.mission, "start": result.start,
         "seeds": len(greedy.score), "episodes": greedy.score.shape[1], "rule": result.rule,
         "score": float(greedy.score.mean()), "score_by_seed": greedy.score.mean(axis=1).tolist(),
         "stranded_by_seed": greedy.stranded.mean(axis=1).tolist(),
@@ -246,16 +241,8 @@ def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
         compared = ("last_minus_first", "last_minus_rule", "minus_rule", "minus_planner")
         gains = (span(row[name], row[f"{name}_ci95"], "+.3g") for name in compared)
         stranded = span(row["stranded_rate"], row["stranded_ci95"], ".2%")
-        setting, trained_s = f"{row['mission']}\n{row['difficulty']}", f"{np.median(row['trained_s']):.0f}"
-        shown.add_row(setting, row["start"], *scores, *gains, stranded, trained_s)
-    return shown
-
-
-def others_table(results: list[Result]) -> Table:
-    """Score and rate of stranding of the rules and the planner, on the same episodes."""
-    shown = table("on the same episodes: score, stranded", ("mission",), (*RULES, *OTHERS))
-    for mission, others in {result.mission: result.others for result in results}.items():
-        shown.add_row(mission, *(f"{one.score.mean():.4g}, {one.stranded.mean():.2%}" for one in others.values()))
+        trained_s = f"{np.median(row['trained_s']):.0f}"
+        shown.add_row(row["mission"], row["start"], *scores, *gains, stranded, trained_s)
     return shown
 
 

@@ -1,16 +1,16 @@
 """How far plain PPO comes: stable-baselines3 with its defaults, on the observation alone, from nothing.
 
-`python benchmarks/agents/plain_ppo.py` trains `PPO("MlpPolicy")` with five seeds on 16 missions side by side, with all
-its defaults but the discount factor, which is that of the shaping, and prints what comes of 2,000 unseen missions, by
-the most probable action (greedy) and by one that is drawn (sampled), beside rules on the same missions. Finished seeds
-are kept in OUT, so that a run that was killed goes on.
+`python benchmarks/agents/plain_ppo.py` trains `PPO("MlpPolicy")` with five seeds on 16 missions of OutAndBack side by
+side, with all its defaults but the discount factor, which is that of the shaping, and prints what comes of 2,000 unseen
+missions, those of evaluate.py with seed 0, by the most probable action (greedy) and by one that is drawn (sampled).
+Finished seeds are kept in OUT, so that a run that was killed goes on.
 """
 
 from __future__ import annotations
 
+import itertools
 import sys
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -21,7 +21,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
 from stable_baselines3 import PPO
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
@@ -30,16 +29,15 @@ from benchmarks.kept import Kept
 from benchmarks.tables import rate, table
 from homeward import cli
 from homeward.agents.base import Observations, Policy
-from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
+from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.learning.ppo import one_thread
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.learning.settings import TrainingError
-from homeward.agents.registry import AGENTS, Request
-from homeward.envs.options import OptionError, Options, known_of
+from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.parallel import ClusterError, TaskError, run_tasks
 
-RULES = ("soc50", "dmax", "dmax_belief")
+OPTIONS = Options("OutAndBack")
 SIDE_BY_SIDE = 16
 """Missions that a learner trains on at once."""
 
@@ -48,18 +46,12 @@ SIDE_BY_SIDE = 16
 class Args:
     """What to train and on how many episodes to compare."""
 
-    mission: str = "OutAndBack"
-    """Mission."""
-    difficulty: str = "uncertain"
-    """known, uncertain or harsh."""
     seeds: int = 5
     """Training seeds: 0, 1, ..."""
     steps: int = 1_000_000
     """Decisions to train on."""
     episodes: int = 2000
     """Unseen episodes to compare on."""
-    seed: int = 0
-    """Seed that the unseen episodes follow from, as in evaluate.py."""
     jobs: int = 1
     """Seeds at once."""
     out: Path = Path("runs/plain_ppo")
@@ -96,24 +88,22 @@ def make_model(options: Options, seed: int) -> PPO:
     return model
 
 
-def run_seed(task: tuple[Args, Options, int]) -> dict[str, Any]:
-    """Train with one seed, and run the unseen episodes."""
+def run_seed(task: tuple[int, int, list[int]]) -> dict[str, Any]:
+    """Train with a seed for so many decisions, and run the unseen episodes."""
     numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
-    args, options, training_seed = task
-    seeds, start = episode_seeds(args.seed, args.episodes), time.perf_counter()
+    training_seed, steps, episodes = task
+    start = time.perf_counter()
     with one_thread():
-        model = make_model(options, training_seed).learn(args.steps)
+        model = make_model(OPTIONS, training_seed).learn(steps)
         trained_s = time.perf_counter() - start
         torch.manual_seed(training_seed)  # of what is drawn in evaluation
-        found = {
-            name: figures(run_episodes(Learned(model, name == "greedy"), options, seeds).episodes)
-            for name in ("greedy", "sampled")
-        }
+        found = {how: figures(Learned(model, how == "greedy"), episodes) for how in ("greedy", "sampled")}
     return {**found, "trained_s": trained_s}
 
 
-def figures(episodes: Episodes) -> dict[str, Any]:
-    """Share of the missions that came home, how many stranded, and the mean score."""
+def figures(policy: Policy, seeds: list[int]) -> dict[str, Any]:
+    """Share of the missions that a policy comes home from, how many strand, and the mean score."""
+    episodes = run_episodes(policy, OPTIONS, seeds).episodes
     return {
         "home_rate": float(episodes.home.mean()),
         "stranded": int(episodes.stranded.sum()),
@@ -125,38 +115,24 @@ def main(args: Args) -> None:
     """Train what is missing, keep it, and print the table.
 
     Raises:
-        TrainingError, OptionError, ClusterError, TaskError: An argument cannot be used, or a training failed.
+        TrainingError, ClusterError, TaskError: An argument cannot be used, or a training failed.
         OSError: The output folder cannot be written to.
     """
-    if args.seeds < 1 or args.steps < 1 or args.episodes < 2 or args.seed < 0:
-        raise TrainingError(f"{args}: give at least 1 of --seeds and --steps, 2 --episodes and a --seed of 0 or more")
-    options = Options(args.mission, difficulty=args.difficulty)
-    settings = {name: getattr(args, name) for name in ("mission", "difficulty", "steps", "episodes", "seed")}
-    versions = {name: version(name) for name in ("stable-baselines3", "torch")}
-    kept = Kept(args.out / f"{args.mission}-{args.difficulty}.json", **settings, versions=versions)
-    for name in kept.missing(dict.fromkeys(RULES)):
-        policy = AGENTS[name](Request(known_of(options), None, 0))
-        kept.keep(name, figures(run_episodes(policy, options, episode_seeds(args.seed, args.episodes)).episodes))
-    tasks = {f"seed {one}": (args, options, one) for one in range(args.seeds)}
+    if args.seeds < 1 or args.steps < 1 or args.episodes < 2:
+        raise TrainingError(f"{args}: give at least 1 of --seeds and --steps, and 2 --episodes")
+    versions, unseen = {name: version(name) for name in ("stable-baselines3", "torch")}, episode_seeds(0, args.episodes)
+    kept = Kept(args.out / "plain_ppo.json", steps=args.steps, episodes=args.episodes, versions=versions)
+    tasks = {f"seed {one}": (one, args.steps, unseen) for one in range(args.seeds)}
     run_tasks(run_seed, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title="training seeds")
-    Console(width=120).print(table_of(args, kept.results, list(tasks)))
-
-
-def table_of(args: Args, runs: Mapping[str, Any], seeds: Sequence[str]) -> Table:
-    """Rules, and each training seed greedy and sampled."""
-    title = (
-        f"{args.mission}, {args.difficulty}: {args.steps:,} decisions of plain PPO\n"
-        f"{args.episodes} unseen missions, episode_seeds({args.seed}, {args.episodes})"
-    )
-    shown = table(title, ("agent",), ("home", "stranded (95 %)", "mean score", "training, s"))
-    rows = [(name, runs[name], "") for name in RULES]
-    for name in seeds:
-        rows += [(f"{name}, {how}", runs[name][how], f"{runs[name]['trained_s']:.0f}") for how in ("greedy", "sampled")]
-    for name, one, trained_s in rows:
+    title = f"OutAndBack, uncertain: {args.steps:,} decisions of plain PPO\n{args.episodes} unseen missions"
+    shown = table(title, ("training",), ("home", "stranded (95 %)", "mean score", "training, s"))
+    for name, how in itertools.product(tasks, ("greedy", "sampled")):
+        run = kept.results[name]
+        one, trained_s = run[how], f"{run['trained_s']:.0f}"
         stranded = rate(one["stranded"], args.episodes)
-        shown.add_row(name, f"{one['home_rate']:.2%}", stranded, f"{one['score_mean']:.4g}", trained_s)
-    return shown
+        shown.add_row(f"{name}, {how}", f"{one['home_rate']:.2%}", stranded, f"{one['score_mean']:.4g}", trained_s)
+    Console(width=120).print(shown)
 
 
 if __name__ == "__main__":
-    sys.exit(cli.run(main, Args, __doc__, (TrainingError, OptionError, ClusterError, TaskError)))
+    sys.exit(cli.run(main, Args, __doc__, (TrainingError, ClusterError, TaskError)))

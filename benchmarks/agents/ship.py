@@ -52,9 +52,7 @@ def main(args: Args) -> None:
     except FileNotFoundError:
         raise PolicyFileError(f"{args.runs} holds no learn.json: run benchmarks/agents/learn.py first") from None
     for row in rows:
-        if row["difficulty"] != "uncertain":
-            continue
-        folders = [args.runs / f"{row['mission']}-uncertain-{row['start']}-{seed}" for seed in range(row["seeds"])]
+        folders = [args.runs / f"{row['mission']}-{row['start']}-{seed}" for seed in range(row["seeds"])]
         best = max(folders, key=lambda folder: max(point.score for point in read_curve(folder)[1:]))
         out = args.out / shipped(row["mission"], row["start"]).name
         out.mkdir(parents=True, exist_ok=True)

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.random import Generator
 
-from benchmarks.concealed.plants.cases import misset
+from benchmarks.concealed.plants.cases import ReadBy, misset
 from benchmarks.concealed.plants.chain import rollout
 from benchmarks.concealed.plants.instruments import NOISES, Logging, record
 from benchmarks.concealed.plants.motion import make_drives, make_route
@@ -115,7 +115,7 @@ def cell_site(seed: int, number: int, folder: Path) -> Site:
         "cold": lambda: cell.Pack(cell.POWER_CELL, rng.uniform(1.5, 2.2), air_c=None),
         "strong": lambda: cell.STRONG,
     }[kind]()
-    read_by = "gauge" if rng.random() < 0.6 else "terminals"
+    read_by: ReadBy = "gauge" if rng.random() < 0.6 else "terminals"
     level = str(rng.choice(list(NOISES)))
     routes = [make_route(vehicle, rng) for _ in range(2)]
     runs = make_drives(vehicle, routes, rng, TRAINING + HELD_OUT, rng.uniform(4.0, 24.0))
@@ -124,8 +124,7 @@ def cell_site(seed: int, number: int, folder: Path) -> Site:
         fitted, cooled = cell.fitted(pack, vehicle, runs, rng)
         mechanism = cell.in_pack(pack, "internal_resistance", fitted, rng, len(runs))
         try:
-            works = [rollout(fitted, run, [mechanism], rng, "gauge" if read_by == "gauge" else "terminals")
-                     for run in cooled]  # fmt: skip
+            works = [rollout(fitted, run, [mechanism], rng, read_by) for run in cooled]
         except ExhaustedError:
             pack = dataclasses.replace(pack, peak_rate=0.8 * pack.peak_rate)
             continue

@@ -30,7 +30,7 @@ _STRETCHES = 48
 """Stretches of a recording's way, of equal length, with uniform ground, wind and speed."""
 _MOST_FED = 20_000
 """Maximum number of samples; longer recordings are averaged over neighbours. Chosen: an update takes 0.3 ms
-(benchmarks/on_the_robot/update.py), so that these take six seconds."""
+(docs/on_the_robot.md), so that these take six seconds."""
 
 
 class Rest:

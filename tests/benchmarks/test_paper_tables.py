@@ -1,4 +1,4 @@
-"""The paper's tables: hours and shares that the model gives, and every mission printed."""
+"""The paper's hours: what the model gives, and every mission printed."""
 
 import dataclasses
 
@@ -15,17 +15,9 @@ RUSTI = load_robot("rusti")
 NO_DRAG = dataclasses.replace(RUSTI, drag_ns2_per_m2=0.0)
 
 
-def test_manoeuvring_share_with_a_15_w_computer() -> None:
-    assert round(100 * paper_tables.computer_share(1), 1) == 30.5
-
-
 @pytest.mark.parametrize(("mission", "hours"), list(zip(MISSIONS[:3], [1.64, 4.02, 4.95], strict=True)))
 def test_box_hours_at_1_mps_and_078_kg(mission: paper_tables.FieldTest, hours: float) -> None:
     assert round(mission_hours(NO_DRAG, mission), 2) == hours
-
-
-def test_drive_power_at_1_mps() -> None:
-    assert round(paper_tables.drive_power(NO_DRAG), 2) == 8.83
 
 
 def test_incline_hours_use_the_mean_power_of_both_ways() -> None:

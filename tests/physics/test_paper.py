@@ -57,6 +57,19 @@ def test_the_printed_sensing_share_does_not_follow_from_the_rule() -> None:
     assert 100 * least < 0.46 and 100 * most > 0.54
 
 
+def test_manoeuvring_share_with_an_embedded_computer_of_8_to_15_w() -> None:
+    shares = []
+    for bound, computer_w in ((1, 15.0), (0, 8.0)):
+        total_w = sum(watts[bound] for watts in COMPONENTS_W.values()) + computer_w
+        shares.append(round(100 * COMPONENTS_W["manoeuvring"][bound] / total_w, 1))
+    assert shares == [30.5, 35.9]  # 36.5 is printed
+
+
+def test_drive_power_at_1_mps_without_drag() -> None:
+    power_w = mission_energy(NO_DRAG, 1.0, 1.0) - ancillary_power(NO_DRAG, 0.0)
+    assert round(float(power_w), 2) == 8.83
+
+
 def test_composition_of_fixed_powers_is_their_share() -> None:
     shares = composition({"drive": (3.0, 3.0), "radio": (1.0, 1.0)})
     assert shares == {"drive": (0.75, 0.75), "radio": (0.25, 0.25)}

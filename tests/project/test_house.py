@@ -17,6 +17,7 @@ ACROSS = {
     "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "envs/test_randomise",
     "envs/test_true_robot", "examples/test_other_stacks", "physics/test_paper", "project/test_house",
     "project/test_makefile", "project/test_packaging", "project/test_release", "robots/test_presets", "test_broken",
+    "test_killed", "test_mutated",
     "test_layers", "test_parallel_cluster", "watch/ros2/test_command", "watch/ros2/test_page",
 }  # fmt: skip
 """Tests of what is in no one file: files that ship, pages, commands, and what several files do together."""

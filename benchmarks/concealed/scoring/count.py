@@ -93,11 +93,6 @@ def tables(outcomes: Sequence[Outcome]) -> list[Table]:
     return [*made, *(_later(hidden) if hidden else []), _cost(outcomes)]
 
 
-def _class_size(outcomes: Sequence[Outcome]) -> str:
-    sizes = [len(outcome.classes[0]) for outcome in outcomes if outcome.classes]
-    return f"{np.mean(sizes):.2f}" if sizes else "–"
-
-
 def _singles(outcomes: list[Outcome]) -> Table:
     columns = ("", "found first", "of these visible", *NOISES, "first by name", "visible but no mismatch", "class size")
 
@@ -107,13 +102,13 @@ def _singles(outcomes: list[Outcome]) -> Table:
         by_name = share(bool(o.classes) and o.classes[0][0] == o.hidden[0] for o in chosen)
         blind = share(o.verdict in ("no_mismatch", "parameters_off", "not_testable") for o in visible)
         found = share(map(found_first, chosen)), share(map(found_first, visible))
-        return (name, *found, *levels, by_name, blind, _class_size(chosen))
+        sizes = [len(o.classes[0]) for o in chosen if o.classes]
+        return (name, *found, *levels, by_name, blind, f"{np.mean(sizes):.2f}" if sizes else "–")
 
     rows = [row("all", outcomes), row("physics", [o for o in outcomes if o.hidden[0] not in INSTRUMENTS])]
     rows.append(row("instruments", [o for o in outcomes if o.hidden[0] in INSTRUMENTS]))
-    for effect in EFFECTS:
-        chosen = [o for o in outcomes if o.hidden[0] == effect]
-        rows += [row(effect, chosen)] if chosen else []
+    by_effect = {effect: [o for o in outcomes if o.hidden[0] == effect] for effect in EFFECTS}
+    rows += [row(effect, chosen) for effect, chosen in by_effect.items() if chosen]
     return Table("One hidden effect", columns, rows)
 
 
@@ -121,17 +116,13 @@ def _pairs(outcomes: list[Outcome]) -> Table:
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
         in_class = [[any(effect in entry for entry in named(o)) for effect in o.hidden] for o in chosen]
         by_name = [[any(effect == entry[0] for entry in named(o)) for effect in o.hidden] for o in chosen]
-        shares = (map(all, in_class), map(all, by_name), map(any, in_class), map(found_first_of_pair, chosen))
+        first = (bool(set(o.hidden) & set([*named(o), []][0])) for o in chosen)
+        shares = (map(all, in_class), map(all, by_name), map(any, in_class), first)
         return (name, *map(share, shares))
 
     columns = ("", "both in some class", "both by name", "one or both in some class", "first named is one of them")
     rows = [row("all", outcomes), row("both visible", [o for o in outcomes if all(o.visible.values())])]
     return Table("Two hidden effects", columns, rows)
-
-
-def found_first_of_pair(outcome: Outcome) -> bool:
-    """Whether what is named first is one of the hidden effects, or confused with one."""
-    return bool(set(outcome.hidden) & set([*named(outcome), []][0]))
 
 
 def _controls(outcomes: list[Outcome]) -> Table:
@@ -141,19 +132,15 @@ def _controls(outcomes: list[Outcome]) -> Table:
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
         exact = [o for o in chosen if o.label == "exact"]
         misset = [o for o in chosen if o.label == "misset"]
-        return (
-            name, share(map(false_alarm, chosen)),
-            *(
-                share(o.verdict == "parameters_off" for o in group)
-                for group in (exact, misset, [o for o in misset if usable(o)])
-            ),
-            *(share(o.verdict == what for o in chosen) for what in ("crash", "refused")),
-        )  # fmt: skip
+        groups = (exact, misset, [o for o in misset if usable(o)])
+        off = (share(o.verdict == "parameters_off" for o in group) for group in groups)
+        ended = (share(o.verdict == what for o in chosen) for what in ("crash", "refused"))
+        return (name, share(map(false_alarm, chosen)), *off, *ended)
 
     clean = [o for o in outcomes if o.fault == "none"]
     rows = [row("all", outcomes), row("clean", clean), row("faulty", [o for o in outcomes if o.fault != "none"])]
-    for fault in sorted({o.fault for o in outcomes} - {"none"}):
-        rows.append(row(fault, [o for o in outcomes if o.fault == fault]))
+    faults = sorted({o.fault for o in outcomes} - {"none"})
+    rows += [row(fault, [o for o in outcomes if o.fault == fault]) for fault in faults]
     return Table("Controls: no physics is missing", columns, rows)
 
 
@@ -171,9 +158,8 @@ def _outside(outcomes: list[Outcome]) -> Table:
         )
         return (name, *map(share, flags))
 
-    rows = [row("all", outcomes)]
-    for name in sorted({o.label for o in outcomes}):
-        rows.append(row(name, [o for o in outcomes if o.label == name]))
+    labels = sorted({o.label for o in outcomes})
+    rows = [row("all", outcomes), *(row(label, [o for o in outcomes if o.label == label]) for label in labels)]
     return Table("Mechanisms outside the catalogue", columns, rows)
 
 

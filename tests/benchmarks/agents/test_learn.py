@@ -50,7 +50,7 @@ def test_figures_of_a_result() -> None:
     first = {"greedy": driven(rule + 1.0, never), "sampled": driven(rule, never)}
     ends = driven(np.stack([rule - 9.0, rule - 19.0]), [[True, *never[1:]]] * 2)
     both, last = {"greedy": best, "sampled": best}, {"greedy": ends, "sampled": ends}
-    row = summary(Result("Survey", "uncertain", "dmax", first, both, last, others, [2.0, 2.0]))
+    row = summary(Result("Survey", "dmax", first, both, last, others, [2.0, 2.0]))
     assert (row["rule"], row["score"], row["dmax_adaptive"]) == ("dmax_adaptive", 65.0, 50.0)
     assert (row["minus_rule"], row["minus_first"], row["minus_planner"]) == (15.0, 14.0, -15.0)
     assert row["minus_rule_ci95"] == [10.0, 20.0]

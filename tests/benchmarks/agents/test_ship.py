@@ -21,7 +21,7 @@ NAMED = (
 )  # fmt: skip
 COMPARED = ("minus_first", "minus_rule", "minus_planner", "last_minus_first", "last_minus_rule")
 ROW: dict[str, Any] = {
-    "mission": "Survey", "difficulty": "uncertain", "start": "dmax", "seeds": 2, "episodes": 2000, "score": 1250.0,
+    "mission": "Survey", "start": "dmax", "seeds": 2, "episodes": 2000, "score": 1250.0,
     "score_by_seed": [1240.0, 1260.0], "stranded_by_seed": [0.005, 0.015], "sampled": 1230.0,
     "sampled_stranded_rate": 0.02, "rule": "dmax_adaptive", "stranded_rate": 0.01, "stranded_ci95": [0.007, 0.014],
     **{name: 1000.0 for name in NAMED}, **{f"{name}_stranded_rate": 0.03 for name in NAMED},
@@ -48,9 +48,8 @@ def write_run(folder: Path, start: str, seed: int, score: float) -> None:
 def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
     for start in ("dmax", "scratch"):
         for seed, score in enumerate((1230.0, 1220.0)):
-            write_run(tmp_path / "runs" / f"Survey-uncertain-{start}-{seed}", start, seed, score)
-    rows = [ROW, {**ROW, "start": "scratch"}, {**ROW, "difficulty": "known"}]
-    (tmp_path / "runs" / "learn.json").write_text(json.dumps(rows))
+            write_run(tmp_path / "runs" / f"Survey-{start}-{seed}", start, seed, score)
+    (tmp_path / "runs" / "learn.json").write_text(json.dumps([ROW, {**ROW, "start": "scratch"}]))
     main(Args(tmp_path / "runs", tmp_path / "out"))
     assert sorted(folder.name for folder in (tmp_path / "out").iterdir()) == ["Survey", "Survey_scratch"]
     shipped = tmp_path / "out" / "Survey"

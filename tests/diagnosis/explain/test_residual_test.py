@@ -1,0 +1,42 @@
+"""Dependences of a residual: where there are none, p-values are no smaller than chance makes them."""
+
+import numpy as np
+from scipy.signal import lfilter
+
+from homeward.diagnosis import Recording
+from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
+from homeward.diagnosis.fit.folds import cut_folds
+from homeward.diagnosis.fit.refit import refit
+from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.usable import usable_runs
+from homeward.physics import load_robot, replay
+
+
+def nominal_drive(seed: int) -> Recording:
+    """Changes of speed, slope and direction; the noise has a correlation of 0.9 from sample to sample."""
+    robot, rng = load_robot("husky"), np.random.default_rng(seed)
+    time_s = np.arange(0.0, 400.0, 0.5)
+    speed = np.repeat(rng.choice([0.0, 0.3, 0.6, 0.9], size=80), 10)
+    grade = np.repeat(rng.uniform(-0.05, 0.08, size=20), 40)
+    yaw = np.repeat(rng.choice([0.0, 0.0, 0.4, -0.4], size=160), 5)
+    noise_w = 3.0 * lfilter([1.0], [1.0, -0.9], rng.normal(size=len(time_s)))
+    power = replay(robot, time_s, speed, grade_rad=grade).power_w + noise_w
+    channels = {"time_s": time_s, "speed_mps": speed, "grade_rad": grade, "yaw_rate_radps": yaw, "power_w": power}
+    return Recording(f"drive {seed}", str(seed), channels)
+
+
+def smallest_p_value(recording: Recording) -> float:
+    """Of all dependences on channels and on time, corrected for their number as in the diagnosis."""
+    robot = load_robot("husky")
+    runs = average(usable_runs([recording], robot)[0])
+    fit = refit(runs, robot)
+    blocks = independent_blocks(fit, runs)
+    fold, _ = cut_folds(runs, blocks.channels)
+    return min(one.p_value for one in dependences(fit, runs, blocks, fold))
+
+
+def test_p_values_are_no_smaller_than_chance_makes_them() -> None:
+    """Exactly nominal robots under noise with memory: at one in ten, ten of forty are 0.5 % likely."""
+    smallest = np.array([smallest_p_value(nominal_drive(seed)) for seed in range(40)])
+    assert (smallest <= 0.1).sum() < 10
+    assert (smallest < 1.0).any()
