@@ -265,7 +265,9 @@ def test_columns_are_proposed_and_written(
     ready = pd.DataFrame({"time_s": 1714564800000 + np.arange(100) * 100, "speed_mps": 0.5, "power_w": 50.0})
     ready.to_csv(path, index=False)
     code, out, err = call(f"columns {path}", monkeypatch, capsys)
-    assert (code, err) == (0, "") and "time_s is in ms" in out and "A mapping is not needed" in out and "--out" not in out
+    assert (
+        (code, err) == (0, "") and "time_s is in ms" in out and "A mapping is not needed" in out and "--out" not in out
+    )
     table[["x"]].to_csv(path, index=False)
     code, _, err = call(f"columns {path}", monkeypatch, capsys)
     assert code == 2 and "no column looks like a channel" in err
