@@ -1,4 +1,4 @@
-"""The clip and the stills of the viewer in docs/: `python benchmarks/make_clip.py`.
+"""The clip and the stills of the viewer in docs/: `python docs/make_clip.py`.
 
 Real missions, as the agents drive them: a survey by `dmax_adaptive` as a clip and a still, and as stills one of
 `soc50` that strands out and back and a patrol.
