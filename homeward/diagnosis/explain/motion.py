@@ -2,8 +2,8 @@
 
 A schedule of levels in time fits any intermittent cause, also one that a channel shows in a form outside the catalogue.
 Boosted trees on the motion, now and in the minutes before, have no feature of a load or of the ground. If they predict
-runs that were held out about as well as the schedule does, its cause was recorded, and the effect must not be named; nor
-may effects that channels show, where the trees explain clearly more than they do, or most of what they leave.
+runs that were held out about as well as the schedule does, its cause was recorded, and the effect must not be named.
+Nor may effects that channels show, where the trees explain clearly more than they do, or most of what they leave.
 """
 
 from collections.abc import Sequence
@@ -43,10 +43,10 @@ def motion_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
 def largest_by_motion(fit: Fitted, runs: Runs, block: Index, seed: int) -> float:
     """Held-out gain of a schedule up to which motion accounts for it, so that no unrecorded cause is needed.
 
-    Motion that causes a load does so in every run: where there are enough runs, whole ones are held out, and motion
-    that explains half as much is the cause. Within a run, the history of the motion also encodes time: in fewer runs
-    stretches are held out, cut from each `block`, (windows,), and motion must explain nearly as much; and where the
-    time since the start explains more, motion only stands for it.
+    Motion that causes a load does so in every run: where there are enough runs, whole ones are held out. Motion that
+    explains half as much there is the cause, unless the time since the start of a run explains more. Within a run the
+    history of the motion also encodes time: in fewer runs, stretches are held out, cut from each `block`, (windows,),
+    and motion must explain nearly as much.
     """
     fold, by = cut_folds(runs, block)
     by_motion = motion_gain(fit, runs, fold, seed)
