@@ -61,9 +61,7 @@ ones 0.88 or more. The history of a drive also encodes time, so that a lower rat
 OF_MOTION = 0.5
 """Ratio of the gain of trees on the motion of other runs to that of a schedule, from which motion is its cause: 0.65
 and more where speed or load switches something at once, 0.3 to 0.7 for fans that follow the heat, 0.12 at most for
-clocks. Share of the residual of named effects that such trees explain, from which the effects are not what is missing:
-0.5 and more for causes outside the catalogue, 0.4 at most for named ones. Both on seeds 311 to 313 of
-benchmarks/concealed."""
+clocks (seeds 311 to 313 of benchmarks/concealed)."""
 
 SIMPLER = 0.7
 """The same ratio from which a simpler model is preferred though it explains less: an effect that a channel shows, or

@@ -170,18 +170,11 @@ class _Residual:
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming) -> bool:
-        """Whether the named effects, or the first alone, explain most of what motion and its history do, and motion
-        does not explain most of the rest on other runs."""
-        if naming.corrected is None:
-            return True
+        """Whether the named effects, or the first alone, explain most of what motion and its history do."""
         share, by_motion = self.by(naming), self.by_motion()
-        if share <= 1.0 - rules.SMALLEST_GAIN_TO_NAME:
-            rest = motion_gain(naming.corrected, self.runs, self.by_run, self.seed)
-            if rest >= rules.OF_MOTION:
-                return False
         if naming.named[0].held_out_gain >= rules.SIMPLER * by_motion or share >= rules.EQUIVALENT * by_motion:
             return True
-        if share < rules.HALF * by_motion:
+        if naming.corrected is None or share < rules.HALF * by_motion:
             return False
         return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.CLEARLY_BETTER)
 

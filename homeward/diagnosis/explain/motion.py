@@ -3,7 +3,7 @@
 A schedule of levels in time fits any intermittent cause, also one that a channel shows in a form outside the catalogue.
 Boosted trees on the motion, now and in the minutes before, have no feature of a load or of the ground. If they predict
 runs that were held out about as well as the schedule does, its cause was recorded, and the effect must not be named.
-Nor may effects that channels show, where the trees explain clearly more than they do, or most of what they leave.
+Nor may effects that channels show, where the trees explain clearly more than they do.
 """
 
 from collections.abc import Sequence

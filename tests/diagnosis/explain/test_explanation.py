@@ -10,8 +10,7 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Recording, diagnose
-from homeward.diagnosis.explain import explanation
-from homeward.diagnosis.explain.explanation import _of_another_channel, _Residual
+from homeward.diagnosis.explain.explanation import _of_another_channel
 
 
 @pytest.mark.parametrize(
@@ -25,22 +24,6 @@ def test_an_effect_gives_way_to_a_channel_that_explains_more(channel: str, share
     most: Any = SimpleNamespace(channel=SimpleNamespace(name=channel), held_out_gain=share)
     remains: Any = SimpleNamespace(channel=channel)
     assert _of_another_channel(naming, remains, most) == gives_way
-
-
-@pytest.mark.parametrize(
-    ("share", "rest", "adequate"), [(0.8, 0.6, False), (0.8, 0.4, True), (0.95, 0.6, True), (0.3, 0.0, False)]
-)
-def test_effects_are_adequate_where_motion_explains_little_of_what_they_leave(
-    share: float, rest: float, adequate: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Motion explains 0.9 of the residual, effects a share, and motion a part of the rest on other runs."""
-    monkeypatch.setattr(_Residual, "by", lambda *_: share)
-    monkeypatch.setattr(_Residual, "by_motion", lambda *_: 0.9)
-    monkeypatch.setattr(explanation, "motion_gain", lambda *_: rest)
-    nothing: Any = None
-    residual = _Residual(nothing, nothing, nothing, nothing, nothing, 0, print)
-    naming: Any = SimpleNamespace(corrected=True, named=(SimpleNamespace(held_out_gain=share),))
-    assert residual._is_adequate(naming) == adequate
 
 
 def test_a_loss_that_remembers_the_fastest_speed_is_no_load_that_switches(
