@@ -23,9 +23,7 @@ from homeward.logs.channels import Array, Index
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
 
-STANDSTILL_MPS = 0.05
-"""A robot slower than this is at standstill."""
-
+_STOPS_MPS = 0.05  # mean speed of a window; chosen above STANDSTILL_MPS: a short stop leaves no window without motion
 _AROUND_S = 4.0  # largest error of an estimated moment
 _SHORTEST = 4  # windows in a block, on average
 _MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
@@ -97,7 +95,7 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         here = np.flatnonzero(runs.run == run)
         for change in changes:
             near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND_S]
-            at_standstill.append(bool((speeds[near] < STANDSTILL_MPS).any()))
+            at_standstill.append(bool((speeds[near] < _STOPS_MPS).any()))
     return all(at_standstill) if how == "standing" else not at_standstill or not all(at_standstill)
 
 

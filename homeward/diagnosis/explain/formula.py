@@ -23,7 +23,7 @@ from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.parameter_groups import AT_REST
 from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import STANDSTILL_MPS, Array, Index
 from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 
@@ -32,7 +32,6 @@ _MOST_SEARCHED = 20_000  # windows; of more the search takes every second, third
 _MOST_ALTERNATIVES = 3  # expressions listed beside a term; chosen: to be read at a glance
 _RIDGE = 1e-8  # of columns of norm 1; chosen: makes collinear ones invertible and changes nothing else
 _MILD_C = 20.0  # zero and unit of the temperature in formulas; chosen: room temperature
-_STANDSTILL_MPS = 0.02  # up to which [v > 0] is 0; chosen
 _PLAIN, _SQUARED, _ROOT_TOO = (1.0,), (1.0, 2.0), (0.5, 1.0, 2.0)  # powers of a group
 
 
@@ -317,7 +316,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     sine, warmth = np.sin(channel["grade_rad"]), (channel["temperature_c"] - _MILD_C) / _MILD_C
     far_m, time_s = np.abs(channel["base_distance_m"]), _time_in_run(runs)
     return [
-        ("speed", "[v > 0]", (speed > _STANDSTILL_MPS).astype(np.float64), _PLAIN),
+        ("speed", "[v > 0]", (speed > STANDSTILL_MPS).astype(np.float64), _PLAIN),
         ("speed", "v / v_max", speed / robot.max_speed_mps, _ROOT_TOO),
         ("turning rate", f"|w| {per}", np.abs(turning) * scale_s, _ROOT_TOO),
         ("turning rate", f"w+ {per}", np.maximum(turning, 0.0) * scale_s, _PLAIN),

@@ -26,7 +26,7 @@ _REMEMBERS_S = (10.0, 30.0, 100.0, 300.0)  # time constants, from a converter to
 
 def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: Index) -> float:
     """Share of the refit's held-out squared error that a fitted model explains."""
-    return 1.0 - _held_out_error(corrected, runs, fold) / max(_held_out_error(fit, runs, fold), 1e-300)
+    return _gain(fit, runs, fold, _held_out_error(corrected, runs, fold))
 
 
 def _held_out_error(model: Fitted, runs: Runs, fold: Index) -> float:
@@ -36,7 +36,11 @@ def _held_out_error(model: Fitted, runs: Runs, fold: Index) -> float:
 
 def motion_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
     """Share of a model's squared error, held out by fold, that trees on the motion and its history explain."""
-    after = _by_trees(fit, runs, fold, seed, MOTION, _history(fit, runs))
+    return _gain(fit, runs, fold, _by_trees(fit, runs, fold, seed, MOTION, _history(fit, runs)))
+
+
+def _gain(fit: Fitted, runs: Runs, fold: Index, after: float) -> float:
+    """Share of a fit's squared held-out error that is gone where `after` is left."""
     return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
 
 
@@ -58,8 +62,7 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, seed: int) -> float
 def _clock_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
     """The same as `motion_gain` by the time since the start of a run."""
     elapsed_s = runs.time_s - runs.time_s[np.searchsorted(runs.run, runs.run)]
-    after = _by_trees(fit, runs, fold, seed, (), [elapsed_s])
-    return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
+    return _gain(fit, runs, fold, _by_trees(fit, runs, fold, seed, (), [elapsed_s]))
 
 
 def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
@@ -73,8 +76,7 @@ def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
     climbed_m = np.nan_to_num(sine) * runs.context["speed_mps"] * runs.duration_s
     for run in range(len(runs.signals)):
         climbed_m[runs.run == run] = np.cumsum(climbed_m[runs.run == run])
-    after = _by_trees(fit, runs, runs.run, seed, ("place_m",), [climbed_m])
-    return 1.0 - after / max(_held_out_error(fit, runs, runs.run), 1e-300)
+    return _gain(fit, runs, runs.run, _by_trees(fit, runs, runs.run, seed, ("place_m",), [climbed_m]))
 
 
 def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, seed: int, share: float) -> bool:

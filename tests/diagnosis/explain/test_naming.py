@@ -5,6 +5,8 @@ import functools
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -17,6 +19,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import fit_model
+from homeward.diagnosis.explain.naming import _beside
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
@@ -382,3 +385,41 @@ def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
     assert device.effect == "standby"
     assert device.parameters["power_w"].value == pytest.approx(watts, rel=0.15)
     assert motion.effect == effect
+
+
+def test_a_device_is_named_beside_turning_that_consumes_far_more(drive: Drive, husky: Robot) -> None:
+    """It explains less than a twentieth of what the refit leaves, in levels that lie clearly apart."""
+    runs = drive(husky, effects={"turning": {"scrub": 0.6}})
+    since_s = (np.inf, 200.0, 0.0)
+    told = [
+        with_power([run], lambda of, on_s=on_s: of["power_w"] + 20.0 * (of["time_s"] > on_s))[0]  # type: ignore[misc]
+        for run, on_s in zip(runs, since_s, strict=True)
+    ]
+    turning, device = diagnose(told, husky).missing_physics
+    assert turning.effect == "turning"
+    assert device.effect == "standby"
+    assert device.parameters["power_w"].value == pytest.approx(20.0, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("axis", "sudden", "apart", "first", "by_motion", "stands"),
+    [
+        ("steady", False, 0.0, "steady", 0.9, True),
+        ("time", True, 1.0, "steady", 0.2, True),
+        ("time", False, 9.0, "steady", 0.2, False),
+        ("time", True, 9.0, "steady", 0.6, False),
+        ("time", True, 1.0, "time", 0.2, False),
+        ("time", True, 9.0, "time", 0.2, True),
+        ("place", False, 0.0, "time", 0.6, False),
+    ],
+)
+def test_a_further_schedule_stands_out_from_the_first_and_from_motion(
+    axis: str, sudden: bool, apart: float, first: str, by_motion: float, stands: bool
+) -> None:
+    """It explains half of what the named effect leaves."""
+
+    def named(axis: str) -> Any:
+        term = SimpleNamespace(axis=axis, typical=True, schedule=SimpleNamespace(apart=apart))
+        return SimpleNamespace(term=term, sudden=sudden, held_out_gain=0.5)
+
+    assert _beside(named(axis), [named(first)], lambda: by_motion) == stands
