@@ -1,4 +1,4 @@
-"""Prediction error expected from errors of the channels, and whether a residual beyond it has an unrecorded cause."""
+"""Errors in variables: the prediction error that noise of the channels causes, and whether a residual exceeds it."""
 
 import dataclasses
 from typing import NamedTuple
@@ -13,14 +13,14 @@ from homeward.logs.channels import Array
 from homeward.logs.times import median_step_s
 
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
-"""Channels whose error is known."""
+"""Channels whose standard error is known, from smoothing."""
 
 _OWN = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "heading_rad": SMOOTHED, "time_s": SMOOTHED}
 
 
 def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
-    """Expected squared prediction error from channel errors that may pass for an effect of `channel`, summed over
-    windows.
+    """Expected squared prediction error, summed over windows, from channel errors that are confounded with an effect of
+    `channel`.
 
     The error of a smoothed channel is correlated with its value, over the length of smoothing, and repeats where the
     same ground is driven again. Where place predicts a slope better than its own noisy channel does, a hidden grade
@@ -45,7 +45,7 @@ def _moved(runs: Runs, name: str, sign: float) -> Runs:
 
 
 def meter_error(runs: Runs) -> float:
-    """Squared scale error of a power meter, summed over windows."""
+    """Squared scale error of a power meter, summed over windows, W^2 or A^2."""
     return rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
 
 
@@ -81,7 +81,7 @@ def unrecorded(runs: Runs) -> list[Influence]:
 
 
 def is_autocorrelated(left: Array, runs: Runs) -> bool:
-    """Whether a residual, shape (windows,), is autocorrelated from window to window, unlike noise of power."""
+    """Whether a residual, (windows,), has a lag-one autocorrelation of `SAME` or more, unlike noise of power."""
     together = runs.run[1:] == runs.run[:-1]
     return float((left[1:] * left[:-1])[together].sum()) >= rules.SAME * float(left @ left)
 

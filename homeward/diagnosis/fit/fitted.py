@@ -1,7 +1,7 @@
-"""A model fitted to recordings, its residual, and what a further column would explain.
+"""Interface of a fitted model, and its linear refit with further regressors (columns).
 
-Further columns are fitted by bounded least squares on the Gram matrix: once it is summed, a fit takes microseconds,
-whatever the length of the recordings.
+These are fitted by bounded least squares on the Gram matrix: once it is summed, a fit takes microseconds, whatever the
+length of the recordings.
 """
 
 from __future__ import annotations
@@ -45,13 +45,14 @@ class Fitted(Protocol):
 
 
 def excited(fit: Fitted, runs: Runs, share: float | Array = 1e-6) -> Mask:
-    """Whether a plausible change of each number changes the prediction by this share, shape (columns,)."""
+    """Whether each parameter is excited: a plausible change of it changes the prediction by this share of the record,
+    shape (columns,)."""
     norms = np.linalg.norm(fit.jacobian, axis=0)
     return np.asarray(norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12))
 
 
 def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> Array:
-    """Prediction, (windows,), by a fit of a model to the chosen windows with further, unbounded columns."""
+    """Prediction, (windows,), by a fit to the chosen windows with further, unbounded columns, (windows, columns)."""
     columns = np.column_stack([fit.jacobian, beside])
     low, high = fit.freedom()
     free = np.full(beside.shape[1], np.inf)
@@ -62,7 +63,7 @@ def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> A
 
 
 def bounded(gram: Array, moment: Array, low: Array, high: Array) -> Array:
-    """Minimise x' gram x / 2 - moment' x within bounds.
+    """Minimise x' gram x / 2 - moment' x within bounds: x, shape (columns,).
 
     >>> bounded(np.eye(2), np.array([2.0, -1.0]), np.zeros(2), np.full(2, np.inf))
     array([2., 0.])

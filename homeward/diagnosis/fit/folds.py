@@ -1,4 +1,4 @@
-"""Blocks and folds: stretches of a recording that count as independent, and those that are held out together."""
+"""Blocks of windows, which count as independent in a bootstrap, and folds, which cross-validation holds out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ def correlation_windows(residual: Array, run: Index) -> float:
 
 
 def independent_windows(residual: Array, run: Index) -> float:
-    """Number of windows that count as independent, by the residuals' correlation time; two at least."""
+    """Effective sample size of residuals, (windows,): windows over their autocorrelation time; two at least."""
     return max(len(residual) / correlation_windows(residual, run), 2.0)
 
 
@@ -56,7 +56,7 @@ class Noise:
 
 
 def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)) -> Noise:
-    """Noise of residuals from their increments, so that few changes of level do not count as noise.
+    """Noise of residuals, shape (windows,), from their increments, so that a few change points do not count as noise.
 
     The increments over k and 2 k windows of an autoregressive process have a ratio of variances of 1 + phi^k. Medians
     are robust to the few increments across a change; the shorter the lags, the fewer they are.
@@ -106,20 +106,20 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
 
 
 def per_block(values: Array, block: Index) -> Array:
-    """Sums of columns over blocks, shape (blocks, columns)."""
+    """Sums over blocks of `values`, shape (windows, columns): (blocks, columns)."""
     sums = np.zeros((int(block.max()) + 1, values.shape[1]))
     np.add.at(sums, block, values)
     return sums
 
 
 def cut_stretches(run: Index) -> Index:
-    """Number within its run of each window's stretch of a few windows, shape (windows,)."""
+    """Number within its run of each window's stretch of `_STRETCH` windows, shape (windows,)."""
     first = np.searchsorted(run, run)
     return (np.arange(len(run)) - first) // _STRETCH
 
 
 def cut_folds(runs: Runs, block: Index) -> tuple[Index, Literal["run", "block"]]:
-    """Fold of each window, shape (windows,): whole runs or, of fewer than three runs, long stretches."""
+    """Fold of each window, shape (windows,), and its kind: whole runs or, of fewer than three, series of blocks."""
     count = len(runs.signals)
     if count >= FEWEST_RUNS:
         return runs.run % _MOST_FOLDS if count > _MOST_FOLDS else runs.run, "run"

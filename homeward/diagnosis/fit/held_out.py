@@ -1,4 +1,4 @@
-"""Arms of the comparison: how well each model predicts held-out recordings."""
+"""How well each model (an arm of the comparison) predicts held-out recordings: cross-validation and its errors."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ _MOST_FOR_TREES = 20_000  # windows; chosen: bounds the time, of more a sample i
 
 @dataclass(frozen=True)
 class Gain:
-    """Share of a squared held-out error that a model explains."""
+    """Share of a squared held-out error that a model explains, with a bootstrap interval."""
 
     share: float
     ci95: tuple[float, float]
 
 
 def held_out(predict: Callable[[Mask], Array], fold: Index) -> Array:
-    """Prediction of each window, shape (windows,), by `predict`, fitted to chosen windows of the other folds."""
+    """Cross-validated prediction, (windows,); `predict` takes the mask of the training windows, in the other folds."""
     predicted = np.empty(len(fold))
     for one in np.unique(fold):
         test = fold == one
@@ -77,14 +77,17 @@ def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) 
 
 
 def delta_bic(observed: Array, before: Array, after: Array, run: Index, freedom: int = 1) -> float:
-    """Reduction of BIC by held-out predictions; windows count as independent by the residual's autocorrelation."""
+    """Reduction of BIC from `before` to `after`, held-out predictions, (windows,) each, by `freedom` more parameters.
+
+    The likelihood is Gaussian, with the effective sample size of the residual.
+    """
     without, with_it = (max(float(((observed - one) ** 2).sum()), 1e-300) for one in (before, after))
     independent = independent_windows(observed - after, run)
     return float(independent * np.log(without / with_it) - freedom * np.log(independent))
 
 
 def bootstrap(sums: Array, seed: int, of: Callable[[Array], Array]) -> tuple[float, float]:
-    """95 % interval of a function `of` sums over blocks, shape (sums, blocks), by bootstrap over the blocks."""
+    """95 % interval of a function `of` sums over blocks, shape (sums, blocks), by block bootstrap."""
     chosen = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
     low, high = np.quantile(of(sums[:, chosen].sum(axis=2)), [0.025, 0.975])
     return float(low), float(high)
@@ -105,7 +108,7 @@ def range_accuracy_pct(predicted: Array, runs: Runs, fold: Index) -> float | Non
 
 
 def score(predicted: Array, runs: Runs, block: Index, trip: Index, seed: int) -> Arm:
-    """Errors of a prediction, those of energy by trip, (windows,); intervals by bootstrap over blocks."""
+    """Errors of a held-out prediction, (windows,), those of energy by trip; intervals by block bootstrap."""
     error = predicted - runs.observed
     squared = error**2
     spread = runs.observed - runs.observed.mean()
@@ -123,7 +126,8 @@ def score(predicted: Array, runs: Runs, block: Index, trip: Index, seed: int) ->
 
 
 def better(first: Array, second: Array, observed: Array, block: Index) -> float:
-    """P-value of the hypothesis that `first` predicts no better than `second`, by paired squared errors over blocks."""
+    """P-value of the hypothesis that `first` predicts no better than `second`: z-test of paired squared errors, summed
+    over blocks."""
     difference = np.bincount(block, (second - observed) ** 2 - (first - observed) ** 2)
     spread = float(np.sqrt((difference**2).sum()))
     return float(norm.sf(difference.sum() / spread)) if spread > 0.0 else 1.0

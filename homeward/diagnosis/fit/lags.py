@@ -86,7 +86,7 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
 
 
 def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
-    """Squared error if instead power lags or its clock drifts."""
+    """Squared error of the alternative that power lags or its clock drifts."""
     fixed = without_drift(runs, robot)[0]
     columns = [drive_columns(run, robot, run.grade_rad) for run in fixed]
     return min(
@@ -111,7 +111,7 @@ def _regression(run: Signals, columns: Array) -> float:
 
 
 def without_drift(runs: Sequence[Signals], robot: Robot) -> tuple[list[Signals], dict[str, float]]:
-    """The runs with the drift of the clock of power against that of motion removed, and the drift of each, s."""
+    """The runs without the drift of the clock of power against that of motion, and the drift over each run, s."""
     drifts = [_drift(run, robot) for run in runs]
     fixed = [_early(run, drift_s * _since(run)) if drift_s else run for run, drift_s in zip(runs, drifts, strict=True)]
     return fixed, {run.name: drift_s for run, drift_s in zip(runs, drifts, strict=True) if drift_s}

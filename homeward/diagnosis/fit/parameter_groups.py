@@ -144,7 +144,7 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
 
 
 def derivatives(problem: Parameters, theta: Array, predicted: Array, predict: Callable[[Array], Array]) -> list[Array]:
-    """Derivative of `predict` by each group in units of `scale`, by a small step within the bounds from theta.
+    """Derivative of `predict` by each group in units of `scale`, (windows,) each, by a finite difference at theta.
 
     `predicted`, shape (windows,), is its value at theta.
     """

@@ -1,6 +1,6 @@
-"""Least-squares refit of the groups of parameters that recordings can identify.
+"""Which parameter values fit the recordings best? Least squares on the groups that recordings can identify.
 
-Window means are fitted without a robust loss: a median ignores the peaks, and the energy is in the peaks. Intervals
+Window means are fitted without a robust loss, which would ignore the peaks, where the energy is. Intervals
 come from a sandwich estimator clustered by block, valid under autocorrelated and heteroscedastic residuals.
 """
 
@@ -32,7 +32,7 @@ _RESTS_ON = {"rolling": "speed_mps", "drag": "speed_mps", "mass": "grade_rad"}
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimate of a group; `fitted` and `ci95` are None where it is not identifiable."""
+    """Estimate of a group, in its unit; `fitted` and `ci95` are None where it is not identifiable."""
 
     group: Group
     assumed: float | None
@@ -88,7 +88,7 @@ class Refit:
         return np.clip(self.theta + step * self.parameters.scale, self.parameters.low, self.parameters.high)
 
     def step(self, jacobian: Array, residual: Array) -> Array:
-        """Best step of theta in units of `scale`, within the bounds, for these windows."""
+        """Least-squares step of theta in units of `scale`, shape (groups,), within the bounds, for these windows."""
         # QR reduces the problem to a few rows, whatever the length of the recording.
         triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
         weak = _WEAK_PRIOR * max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
@@ -148,10 +148,10 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     columns = np.column_stack([jacobian[:, moving], beside])
     errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
     errors *= problem.scale
-    freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
+    degrees_of_freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
     errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(fit.theta))
-    widths = float(student.ppf(0.975, freedom)) * errors
-    wide = float(student.ppf(1.0 - 0.025 / len(problem.groups), freedom)) * errors
+    widths = float(student.ppf(0.975, degrees_of_freedom)) * errors
+    wide = float(student.ppf(1.0 - 0.025 / len(problem.groups), degrees_of_freedom)) * errors
     result = []
     for j, group in enumerate(problem.groups):
         assumed = problem.start[j] * problem.to_group[j]
@@ -194,12 +194,12 @@ def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tupl
 
 
 def standard_errors(jacobian: Array, residual: Array, block: Index) -> Array:
-    """Standard errors of the parameters, from their `covariance`."""
+    """Standard errors of the parameters, shape (parameters,), from their `covariance`."""
     return np.asarray(np.sqrt(np.maximum(np.diag(covariance(jacobian, residual, block)), 0.0)))
 
 
 def covariance(jacobian: Array, residual: Array, block: Index) -> Array:
-    """Covariance of the parameters by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
+    """Covariance, (parameters, parameters), by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
     count, blocks = jacobian.shape[1], int(block.max()) + 1
     if count == 0:
         return np.zeros((0, 0))

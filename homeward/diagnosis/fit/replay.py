@@ -1,4 +1,4 @@
-"""Recorded runs replayed through the physics: the prediction of a robot file for each window."""
+"""What a robot file predicts for recorded runs: their motion replayed through the physics, averaged over windows."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ _MOST_LOADS = 5  # payload levels at which a run is replayed
 
 @dataclass(frozen=True)
 class Runs:
-    """The usable runs, averaged over windows and laid end to end; arrays of shape (windows,)."""
+    """The usable runs, averaged over windows and concatenated; arrays of shape (windows,)."""
 
     signals: Sequence[Signals]
     windows: Sequence[Windows]
@@ -28,7 +28,7 @@ class Runs:
     run: Index  # which of `signals` a window belongs to
     time_s: Array
     duration_s: Array  # length of a window
-    observed: Array
+    observed: Array  # mean power, W, or motor current, A
     context: Mapping[str, Array]  # NaN where a run lacks the channel
 
     @property
@@ -54,7 +54,7 @@ class WithEffects:
 
 
 def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
-    """Average runs with one unit over windows that hold at least so many samples."""
+    """Average runs of one unit over windows of `WINDOW_S`, or longer so that each holds at least so many samples."""
     total_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in signals)
     lengths = [max(WINDOW_S, samples * median_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
     cuts = [windows(run.time_s, length) for run, length in zip(signals, lengths, strict=True)]
@@ -106,7 +106,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
 
     Power that was recorded as voltage times current is that at the battery's terminals. Motor current is the thrust
     over the thrust per ampere, plus the current at rest; a descent that the robot rolls down draws none, as in the
-    power of the drive. The effects are those of the robot, not of `met`.
+    power of the drive. Effects are those of the robot: `met` gives only conditions and errors of instruments.
     """
     met = met or WithEffects()
     means = []
@@ -127,7 +127,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
 
 
 def _loaded(robot: Robot, run: Signals, **met: Any) -> tuple[Array, Array]:
-    """Power and wheel force of a robot with the run's recorded load beside that of its file, shape (n,) each.
+    """Power, W, and wheel force, N, of a robot with the run's recorded load beside that of its file, (samples,) each.
 
     Interpolated between a few loads: both are piecewise linear in the load, with kinks where the drive draws nothing.
     """
