@@ -28,7 +28,7 @@ _AROUND_S = 4.0  # largest error of an estimated moment
 _SHORTEST = 4  # windows in a block, on average
 _MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
 _FEWEST_BLOCKS = 8  # by time or place; chosen: fewer are not searched
-SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # of the squared residual that a change must explain
+SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # penalties: shares of the squared residual that a change must explain
 _MOST_LEVELS = 4  # of a schedule; chosen
 _PLACES = 150  # blocks along the way; chosen
 _KNOTS = (6, 12, 24)  # hats of the profiles; chosen: coarse to fine by factors of two
@@ -37,18 +37,18 @@ _SAME = 0.02  # share of windows in which two schedules may differ and count as 
 
 @dataclass(frozen=True)
 class Schedule:
-    """Level of each window, shape (windows,): 0 is the level that the others are counted from."""
+    """A piecewise constant size of an effect: level of each window, shape (windows,), 0 the reference level."""
 
     axis: Axis
     level: Index
     levels: int
     changes: int  # moments or places at which it changes
     apart: float  # distance of its levels, in standard deviations of their residual
-    found_by: tuple[float, ...]  # shares of the squared residual that a change must explain by which it is found
+    found_by: tuple[float, ...]  # penalties (see `SHARES`) with which it is found
 
     @property
     def share(self) -> float:
-        """The second that finds it, if there is one: a search in a part of the windows then finds it too."""
+        """The second largest penalty that finds it, if any: a search in a part of the windows then finds it too."""
         return self.found_by[:2][-1]
 
     def at_work(self) -> Array:
@@ -62,7 +62,7 @@ class Schedule:
 
 
 def clearly_apart(schedule: Schedule | None) -> bool:
-    """Whether there are gaps between levels: a schedule that fits autocorrelated noise has none."""
+    """Whether the levels are separate: those of a schedule that fits autocorrelated noise are not."""
     return schedule is not None and schedule.apart > rules.CLEARLY_APART
 
 
@@ -112,12 +112,11 @@ def place_of(runs: Runs) -> Array | None:
 def search(
     axis: Axis, shape: Array, residual: Array, runs: Runs, signed: bool, shares: Sequence[float] = SHARES
 ) -> list[Schedule]:
-    """Find when, or where on the way from base, the size of a shape changes: schedules of few changes to many.
+    """Find the change points of a load's size, in time or on the way from base: schedules of few changes to many.
 
-    The number of changes is chosen later, by BIC with the autocorrelation of each residual.
-    The size multiplies `shape`, (windows,), of a `residual` of the same shape. Unless `signed`, the lowest size counts
-    as none. A change must explain such `shares` of the squared residual, the largest first. By place nothing is found
-    where no place is revisited.
+    The `residual`, W or A, is modelled as the size times `shape`, (windows,) each. A change must explain such `shares`
+    of its square, the largest first; their number is chosen later, by BIC with the autocorrelation of each residual.
+    Unless `signed`, the lowest size counts as none. By place nothing is found where no place is revisited.
     """
     if axis == "time":
         parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
@@ -200,7 +199,7 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
 
 
 def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
-    """Group of each of n ascending values, in 2 to `most` groups with the least squared distance to their means.
+    """Group of each of n ascending values, in 2 to `most` groups: k-means, the least squared distance to their means.
 
     Exact, by dynamic programming over the ends of groups; `times`, shape (n,), is how often each value occurs.
     """

@@ -1,6 +1,6 @@
-"""Explanation of a mismatch: named effects, or a formula of the channels, or neither; and the remaining residual.
+"""Which explanation of a mismatch stands: named effects, a formula of the channels, or neither; and what remains.
 
-An effect that needs a schedule is compared with what was recorded: where the robot's motion alone, or a formula of a
+An effect that needs a schedule is compared with recorded confounders: where the robot's motion alone, or a formula of a
 channel, predicts held-out stretches as well, the cause was recorded and the effect is not named.
 """
 
@@ -145,8 +145,8 @@ class _Residual:
         return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
 
     def checked_against_motion(self, naming: Naming, location: Location | None) -> tuple[Naming, Location | None]:
-        """Name nothing where the effects explain too little of the residual, or where motion, its history or the place
-        explain as much as the schedule of the first.
+        """Name nothing where the effects explain too little of the residual, or where a confounder (motion, its
+        history, the place) explains as much as the schedule of the first.
 
         Where no other effect explains the residual either, return where it is.
         """
@@ -184,7 +184,7 @@ def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> b
     it.
 
     The channel is identified before the form: an effect that only absorbs a part of another channel's influence would
-    hide it. A state of charge that falls in every run may only stand for time.
+    hide it. A state of charge that falls in every run is confounded with time.
     """
     if most.channel.name == "soc":
         return False

@@ -1,10 +1,10 @@
-"""A formula for a residual that no known effect explains: sparse, dimensionally consistent, and empirical.
+"""Symbolic regression of a residual that no known effect explains: a sparse, dimensionally consistent formula.
 
 Candidates are the weight's power m g v, the drive's load, or plain watts, times at most two dimensionless groups of the
-channels (|w| B / v_max, a / g, sin(grade), ...) with small powers. At most two terms are taken, one after the other, by
+channels (|w| B / v_max, a / g, sin(grade), ...) with small powers. At most two terms are taken by forward selection, by
 held-out error and by the extended BIC, with a penalty for the size of the search (Chen & Chen, Biometrika 2008). It is
 validated as the catalogue's effects are, and its placebos repeat the whole search on channels shifted in time: the best
-of thousands of candidates counts only if it beats the best of thousands without a cause.
+of thousands of candidates counts only if it beats the best of thousands that cannot be a cause.
 """
 
 from collections import defaultdict
@@ -58,7 +58,7 @@ class Empirical:
     delta_bic: float
     held_out_gain: float  # share of the refit's squared held-out error
     gain_ci95: tuple[float, float]
-    p_value: float  # share of searches without a cause that score as high
+    p_value: float  # share of placebo searches that score as high
 
     @property
     def text(self) -> str:
@@ -210,7 +210,7 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
 
 
 def _placebo_p_value(search: Search, present: Sequence[int], score: float, seed: int) -> float:
-    """Share of searches, this one included, that find as good a term on channels shifted in time."""
+    """P-value: share of searches, this one included, that score as high on placebos, channels shifted in time."""
     rng, parts = np.random.default_rng(seed), search.library.parts
     found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(rules.PLACEBOS)]
     return (1 + sum(one >= score for one in found)) / (rules.PLACEBOS + 1)

@@ -1,9 +1,9 @@
-"""A hypothesis: one effect as the diagnosis tries, reports and verifies it.
+"""A hypothesis: one effect or fault, the regressors that it adds to the refit, and how it is reported and verified.
 
-An effect whose channels show when it is at work needs only its entry: every other field has a default. Its contribution
+An effect whose channels show when it is at work needs only its entry: every other field has a default. Its regressor
 comes from the kernel: the replay with the effect less the replay without it. Where no channel shows it, its size
-follows a schedule found from the residual, and the way it changes distinguishes such effects: a load is added at
-standstill, the ground changes while the robot moves, a battery ages between runs.
+follows a schedule with change points found from the residual, and the way it changes distinguishes such effects:
+a load is added at standstill, the ground changes while the robot moves, a battery ages between runs.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Instrument:
 
 @dataclass(frozen=True)
 class Term:
-    """One form of a hypothesis: its contribution per unit of size, shape (windows, sizes), and bounds of the sizes.
+    """One form of a hypothesis: its regressors, (windows, sizes), in W or A per unit of size, and bounds of the sizes.
 
     `hidden` counts parameters that were searched beside the sizes, for BIC.
     """
@@ -82,7 +82,7 @@ class Term:
     low: Array  # (sizes,)
     high: Array
     hidden: int = 0
-    shape: Numbers = field(default_factory=dict)
+    shape: Numbers = field(default_factory=dict)  # values of the effect's other parameters
     axis: Axis | Literal["steady"] = "steady"  # what the size depends on
     schedule: Schedule | None = None
     spread: Spread = field(default_factory=dict)  # intervals of parameters estimated from the schedule
@@ -154,7 +154,7 @@ def responses(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Form as any function that rises with its channel, W: the channel is identified before the form."""
+    """Form as any increasing, piecewise linear function of its channel: the channel is identified before the form."""
     values = setting.runs.context.get(one.rises_with.lstrip("-"))
     if not one.rises_with or values is None or not np.isfinite(values).all():
         return
@@ -170,7 +170,7 @@ def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Forms with levels that change at moments or places found from the residual, or with a smooth profile by place."""
+    """Forms whose size has change points, in time or place, found from the residual, or a smooth profile by place."""
     load = None if one.changes is None else one.load(one, setting)
     if one.changes is None or load is None:
         return
@@ -204,7 +204,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def everywhere(one: Hypothesis, setting: Setting) -> Array:
-    """A load of one watt."""
+    """A load of one watt in all windows, shape (windows,)."""
     return np.ones(len(setting.runs.observed))
 
 

@@ -1,4 +1,4 @@
-"""The corrected model: refit groups and named effects fitted together through the kernel, with intervals."""
+"""The corrected model: nonlinear least squares of refit groups and named effects together, with 95 % intervals."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Model:
         return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
 
     def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
-        """The terms that the replay includes."""
+        """The terms that are not linear in their sizes, as additions to the replay."""
         found = WithEffects()
         for index, term in enumerate(self.terms):
             if not term.linear and index != leave_out:
@@ -287,6 +287,7 @@ def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
 
 
 def _linearised(model: Model, runs: Runs, theta: Array, values: Array, moving: Mask) -> tuple[Array, Array]:
+    """Prediction, (windows,), and its Jacobian by the groups that are `moving` and the unknowns, (windows, columns)."""
     predicted = model.predict(runs, theta, values)
     groups = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values))
     columns = [column * bool(open_) for column, open_ in zip(groups, moving, strict=True)]

@@ -75,7 +75,7 @@ class Drive:
         return 1.0 if what is None else {"route": 0.0, **self.manoeuvre.there}.get(what, 1.0)
 
     def predict(self, theta: Array, extra: WithEffects | None = None) -> Array:
-        """Simulated power or current; zero where everything is off."""
+        """Simulated power, W, or current, A, shape (samples,); zero where everything is off."""
         predict = self.fit.parameters.predict
         power, on_top = predict(self.runs, theta, extra), self.manoeuvre.known_mass
         if np.any(on_top):

@@ -1,9 +1,9 @@
-"""Whether recorded motion explains a residual, so that no schedule of an unrecorded cause is needed.
+"""Whether recorded motion is a confounder: whether it explains a residual, so that no unrecorded cause is needed.
 
 A schedule of levels in time fits any intermittent cause, also one that a channel shows in a form outside the catalogue.
 Boosted trees on the motion, now and in the minutes before, have no feature of a load or of the ground. If they predict
-runs that were held out about as well as the schedule does, its cause was recorded, and the effect must not be named.
-Nor may effects that channels show, where the trees explain clearly more than they do.
+held-out runs about as well as the schedule does, its cause was recorded, and the effect must not be named. Nor may
+effects that channels identify, where the trees explain clearly more than they do.
 """
 
 from collections.abc import Sequence
@@ -49,8 +49,8 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, seed: int) -> float
 
     Motion that causes a load does so in every run: where there are enough runs, whole ones are held out. Motion that
     explains half as much there is the cause, unless the time since the start of a run explains more. Within a run the
-    history of the motion also encodes time: in fewer runs, stretches are held out, cut from each `block`, (windows,),
-    and motion must explain nearly as much.
+    history of the motion is confounded with time: in fewer runs, stretches are held out, cut from each `block`, of
+    shape (windows,), and motion must explain nearly as much.
     """
     fold, by = cut_folds(runs, block)
     by_motion = motion_gain(fit, runs, fold, seed)

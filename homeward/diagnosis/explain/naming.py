@@ -1,4 +1,4 @@
-"""Which physics is missing: every hypothesis fitted together with the refit, alone and in pairs, and validated.
+"""Which physics is missing: forward selection of hypotheses, fitted together with the refit, alone and in pairs.
 
 A hypothesis must predict held-out stretches better than the refit by a stated share with an interval that excludes
 zero, lower the Bayesian information criterion, and score higher than placebos searched in the same way.
@@ -70,7 +70,7 @@ class Naming:
         return Naming(ranking=self.ranking, absorbed=self.absorbed)
 
     def needs_unrecorded_channel(self, runs: Runs) -> bool:
-        """Whether the first named effect, or a rival of it, may only stand in for an unrecorded channel."""
+        """Whether the first named effect, or a rival of it, may be confounded with an unrecorded channel."""
         terms = [term for one in self.named[:1] for term in (one.term, *one.rivals)]
         lacking = (runs.context.get(one.hypothesis.map_channel) for one in terms if one.hypothesis.map_channel)
         return any(values is None or not np.isfinite(values).all() for values in lacking)
@@ -118,8 +118,8 @@ def name_missing(
 
 
 def _beside(one: Named, named: Sequence[Named], by_motion: Callable[[], float]) -> bool:
-    """Whether a further effect is more than a misfit in the form of the named ones: a schedule also fits such a misfit,
-    unless it changes in steps, beside another schedule clear ones, and motion does not account for it."""
+    """Whether a further effect is more than misspecification of the named ones: a schedule may fit that as well, unless
+    it changes in steps (beside another schedule, in clear ones) and motion does not account for it."""
     if one.term.axis == "time":
         clear = clearly_apart(one.term.schedule) or all(other.term.axis != "time" for other in named)
         if not (one.term.typical and one.sudden and clear):
@@ -232,6 +232,7 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
 
 
 def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: int) -> Named | None:
+    """A hypothesis with its evidence, where it passes every test; otherwise None."""
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
@@ -254,7 +255,7 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     p_value = bench.p_value(chosen, independent, seed)
     if p_value > rules.FALSE_ALARM_RATE:
         return None
-    if bench.held_out_bic(chosen) < rules.STRONG_BIC:  # the steps prove it: rivals by the same evidence
+    if bench.held_out_bic(chosen) < rules.STRONG_BIC:  # identified by its steps: rivals by the same evidence
         alone = np.array([bench.innovations_bic(index) for index in range(len(bench.candidates))])
     rivals = _rivals(bench, chosen, alone)
     return Named(_with_plain(bench, chosen), delta_bic, share, interval, p_value, rivals, sudden)
@@ -271,8 +272,8 @@ def _with_plain(bench: Bench, chosen: int) -> Term:
 
 
 def _followed(bench: Bench, chosen: int) -> float:
-    """Share of the channels' errors that a hypothesis may fit: all by place, where they repeat; in time one independent
-    window for each of its levels."""
+    """Share of the channels' errors that a hypothesis may absorb: all by place, where they repeat; in time one
+    independent window for each of its levels."""
     term = bench.candidates[chosen]
     if term.axis != "time":
         return float(term.axis == "place")
@@ -298,6 +299,6 @@ def _rivals(bench: Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
 
 
 def shifted_in_time(columns: Array, rng: np.random.Generator) -> Array:
-    """The columns shifted circularly over all runs by a random time: the same values, no cause."""
+    """Placebo: columns, (windows, columns), shifted circularly over all runs by a random time, which are no cause."""
     margin = len(columns) // 10
     return np.roll(columns, int(rng.integers(margin, len(columns) - margin)), axis=0)

@@ -1,4 +1,7 @@
-"""Where a mismatch is located and an effect is at work: stretches of the recordings, and their condition in words."""
+"""Where and when a mismatch occurs or an effect is at work: stretches of the recordings and a condition in words.
+
+A condition on a channel is one split of its values, by least squares or by its overlap (F1) with the stretches.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -174,7 +177,7 @@ def largest(found: Sequence[Place]) -> str:
 
 
 def total_share(contribution: Array, runs: Runs) -> float:
-    """Energy (or charge) of an effect over all that was recorded."""
+    """Ratio of the energy (or charge) of an effect to all that was recorded."""
     drawn = float(np.abs(runs.observed * runs.duration_s).sum())
     return float(np.abs(contribution * runs.duration_s).sum()) / drawn if drawn > 0.0 else 0.0
 

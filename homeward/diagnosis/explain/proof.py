@@ -1,14 +1,15 @@
-"""Cross-validation of hypotheses: each fitted beside the refit and scored on held-out windows, its searches included.
+"""Evidence for hypotheses: held-out error by cross-validation, BIC, and p-values by placebo tests.
 
-Levels of a schedule are searched anew in every fold, on its training windows. Where an effect changes in time,
-stretches of a few windows are held out, as the windows around them determine its level; elsewhere whole blocks are.
+Each is fitted beside the refit. Levels of a schedule are searched anew in every fold, on its training windows. Where an
+effect changes in time, stretches of a few windows are held out, as the windows around them determine its level;
+elsewhere whole blocks are.
 
-The null distribution comes from placebos. Hypotheses without a search are all tried on residuals whose blocks have
-random signs, which keeps autocorrelation and heteroscedasticity (wild cluster bootstrap: Cameron, Gelbach & Miller,
-2008), and the best of them counts (Westfall & Young, 1993). A search is repeated on every placebo, until some score as
-high (Besag & Clifford, 1991): also on random signs of blocks or, for repeated changes, on Gaussian noise of the same
-spectrum (Theiler et al., 1992), which has no levels. The p-value comes from the exponential tail of their scores
-(Winkler et al., 2016), times the number of kinds of searches: those of one kind differ only in the load.
+Hypotheses without a search are all tried on placebos, residuals whose blocks have random signs, which keeps
+autocorrelation and heteroscedasticity (wild cluster bootstrap: Cameron, Gelbach & Miller, 2008), and the largest score
+counts (Westfall & Young, 1993). A search is repeated on every placebo, until some score as high (Besag & Clifford,
+1991): also on random signs of blocks or, for repeated changes, on surrogates, Gaussian noise of the same spectrum
+(Theiler et al., 1992), which has no levels. The p-value comes from the exponential tail of their scores (Winkler
+et al., 2016), times the number of kinds of searches: those of one kind differ only in the load.
 """
 
 from __future__ import annotations
@@ -172,11 +173,11 @@ class Bench:
         return self._error_of((), self._in_time(chosen))
 
     def score(self, share: float, independent: float, *chosen: int) -> float:
-        """Evidence for these hypotheses beside the base, as a difference of BIC, from the held-out share."""
+        """Reduction of BIC by these hypotheses beside the base, from held-out share and effective sample size."""
         return float(-independent * np.log(max(1.0 - share, 1e-300)) - self._freedom(chosen) * np.log(independent))
 
     def held_out_bic(self, *chosen: int) -> float:
-        """The same, with the number of independent windows of their residual."""
+        """The same, with the effective sample size of their residual."""
         share = self.share(*chosen)
         independent = self.independent(*chosen) if -np.log(max(1.0 - share, 1e-300)) > _WORTH_A_LOOK else 2.0
         return self.score(share, independent, *chosen)
@@ -189,7 +190,7 @@ class Bench:
         return float(windows * gained - self._freedom((chosen,)) * np.log(windows))
 
     def is_in_steps(self, chosen: int) -> bool:
-        """Whether its size changes at moments that stand out, and the residual is no drift that levels follow."""
+        """Whether its size changes in steps that stand out from the innovations, unlike levels that follow a drift."""
         one = self.candidates[chosen]
         in_time = one.axis == "time" and one.schedule is not None
         return in_time and self.innovations_bic(chosen) >= rules.STRONG_BIC
@@ -207,7 +208,7 @@ class Bench:
         return cache(lambda chosen: _log_innovation(self._left(chosen), self.runs.run))
 
     def independent(self, *chosen: int) -> float:
-        """Number of independent windows, from the autocorrelation time of the residual of these hypotheses.
+        """Effective sample size, windows, by the autocorrelation time of the residual of these hypotheses.
 
         The residual of a wrong model has the autocorrelation of what it lacks, and counts for less. But steps that are
         clearly above the residual are identified by the windows around them, so that only short lags count.
@@ -225,7 +226,7 @@ class Bench:
         return np.asarray(self.target - self._whole.columns[:, columns] @ weights)
 
     def absorbed(self) -> dict[str, float]:
-        """Share of each effect that the refit absorbs: of several forms, the least absorbed one counts."""
+        """Share of each effect that the refit absorbs (R^2 of its columns on the refit's): the least of its forms."""
         gram, base = self._whole.fitted, np.arange(self.model.jacobian.shape[1])
         inverse = np.linalg.pinv(gram[np.ix_(base, base)], rcond=1e-10)
         shares: dict[str, float] = {}
@@ -290,7 +291,7 @@ class Bench:
         return best
 
     def _placebos(self, chosen: int, rng: np.random.Generator) -> Iterator[Array]:
-        """Targets without a cause; signs are random by blocks longer than the autocorrelation of the residual."""
+        """Targets under the null hypothesis, (windows,) each; blocks of one sign outlast the residual's correlation."""
         block = cut_blocks(self.runs.run, self._left((chosen,)))
         for _ in range(_SEARCHES):
             if self.candidates[chosen].hypothesis.changes == "repeatedly":
@@ -355,7 +356,7 @@ def _ridge(gram: Array, moments: Array) -> Array:
 
 
 def _of_same_spectrum(values: Array, rng: np.random.Generator) -> Array:
-    """Gaussian noise with the same spectrum: random phases.
+    """Phase-randomised surrogate: Gaussian noise with the same spectrum, shape (windows,).
 
     >>> noise = _of_same_spectrum(np.array([3.0, 1.0, -2.0, 4.0]), np.random.default_rng(0))
     >>> round(float(noise @ noise), 9)

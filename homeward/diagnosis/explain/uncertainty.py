@@ -26,7 +26,7 @@ from homeward.physics import Robot, d_max
 
 _STEP = 1e-3  # of a group, for differences
 _TRIED = 9  # values of a number over its range
-_AS_LIKELY = float(chi2.ppf(0.95, 1))  # twice the logarithm of a ratio of likelihoods
+_AS_LIKELY = float(chi2.ppf(0.95, 1))  # least likelihood-ratio statistic that is significant at 5 %
 _SIGNS: Mapping[int, Together] = {1: "product", -1: "ratio"}
 
 
@@ -59,6 +59,7 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
 
 
 def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
+    """Products of a held group and an effect whose contribution is proportional to it."""
     problem, theta = model.parameters, model.theta
     found = []
     for index in np.flatnonzero(model.groups.held):
@@ -130,7 +131,7 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
 
 @dataclass(frozen=True)
 class Open:
-    """A fitted model, of all that fit as well the one closest to the robot file, and the others."""
+    """Of the models that fit as well (profile likelihood), the one closest to the robot file, and the others."""
 
     model: Corrected
     others: tuple[Corrected, ...] = ()
@@ -207,7 +208,7 @@ class Open:
 
 
 def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
-    """Try other parameters of the effects of a model, beside a refit that holds the groups which the model holds."""
+    """Profile likelihood of the parameters of a model's effects; `fit` holds the groups that the model holds."""
     terms = model.model.terms
     found = [model, *(fit_model(fit, other, runs, block) for other in _other_terms(fit, terms, runs))]
     best = min(found, key=lambda one: _error(one, runs))

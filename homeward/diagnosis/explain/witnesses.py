@@ -1,4 +1,4 @@
-"""Effects that other channels than power show: voltage, state of charge, and a distance beside the odometer.
+"""Which effects other channels than power identify: regressions of voltage and state of charge, a check of odometry.
 
 Power at the terminals does not show losses inside the battery. But the voltage sags by the current times a resistance,
 and the state of charge falls by the energy drawn and lost over the capacity. One capacity for all runs is a parameter,
@@ -40,12 +40,12 @@ _SEARCHED = 3.0  # upper end of the search, over the linear estimate
 
 @dataclass(frozen=True)
 class Witnessed:
-    """An effect that another channel than power shows."""
+    """An effect that another channel than power identifies."""
 
     hypothesis: Hypothesis
     parameters: Mapping[str, Value]
     contribution: Array  # (windows,), W
-    proof: Proof  # in the channel that shows it
+    proof: Proof  # in the channel that identifies it
     rivals: tuple[str, ...]  # effects that are confounded with it in that channel
     sentence: str  # the evidence, in words
 
@@ -64,21 +64,21 @@ class Capacity:
     fitted_j: float  # one for all runs
     ci95: tuple[float, float]
     off: bool  # significantly differs from assumed, and is the same in all runs
-    rivals: tuple[str, ...] = ()  # losses inside a battery as the file has it that explain the charge as well
+    rivals: tuple[str, ...] = ()  # losses that explain the charge as well, with the file's capacity
 
 
 def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[Witnessed, ...]]:
-    """Effects shown by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
+    """Effects identified by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, seed)
     inside_w = np.zeros(len(runs.observed)) if sag is None else sag.contribution
-    capacity, shown = _gauge(fit, runs, inside_w, block, seed)
+    capacity, shown = _state_of_charge(fit, runs, inside_w, block, seed)
     found = (sag, shown, _odometer(fit, runs))
     return capacity, tuple(one for one in found if one is not None)
 
 
 class _Reading:
-    """A channel that is to be explained, where it is known, less its mean over stretches without a gap.
+    """Regression of a channel, where it is known, with fixed effects: a mean for each stretch without a gap.
 
     The energy drawn in a gap is unknown. Columns have shape (known windows, columns).
     """
@@ -93,18 +93,18 @@ class _Reading:
         self.target = self.within(values)
 
     def within(self, values: Array) -> Array:
-        """Values of all windows as the channel has its own, shape (known windows,)."""
+        """Within transformation of values of all windows, less the mean of their stretch, shape (known windows,)."""
         values = values[self.known]
         count = np.maximum(np.bincount(self.stretch), 1)
         return np.asarray(values - (np.bincount(self.stretch, values) / count)[self.stretch])
 
     def summed(self, rate: Array) -> Array:
-        """A rate of all windows summed over time, to the middle of each window."""
+        """A rate of all windows integrated over time, to the middle of each window, shape (known windows,)."""
         amount = rate * self.duration_s
         return self.within(np.cumsum(amount) - 0.5 * amount)
 
     def fit(self, columns: Array) -> tuple[Array, Array]:
-        """Coefficients of columns and their standard errors."""
+        """Coefficients of columns and their standard errors, clustered by block, shape (columns,) each."""
         found = _fit(columns, self.target)
         return found, standard_errors(columns, self.target - columns @ found, self.block)
 
@@ -174,7 +174,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     )  # fmt: skip
 
 
-def _gauge(
+def _state_of_charge(
     fit: Refit, runs: Runs, inside_w: Array, block: Index, seed: int
 ) -> tuple[Capacity | None, Witnessed | None]:
     """Capacity by the state of charge, and an effect that changes its fall; None of both where it hardly fell."""
@@ -332,7 +332,7 @@ class _Losses:
 
 
 def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
-    """A capacity that shrinks from run to run."""
+    """Ageing: a capacity that shrinks from run to run."""
     numbers = np.unique(channel.run)
     if len(numbers) < FEWEST_RUNS:
         return None

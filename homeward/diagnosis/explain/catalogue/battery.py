@@ -19,6 +19,7 @@ _ENDS = (0, 1, 2, 3, 5, 8)  # windows after a start, in steps that grow: four se
 
 
 def _references(setting: Setting) -> Iterator[Numbers]:
+    """Reference powers that are tried: a low and the median quantile of the power drawn."""
     drawn = setting.runs.observed[setting.runs.observed > 0.0]
     for value in np.unique(np.quantile(drawn, [0.02, 0.5])) if len(drawn) else []:
         yield {"reference_w": float(value)}

@@ -18,6 +18,7 @@ _EXPOSED = {"exposure": 1.0}
 
 
 def _rougher(one: Hypothesis, setting: Setting) -> Array:
+    """Contribution per unit of relative rise of the rolling resistance, W or A, shape (windows,)."""
     theta = setting.theta.copy()
     theta[ROLLING] += _CHANGE * setting.rolling_kg
     return (setting.parameters.predict(setting.runs, theta, setting.present) - setting.predicted) / _CHANGE

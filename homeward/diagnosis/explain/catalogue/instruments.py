@@ -25,6 +25,7 @@ def _also_creeping(one: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def _lags(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+    """A constant delay of the power reading, linearised at each of several lags."""
     for lag_s in _LAGS_S:
         shape = {"lag_s": lag_s}
         late = one.within(one, setting.present, shape, setting.runs)
