@@ -67,7 +67,7 @@ AGENT_WORDS = {
     "dmax_belief": "estimates robot and wind online, predicts the way home, with a reserve of k standard deviations",
     "planner": "estimates robot and wind online, turns back accordingly, and plans speed, sensing and stops",
     "ppo": "a network trained by PPO from the d_max rule, with the estimated robot and wind as inputs",
-    "ppo_scratch": "a network trained by PPO from nothing, on the observation alone",
+    "ppo_scratch": "a network trained by PPO from scratch, on the observation alone",
 }
 """What each agent does."""
 

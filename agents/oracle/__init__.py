@@ -1,8 +1,8 @@
-"""The optimum of a mission with full knowledge of its route and its hidden variables, as two scores.
+"""Upper and lower bound of the optimal score of a mission, with full knowledge of its route and hidden variables.
 
-The upper one is a bound that no policy on the same action grid exceeds, see `homeward.agents.oracle.bound`. The lower
-one is the score that a sequence of actions has in the environment. Dynamic programming over the environment's own step
-finds it, around the plan and with the Lagrange multipliers of the bound, see `homeward.agents.oracle.kernel.search`.
+No policy on the same action grid exceeds the upper bound, see `homeward.agents.oracle.bound`. The lower bound is the
+score of a sequence of actions in the environment. Dynamic programming with the environment's own step finds it, around
+the plan and with the Lagrange multipliers of the upper bound, see `homeward.agents.oracle.kernel.search`.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ class OracleError(ValueError):
 
 
 _TOGETHER = 20
-"""Episodes of one task."""
+"""Episodes of one parallel task."""
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """The optimum of each episode.
+    """Bounds of the optimal score of each episode.
 
     Attributes:
-        lower: Score of the actions in the environment, shape (episodes,).
-        upper: Score that no policy on the action grid exceeds, shape (episodes,).
+        lower: Lower bound: score of the actions in the environment, shape (episodes,).
+        upper: Upper bound of the score of any policy on the action grid, shape (episodes,).
         actions: Speed level, sensing level and mode of each decision, one array of shape (decisions, 3) per episode.
     """
 
@@ -51,7 +51,7 @@ class Optimum:
 
 
 def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | None = None) -> Optimum:
-    """Find the optimum of episodes: those of an environment reset with the same seeds.
+    """Bound the optimal score of episodes: those of an environment reset with the same seeds.
 
     Args:
         options: Keyword arguments of the environment.

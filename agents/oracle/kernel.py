@@ -1,4 +1,16 @@
-"""What the oracle computes in compiled code: every decision in it is rolled by the environment's own `decide`."""
+"""Compiled part of the oracle: dynamic programming and measurements with the environment's own step, `decide`.
+
+Arguments that functions share:
+
+    constants: `CONSTANTS_DTYPE`, shape (1,).
+    robots: True robot, `ROBOT_DTYPE`, shape (1,).
+    routes: `ROUTE_DTYPE`, shape (1,), with every place seen.
+    starts: Mission at its start, `MISSION_DTYPE`, shape (1,); not changed.
+    works: Work space, `MISSION_DTYPE`, shape (1,).
+    step_m: Distance between points along the route, from home on, m.
+    j_per_s: Energy that a second is worth: ratio of the Lagrange multipliers of time and energy, J/s.
+    home_j, home_s: Energy (J) and time (s) of the best way home from every point, shape (points,).
+"""
 
 from __future__ import annotations
 
@@ -15,15 +27,25 @@ from homeward.physics import model
 from homeward.physics.jit import compiled
 
 _HAIR_M = 1e-6
-"""Way of a roll that stays where it is."""
-_NONE = -1e300  # score of what was not reached: below any, and finite
+"""Distance of a decision that measures at one point, m. Chosen: far below the length of a place."""
+_NONE = -1e300  # value of an empty cell: below any, and finite
 CELLS = 16
-"""Cells of energy, and of backlog, around a plan. Chosen: memory and time grow with the product of both."""
+"""Number of cells of energy, and of backlog, around a plan. Chosen: memory and time grow with its square."""
 
 
 @compiled
 def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: int, mode: int) -> None:
-    """One decision of the environment, from the action grid."""
+    """Apply one decision to a mission.
+
+    Args:
+        m: Mission record, changed.
+        p: Record of the true robot.
+        route: Route record.
+        c: Record of the constants.
+        speed_level: Level of the action grid, 0 to 4.
+        sensing_level: The same of the sensing rate.
+        mode: `STOP`, `GO` or `RETURN`.
+    """
     s = c.shared
     speed_mps = at_level(speed_level, s.min_speed_mps, s.max_speed_mps)
     sensing_hz = at_level(sensing_level, 0.0, s.max_sensing_hz)
@@ -33,7 +55,7 @@ def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: i
 
 @compiled
 def see_route(constants: Any, missions_begun: Any, routes: Any) -> None:
-    """Let the robot have seen every place of its route."""
+    """Enter every place of the route into the robot's map, as if it had driven there. `routes` is changed."""
     c, m, route = constants[0], missions_begun[0], routes[0]
     for k in range(1, c.shared.places):
         before = route.places[k - 1]
@@ -56,17 +78,16 @@ def measure(
     samples_per_m: Any,
     radio_hz: Any,
 ) -> None:
-    """Roll decisions of every kind in every place.
+    """Measure powers, score, samples and radio in every place, by one short decision of each kind.
+
+    The weather is the most favourable of the mission: the least headwind out, the strongest tail wind home, and the
+    warmest air.
 
     Args:
-        constants: `CONSTANTS_DTYPE`, shape (1,); its shared record is changed: decisions are short, and memory and
-            radio are switched off and on.
-        robots: True robot, shape (1,).
-        routes: Route, shape (1,), every place of it seen.
-        starts: Mission that has just begun, `MISSION_DTYPE`, shape (1,).
-        works: Room for another.
+        constants: Shared record changed: decisions are short, the memory is unlimited, and the radio is off except when
+            it is measured.
         pieces: Pieces of a place.
-        out_w: Written, and all that follow, as in `homeward.agents.oracle.rates.Rates`.
+        out_w: Written, as are the following ones; shapes and units as in `homeward.agents.oracle.rates.Rates`.
     """
     c, p, route, m = constants[0], robots[0], routes[0], works[0]
     s, radio = c.shared, c.shared.radio_hz
@@ -111,7 +132,11 @@ def measure(
 
 @compiled
 def _weather(works: Any, starts: Any, winds: Any) -> Any:
-    """Winds of a mission, decision by decision, east and north; and how warm it gets."""
+    """Simulate the weather of a mission, and return its highest air temperature, C.
+
+    Args:
+        winds: Written, east and north component of the wind at every decision, m/s, shape (decisions, 2).
+    """
     works[0] = starts[0]
     m = works[0]
     warmest_c = m.temperature_c
@@ -125,7 +150,7 @@ def _weather(works: Any, starts: Any, winds: Any) -> Any:
 
 @compiled
 def _headwinds(winds: Any, place: Any) -> Any:
-    """Least and most wind against the way out at a place, of all that blow during the mission."""
+    """Least and greatest headwind of the way out at a place, m/s, of winds of shape (decisions, 2)."""
     least, most = np.inf, -np.inf
     for n in range(len(winds)):
         headwind_mps = model.headwind(winds[n, 0], winds[n, 1], place.east, place.north)
@@ -135,7 +160,7 @@ def _headwinds(winds: Any, place: Any) -> Any:
 
 @compiled
 def _blow(m: Any, headwind_mps: float, temperature_c: float) -> None:
-    """Let one wind blow against the way out where the robot is, for good, and the air be so warm."""
+    """Set a constant headwind of the way out (m/s) and a constant air temperature (C)."""
     m.mean_east_mps, m.mean_north_mps = headwind_mps * m.here.east, headwind_mps * m.here.north
     m.gust_east_mps = m.gust_north_mps = m.gust_kick = m.warming_k = 0.0
     m.temperature_c = temperature_c
@@ -143,7 +168,7 @@ def _blow(m: Any, headwind_mps: float, temperature_c: float) -> None:
 
 @compiled
 def _set_out(works: Any, starts: Any, route: Any, k: int, position_m: float, speed_mps: float) -> None:
-    """Put a robot as at its start into a place that it comes to for the first time."""
+    """Copy the start into `works`, moved to a position in place `k` that is reached for the first time, at a speed."""
     works[0] = starts[0]
     m = works[0]
     m.place, m.position_m, m.furthest_m, m.speed_mps = k, position_m, position_m, speed_mps
@@ -162,13 +187,17 @@ def way_home(
     home_j: Any,
     home_s: Any,
 ) -> None:
-    """Least energy home, and the time that it takes, from multiples of a step along the route: dynamic programming.
+    """Find the best way home from every point by dynamic programming, from home outwards.
+
+    With x' the position after one decision from x towards home at the speed v,
+
+        J(0) = 0,  J(x) = min over v of energy(x, v) + j_per_s * time(x, v) + J(x').
+
+    J(x') is interpolated linearly between points. Battery and weather are those of the start at every point.
 
     Args:
-        step_m: Distance between the points, m.
-        j_per_s: What a second is worth, J.
-        home_j: Written, shape (points,).
-        home_s: Written, shape (points,).
+        home_j: Written, the energy in J(x); left as it is where no speed gets there before the battery is empty.
+        home_s: Written, the time in J(x), likewise.
     """
     c, p, route, m = constants[0], robots[0], routes[0], works[0]
     s = c.shared
@@ -192,7 +221,7 @@ def way_home(
 
 @compiled
 def _at(values: Any, position_m: float, step_m: float) -> Any:
-    """Linear interpolation between points."""
+    """Interpolate values at points, shape (points,), linearly at a position; constant beyond the ends."""
     share = min(max(position_m, 0.0) / step_m, len(values) - 1.0)
     point = min(int(share), len(values) - 2)
     beyond = share - point
@@ -219,26 +248,30 @@ def search(
     actions: Any,
     found: Any,
 ) -> int:
-    """Search for the best way out, keeping of all missions in one cell the most promising: dynamic programming.
+    """Search for the best way out by forward dynamic programming, with one mission in each cell of the state space.
 
-    Cells are of distance driven, energy and backlog (on a patrol, time left of a pit stop) around a plan, and each
-    keeps a mission as the environment left it, so that what is found can be done. Distances are worked through in
-    order, with room for as many as a move may lead ahead.
+    Cells divide distance driven, and energy and backlog (on a patrol, time left of a pit stop) relative to a plan. Of
+    the missions in a cell the one with the greatest value is kept, as the exact record that the environment left:
+
+        value = score + p_0 * energy + p_1 * time left - p_2 * pit stop left - worth(x) * backlog + ahead(x)
+
+    This estimates the final score by the Lagrange multipliers of the bound. Cells are expanded by increasing distance,
+    with all actions. A successor is discarded if its energy or time do not suffice for the way home, if it is outside
+    the cells, or if its value is no greater than the best score found. A ring buffer holds the distances that one
+    decision can reach.
 
     Args:
-        room: Room for missions, `MISSION_DTYPE`, shape (distances, CELLS * CELLS).
-        rates: Sensing levels that are tried.
-        prices: Score that a joule and a second are worth, and a second of a pit stop costs, shape (3,).
-        worth: What a sample on board costs, at points along the route, shape (points,).
-        ahead: What lies ahead is worth away from home and towards it, shape (2, points).
-        plan: Energy (J) and backlog (samples) by plan, shape (2, points).
-        home_j: Least energy home, J, shape (points,).
-        home_s: Time that it takes, s, shape (points,).
-        step_m: Distance between points, m.
-        cells: Size of a cell: distance (m), energy (J), backlog (samples, or s), shape (3,).
-        parents: Written, the node before, shape (nodes,).
-        actions: Written, action that led there as speed + 5 * sensing, or -1 for a stop, shape (nodes,).
-        found: Written, the best missions found: score at home by estimate, and node, shape (kept, 2).
+        room: Work space for missions, `MISSION_DTYPE`, shape (distances, CELLS * CELLS).
+        rates: Number of sensing levels that are tried.
+        prices: Lagrange multipliers p, in score per J, per s and per s of a pit stop, shape (3,).
+        worth: Lagrange multiplier of a sample on board, score per sample, shape (points,).
+        ahead: Greatest Lagrangian of the rest of the mission, away from home and towards it, score, shape (2, points).
+        plan: Energy (J) and backlog (samples) of the plan, shape (2, points).
+        cells: Size of a cell: distance (m), energy (J), backlog (samples, or s of a pit stop), shape (3,).
+        parents: Written, the node before, -1 at the start, shape (nodes,).
+        actions: Written, action that led there as speed + 5 * sensing level, or -1 for a stop, shape (nodes,).
+        found: Written, the best missions in descending order: estimated score if it turns back now, and node, shape
+            (kept, 2).
 
     Returns:
         Number of nodes.
@@ -307,14 +340,14 @@ def search(
 
 @compiled
 def _cell(offset: float, size: float) -> int:
-    """Cell of an offset from the plan, of which there are as many on either side, or -1 beyond them."""
+    """Index of the cell of an offset from the plan, 0 to `CELLS` - 1 with the plan in the middle, or -1 outside."""
     cell = int(np.floor(offset / size + 0.5 * CELLS))
     return cell if 0 <= cell < CELLS else -1
 
 
 @compiled
 def _note(found: Any, score: float, node: int) -> None:
-    """Keep a mission that may turn back now among the best; the list is sorted."""
+    """Insert the score of a mission that turns back now into the best, sorted in descending order, shape (kept, 2)."""
     last = len(found) - 1
     if not score > found[last, 0]:
         return
@@ -338,11 +371,11 @@ def follow(
     step_m: float,
     actions: Any,
 ) -> int:
-    """Drive out by given actions and home by the way that costs least.
+    """Drive out by given actions, and then home, at every decision at the speed that minimises the J of `way_home`.
 
     Args:
         out: Actions of the way out, int64, shape (n, 3).
-        actions: Written, all actions, int64, shape (decisions, 3).
+        actions: Written, all actions, int64, shape (decisions, 3): speed level, sensing level and mode.
 
     Returns:
         Number of actions, or -1 if the robot does not come home.

@@ -1,4 +1,4 @@
-"""Plans that may change from metre to metre, by linear programming, and the prices that they set."""
+"""Linear programs whose plans may change speed and rate from metre to metre, and the multipliers of their duals."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from homeward.envs.actions import LEVELS
 
 @dataclass(frozen=True)
 class Plan:
-    """The best plan of a mission out and back that turns within a given place.
+    """Optimal plan of a mission out and back that turns within a given place.
 
     Attributes:
         turn: Index of that place.
-        prices: What the plan sets, allowed.
-        energy_j: Left at the far end of each piece up to that place, J, shape (pieces,).
+        prices: Lagrange multipliers of the limits, made valid by `allowed`.
+        energy_j: Energy left at the far end of each piece up to that place, J, shape (pieces,).
         backlog: Samples on board there, shape (pieces,).
     """
 
@@ -40,16 +40,17 @@ class Plan:
 
 
 def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
-    """Bound of the score of a mission out and back, and the best plan for the place where the bound is greatest.
+    """Upper bound of the score of a mission out and back, and the plan of the place where it is greatest.
 
-    Plans are made only for as many places as it takes: the prices of one bound the score of a turn in any other.
+    The multipliers of a plan bound the score of a turn in every place. So the place with the greatest bound so far is
+    planned next, until it already has a plan.
     """
     bounds = np.where(within_reach(rates), np.inf, -np.inf)
     plans: dict[int, Plan | None] = {}
     turn = int(np.flatnonzero(bounds == np.inf)[-1]) // 2
     while turn not in plans:
         plans[turn] = plan = plan_out_and_back(rates, turn)
-        if plan:  # else there is no time to turn there, and the bound at others' prices stays
+        if plan:  # otherwise there is no time to turn there, and the bound by other multipliers stays
             bounds = np.minimum(bounds, bounds_by_turn(rates, plan.prices))
         turn = int(np.argmax(bounds))
     best = max((plan for plan in plans.values() if plan), key=lambda plan: bounds[plan.turn])
@@ -57,7 +58,7 @@ def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
 
 
 def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
-    """Plan a mission that turns within a place, or None if energy or time do not suffice to turn there."""
+    """Plan a mission that turns within a place, by linear programming, or None if energy or time do not suffice."""
     pieces, ways = (turn + 1) * PIECES, LEVELS * LEVELS
     place, speed = rates.place_of_piece[:pieces], rates.speeds_mps
     per_speed = np.broadcast_to(1.0 / speed[:, None], (pieces, LEVELS, LEVELS))
@@ -100,7 +101,7 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
 
 
 def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Prices]:
-    """Bound of a patrol's laps, and the prices that set it, in laps."""
+    """Upper bound of the number of laps of a patrol, and its multipliers, in laps per J and per s."""
     speed, power_w = rates.speeds_mps, leg_w(rates)
     legs, stops_s = len(power_w), 2.0 * pit_stop_s
     stand_w = float(rates.standing_w.min())
@@ -116,17 +117,17 @@ def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Prices]:
 
 
 def _most(gain: Array, limits: Any, room: Array, equal: Any, bounds: Any) -> Any:
-    """Solve the linear program: most gain within limits."""
+    """Maximise gain @ x subject to limits @ x <= room and equal @ x = 0, with (low, high) bounds of each x."""
     return linprog(-gain, limits, room, equal, np.zeros(equal.shape[0]), bounds, method="highs")
 
 
 def _per_piece(values: Array) -> Any:
-    """A row for each piece, with columns for what each way to drive there gives a metre."""
+    """Block diagonal of the values of each piece, flattened: shape (pieces, pieces * values of a piece)."""
     return sparse.block_diag(list(values.reshape(len(values), 1, -1)))
 
 
 def _rows(widths: list[int], blocks: dict[int, Any]) -> Any:
-    """Rows of a matrix with blocks in some groups of columns, and nothing in the others."""
+    """Rows of a sparse matrix with blocks in some groups of columns, of the given widths, and zeros in the others."""
     height = next(iter(blocks.values())).shape[0]
     empty = [sparse.csr_matrix((height, width)) for width in widths]
     return sparse.hstack([blocks.get(group, empty[group]) for group in range(len(widths))]).tocsr()

@@ -1,4 +1,4 @@
-"""One mission as it begins, with all that is hidden from its robot."""
+"""One mission at its start, with the variables that are hidden from its robot."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class Problem:
     """Records of one mission, each of shape (1,).
 
     Attributes:
-        constants: `CONSTANTS_DTYPE`.
+        constants: Constants of the environment, `CONSTANTS_DTYPE`.
         robot: True robot, `ROBOT_DTYPE`.
-        route: `ROUTE_DTYPE`, with every place of it seen.
-        start: `MISSION_DTYPE`.
+        route: Route with every place seen, `ROUTE_DTYPE`.
+        start: Mission at its start, `MISSION_DTYPE`.
     """
 
     constants: NDArray[np.void]
@@ -34,7 +34,7 @@ class Problem:
         return self.constants["shared"][0]
 
     def copy(self) -> Problem:
-        """The same in records of its own."""
+        """Copy with its own records."""
         return Problem(self.constants.copy(), self.robot.copy(), self.route.copy(), self.start.copy())
 
 

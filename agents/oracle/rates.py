@@ -1,4 +1,4 @@
-"""What a mission meets along its route, measured with full knowledge by rolling the environment's own decision."""
+"""Powers, score, samples and radio along a route, measured with full knowledge by the environment's own step."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from homeward.envs.actions import LEVELS, at_level
 from homeward.physics.effects import EFFECTS
 
 PIECES = 2
-"""Pieces of each place, of which each has a price of a sample and a rate of the radio."""
+"""Pieces of each place; multiplier of a sample and rate of the radio differ by piece. Chosen: more pieces tighten the
+bound and enlarge the linear programs."""
 ONLY_ADDING = ("breakaway", "intermittent_load", "motor_heating")
-"""Effects that remember and can only add to what is drawn; left out, they are in a policy's favour."""
+"""Effects with a state that can only increase consumption: without them the bound is higher, and still valid."""
 REFUSED = ("inertia",)
-"""Effects whose power is no matter of the place alone: what one decision takes, another may give back."""
+"""Effects whose power depends on more than the place: energy that one decision consumes may be recovered later."""
 _BITS = {effect.id: np.uint64(1 << index) for index, effect in enumerate(EFFECTS)}
 
 Array = NDArray[np.float64]
@@ -25,18 +26,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rates:
-    """What driving and standing give and take.
+    """Rates of driving and standing along a route.
 
     Attributes:
-        speeds_mps: Of the action grid, shape (levels,).
+        speeds_mps: Speeds of the action grid, m/s, shape (levels,).
         place_m: Length of a place, m.
-        out_w: Power away from home by place, speed and sensing rate, shape (places, levels, levels).
+        out_w: Power away from home by place, speed and sensing rate, W, shape (places, levels, levels).
         home_w: Power towards home, as above.
-        standing_w: Power at a stand by place and sensing rate, shape (places, levels).
-        gain_per_m: Score of a metre reached for the first time, shape (places, levels, levels).
-        samples_per_m: Samples taken on it, as above.
+        standing_w: Power at a stand by place and sensing rate, W, shape (places, levels).
+        gain_per_m: Score per metre reached for the first time, shape (places, levels, levels).
+        samples_per_m: Samples taken per metre, as above.
         radio_hz: Samples sent per second at the end of a piece near home, at a stand and moving, shape (pieces, 2).
-        energy_j: In the full battery, J.
+        energy_j: Energy of the full battery, J.
         time_s: Time limit, s.
         memory: Samples that fit on board.
     """
@@ -70,7 +71,7 @@ class Rates:
 
 
 def measure_rates(case: Problem) -> Rates:
-    """Measure what a mission meets; its robot has none of the effects `REFUSED`."""
+    """Measure the rates of a mission; its robot must have none of the effects `REFUSED`."""
     energy_j, case = float(case.start["energy_j"][0]), case.copy()
     for record in (case.robot, case.constants["nominal"]):
         for effect in ONLY_ADDING:
@@ -90,7 +91,7 @@ def measure_rates(case: Problem) -> Rates:
         time_s=float(s["max_decisions"] * s["decision_s"]),
         memory=float(s["backlog_limit"]),
     )
-    case.start["energy_j"] *= 0.5  # so that the battery has room for what a descent gives back
+    case.start["energy_j"] *= 0.5  # so that the battery has room for the energy that a descent returns
     kernel.measure(
         case.constants, case.robot, case.route, case.start, case.start.copy(), PIECES, rates.out_w, rates.home_w,
         rates.standing_w, rates.gain_per_m, rates.samples_per_m, rates.radio_hz,

@@ -1,4 +1,4 @@
-"""The actions of a mission that comes close to its bound: a search over the environment's own decisions."""
+"""Actions with a score close to the upper bound, by dynamic programming with the environment's own step."""
 
 from __future__ import annotations
 
@@ -16,31 +16,32 @@ from homeward.envs.actions import LEVELS
 from homeward.envs.state import GO, STOP, SURVEY
 
 _FINE = 4.0
-"""Points, and cells of energy and backlog, per least move and per most of a decision."""
+"""Points along the route per shortest move of a decision, and cells of energy and backlog per greatest change in one.
+Chosen: finer cells cover a narrower band around the plan, as their number is `kernel.CELLS`."""
 _MOST_STEPS = 400.0
-"""Points that a decision may pass. Chosen: bounds the time of a search."""
+"""Most points along the route that a decision may pass. Chosen: bounds the time of a search."""
 _MOST_CELLS = 40.0
-"""Cells of distance that a decision may pass."""
+"""Most cells of distance that a decision may pass. Chosen: bounds the missions kept at once."""
 _NODES = 1 << 20
-"""States that a search may keep. Chosen: they take 9 MB, at 9 bytes each."""
+"""Most nodes of a search. Chosen: they take 9 MB, at 9 bytes each."""
 _TRIED = 32
-"""Missions found that are tried, best first, until one comes home."""
+"""Most missions found that are repeated in the environment, best first, until one gets home."""
 _RESERVES = (1.0, 1.02, 1.05, 1.1, 1.2)
-"""Factors on the energy of the way home, tried in turn: it is exact unless an effect remembers."""
+"""Factors on the energy of the way home, tried in turn: it is exact unless an effect has a state."""
 _NEVER = -1e12
-"""Worth of a turn that is not possible: below any, and finite, so that differences are numbers."""
+"""Score of a turn that is not possible: below any, and finite, so that differences are numbers."""
 
 
 @dataclass(frozen=True)
 class Guide:
-    """What tells one mission under way from a better one, at points along the route.
+    """Terms of the estimated final score of a mission under way, and the plan around which it is searched.
 
     Attributes:
-        prices: Score that a joule and a second are worth, and what a second of a pit stop costs, shape (3,).
-        sample: What a sample on board costs, shape (points,).
-        ahead: What lies ahead is worth away from home and towards it, shape (2, points).
-        plan: Energy (J) and backlog (samples) by plan, shape (2, points).
-        cells: Room around the plan that one cell takes: energy (J), and backlog (samples) or pit stop (s).
+        prices: Lagrange multipliers, score per J, per s and per s of a pit stop, shape (3,).
+        sample: Lagrange multiplier of a sample on board, score per sample, shape (points,).
+        ahead: Greatest Lagrangian of the rest of the mission, away from home and towards it, score, shape (2, points).
+        plan: Energy (J) and backlog (samples) of the plan, shape (2, points).
+        cells: Size of a cell: energy (J), and backlog (samples) or pit stop (s).
     """
 
     prices: Array
@@ -51,9 +52,9 @@ class Guide:
 
 
 def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Array) -> Guide:
-    """Guide of a mission that is to turn within the place of a plan."""
+    """Guide of a mission out and back that turns within the place of its plan."""
     value, prices, count = worth(rates, plan.prices), plan.prices, len(rates.radio_hz)
-    ends = np.full(count + 1, _NEVER)  # worth of the best turn at a border or beyond it
+    ends = np.full(count + 1, _NEVER)  # greatest Lagrangian of a turn at a border or beyond it
     for piece in range(plan.turn * PIECES, (plan.turn + 1) * PIECES):
         far, near = value.way[piece + 1], value.way[piece]
         ends[: piece + 1] = np.maximum(ends[: piece + 1], max(far, near) + value.memory[piece])
@@ -75,7 +76,7 @@ def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Ar
 
 
 def guide_patrol(rates: Rates, prices: Prices, pit_stop_s: float, points_m: Array) -> Guide:
-    """Guide of a patrol: what lies ahead is the rest of the lap under way."""
+    """Guide of a patrol: the rest of the mission is that of the lap under way, with its pit stops."""
     per_m = ((prices.joule * leg_w(rates) + prices.second) / rates.speeds_mps).min(axis=1)
     borders = np.arange(rates.places + 1) * rates.place_m
     out, home = (
@@ -93,7 +94,7 @@ def guide_patrol(rates: Rates, prices: Prices, pit_stop_s: float, points_m: Arra
 
 
 def points_of(rates: Rates, decision_s: float) -> Array:
-    """Points along the route, so close that a decision passes several, m."""
+    """Evenly spaced points along the route, m, shape (points,), so close that a decision passes several."""
     least_m, most_m = rates.speeds_mps[[0, -1]] * decision_s
     step_m = max(least_m / _FINE, most_m / _MOST_STEPS)
     return np.asarray(step_m * np.arange(int(rates.places * rates.place_m / step_m) + 2))
@@ -103,7 +104,7 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     """Search for the best mission.
 
     Returns:
-        Its actions, shape (decisions, 3); turning back at once where no other mission comes home.
+        Its actions, shape (decisions, 3); those of turning back at once if no other mission found gets home.
     """
     s = case.shared
     step_m, most_m = points_m[1], rates.speeds_mps[-1] * float(s["decision_s"])
@@ -113,7 +114,7 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     actions = np.empty((int(s["max_decisions"]), 3), np.int64)
     j_per_s = guide.prices[1] / guide.prices[0] if guide.prices[0] > 0.0 else 0.0
     records, work = (case.constants, case.robot, case.route, case.start), case.start.copy()
-    home = np.full((2, len(points_m)), np.inf)  # energy and time
+    home = np.full((2, len(points_m)), np.inf)  # energy (J) and time (s)
     kernel.way_home(*records, work, step_m, j_per_s, home[0], home[1])
     levels = LEVELS if s["mission"] == SURVEY else 1
     for reserve in _RESERVES:
@@ -131,7 +132,7 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
 
 
 def _actions_to(node: int, parents: NDArray[np.int64], codes: NDArray[np.int8]) -> NDArray[np.int64]:
-    """Actions that led to a node, shape (n, 3)."""
+    """Actions that led to a node, shape (n, 3): speed level, sensing level and mode."""
     path = []
     while parents[node] >= 0:
         path.append(int(codes[node]))

@@ -1,4 +1,19 @@
-"""The compiled part of the planner: simulation of a survey by the robot's own model and its belief."""
+"""Compiled part of the planner: choice of two Lagrange multipliers of a survey by simulating it to its turn.
+
+The simulation uses the posterior mean of the robot and the wind. Energies are shares of the usable energy, and powers
+shares per second. `energy_price` is the multiplier of energy (information per full battery), `sample_price` that of
+memory (information per sample). The Lagrangian of a metre is
+
+    information found - energy_price * energy - sample_price * samples taken.
+
+Arguments that functions share:
+
+    b: Record of `BELIEF_DTYPE`.
+    v: `homeward.estimation.drive.Vehicle`.
+    model: Record of `MODEL_DTYPE`.
+    s: Record of `SHARED_DTYPE`.
+    drive: Energy of a metre out at each speed level and, last, of a metre home, shape (LEVELS + 1,).
+"""
 
 from __future__ import annotations
 
@@ -14,33 +29,35 @@ from homeward.physics.jit import compiled
 from homeward.physics.model import headwind
 
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
-"""Multipliers of energy that are tried, over the information per energy on average ground at the middle sensing
-rate."""
+"""Multipliers of energy that are tried, over the information per energy on average ground at the middle sensing rate.
+Chosen: with `STOPS` 80 simulations a decision; more are finer and take longer."""
 STOPS = np.array([-1.0, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.5])
-"""Distances up to which it stops for the radio, in half-rate distances of the link; below 0, samples are free."""
+"""Distances from home up to which a stop for the radio is worth its energy, in half-rate distances of the link: each
+determines a multiplier of memory; below 0 it is 0. Chosen as `EAGERNESS`."""
 _KINDS = 3
-"""Kinds of ground, equally frequent, that a stretch of several places is taken to be made of."""
+"""Equally frequent kinds of ground that approximate the distribution of interest within a stretch. Chosen: more
+approximate it better, and the time grows in proportion."""
 _LEAST_RATIO = 0.1
-"""Least consumption over the model's that plans are made with: one must cost something."""
+"""Lower bound of the consumption of a metre over the model's. Chosen: above 0, because energy is divided by it."""
 
 BELIEF_DTYPE = np.dtype(
     [
         *(
             (name, np.float64)
             for name in (
-                "gain",  # share of the battery over that of the file, of all energy but rolling and climbing
+                "gain",  # factor on the model's energy, by the estimated battery: all but rolling and climbing
                 "rolling",  # the same of rolling
                 "weight",  # and of climbing
-                "wind_east_mps",
+                "wind_east_mps",  # wind with its gust, towards where it comes from
                 "wind_north_mps",
-                "reserve",  # share of the way home kept beyond it
-                "spare",  # energy beyond the slowest next decision, the way home and the reserve
-                "left_s",  # until the time limit
-                "position_m",
-                "backlog",  # samples
-                "east",  # direction of travel
+                "reserve",  # energy kept beyond that of the way home, as a share of it
+                "spare",  # energy left beyond the slowest next decision, the way home and the reserve
+                "left_s",  # time until the time limit
+                "position_m",  # from home
+                "backlog",  # samples on board
+                "east",  # direction of the way out, as a unit vector
                 "north",
-                "sine_here",
+                "sine_here",  # of the slope of the way out
                 "interest_here",
             )
         ),
@@ -48,33 +65,36 @@ BELIEF_DTYPE = np.dtype(
         ("interest_ahead", np.float64, (len(AHEAD),)),
     ]
 )
-"""Knowledge and belief of a robot."""
+"""State of a mission and posterior mean of its hidden variables."""
 
 MODEL_DTYPE = np.dtype(
     [
         ("speeds_mps", np.float64, (LEVELS,)),
         ("rates_hz", np.float64, (LEVELS,)),
-        ("sensing", np.float64, (LEVELS,)),  # energy of a second's sensing at each rate
-        ("standing", np.float64),  # energy of a second at a stand
+        ("sensing", np.float64, (LEVELS,)),  # power of sensing at each rate
+        ("standing", np.float64),  # power at a stand
         ("steepest", np.float64),  # sines of the table below: evenly from -steepest to steepest
-        ("per_m", np.float64, (LEVELS, 71)),  # energy of a metre's driving by speed and sine
-        ("interest", np.float64),  # mean of all ground
-        ("spread", np.float64, (len(AHEAD), _KINDS)),  # interest of the kinds of ground of a stretch, over its mean
-        ("found", np.float64, (LEVELS, LEVELS)),  # information of a metre of interest 1 by speed and rate
+        ("per_m", np.float64, (LEVELS, 71)),  # energy of a metre by speed and sine, without sensing
+        ("interest", np.float64),  # mean interest of all ground
+        ("spread", np.float64, (len(AHEAD), _KINDS)),  # interest of each kind of ground, over the mean
+        ("found", np.float64, (LEVELS, LEVELS)),  # information of a metre at interest 1, by speed and rate
     ]
 )
-"""The robot's own model."""
+"""Constants of the robot's own model."""
 
 
 @compiled
 def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any) -> None:
-    """Choose the next command of surveys on their way out, by the best of several pairs of multipliers.
+    """Choose the next command of surveys on their way out.
+
+    Each survey is simulated with every pair of multipliers of `EAGERNESS` and `STOPS`. The pair that finds the most
+    information determines the command, which maximises the Lagrangian.
 
     Args:
         beliefs: `BELIEF_DTYPE`, shape (n,).
-        vehicle: Numbers of the robot's own model.
+        vehicle: `homeward.estimation.drive.Vehicle`.
         models: `MODEL_DTYPE`, shape (1,).
-        constants: Shared record, `SHARED_DTYPE`, shape (1,).
+        constants: `SHARED_DTYPE`, shape (1,).
         commands: Written: speed (m/s), sensing rate (Hz) and 1 to stop for the radio, shape (n, 3).
     """
     s, model = constants[0], models[0]
@@ -105,15 +125,15 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
 
 @compiled
 def thriftiest(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: Any, speeds_mps: Any) -> None:
-    """Choose the speed with the longest range where robots are, of those that there is energy for.
+    """Choose for each robot the speed that consumes least per metre where it is, if the spare energy suffices.
 
     Args:
         beliefs: See `plan`, as the next three.
-        vehicle: Numbers of the robot's own model.
+        vehicle: The robot's own model.
         models: Shape (1,).
         constants: Shape (1,).
-        ahead: 1 for who drives out and -1 for who drives home, shape (n,).
-        speeds_mps: Written, shape (n,).
+        ahead: 1 for robots driving out and -1 for those driving home, shape (n,).
+        speeds_mps: Written, m/s, shape (n,).
     """
     s, model = constants[0], models[0]
     for n in range(len(beliefs)):
@@ -128,14 +148,14 @@ def thriftiest(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: A
 
 @compiled
 def _radio(s: Any, position_m: float, moving: bool) -> float:
-    """Samples that the radio sends per second."""
+    """Samples that the radio sends per second at a distance from home."""
     share = sensing.DRIVING_LINK if moving else 1.0
     return float(share * s.radio_hz / sensing.fading(position_m, s.per_link_m))
 
 
 @compiled
 def _metre(model: Any, speed: int, sine: float) -> float:
-    """Energy of a metre's driving by the model."""
+    """Energy of a metre by the model at a speed level, interpolated linearly in the sine of the slope."""
     last = model.per_m.shape[1] - 1
     at = (min(max(sine / model.steepest, -1.0), 1.0) + 1.0) * 0.5 * last
     low = min(int(at), last - 1)
@@ -146,7 +166,7 @@ def _metre(model: Any, speed: int, sine: float) -> float:
 def _best_way(
     gauge: float, model: Any, drive: Any, interest: float, energy_price: float, sample_price: float
 ) -> tuple[int, int]:
-    """Speed and rate that make the most of a metre, on which driving takes so much at each speed."""
+    """Levels of speed and sensing rate that maximise the Lagrangian of a metre out; `gauge` is the belief's `gain`."""
     best, best_speed, best_rate = -1e300, LEVELS - 1, 0
     for speed in range(LEVELS):
         s_per_m = 1.0 / model.speeds_mps[speed]
@@ -160,7 +180,15 @@ def _best_way(
 
 @compiled
 def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample_price: float) -> float:
-    """Information that a survey finds on its way to the turn at some prices."""
+    """Simulate the way out, place by place, and return the information found.
+
+    In each place the robot first stops until the backlog is sent, if that has a positive Lagrangian, and then drives as
+    in `_way`. It turns when spare energy or time is used up, or at the end of the route. A full memory makes it stop,
+    or lose information if energy or time do not suffice for that.
+
+    Args:
+        drives: `drive` here and in each stretch ahead, shape (1 + stretches, LEVELS + 1).
+    """
     place = min(int(b.position_m * s.per_place_m), s.places - 1)
     position_m, spare, backlog = b.position_m, b.spare, b.backlog
     left_s = b.left_s - position_m / s.cruise_mps
@@ -192,7 +220,7 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
         backlog = max(backlog + taken - sent, 0.0)
         found += way_m * gain
         if backlog > s.backlog_limit:
-            # It stops until there is room, or, where that takes too much, loses what does not fit.
+            # It stops until there is room, or loses what does not fit if energy or time do not suffice.
             excess, radio_hz = backlog - s.backlog_limit, _radio(s, position_m, False)
             stop_s = excess / radio_hz
             backlog = s.backlog_limit
@@ -210,7 +238,12 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
 def _way(
     model: Any, gauge: float, drive: Any, interest: float, spread: Any, energy_price: float, sample_price: float
 ) -> tuple[float, float, float, float]:
-    """Information, energy out and home, samples and time of a metre of a stretch, on average over its ground."""
+    """Information, energy out and home, samples and time (s) of a metre, on average over the ground of a stretch.
+
+    Args:
+        interest: Mean interest of the stretch.
+        spread: Interest of each kind of ground over the mean, shape (_KINDS,).
+    """
     gain = energy = samples = time_s = 0.0
     for kind in spread:
         weight = interest * kind
@@ -225,7 +258,7 @@ def _way(
 
 @compiled
 def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
-    """Energy of a metre's driving out at each speed and, last, home at the fastest: at least a little."""
+    """Write `drive` on a slope: a metre out at each speed and, last, home at the fastest, with the reserve."""
     for speed in range(LEVELS):
         drive[speed] = _cost(b, v, model, s, speed, sine, 1.0)
     drive[LEVELS] = (1.0 + b.reserve) * _cost(b, v, model, s, LEVELS - 1, sine, -1.0)
@@ -233,7 +266,10 @@ def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
 
 @compiled
 def _cost(b: Any, v: Any, model: Any, s: Any, speed: int, sine: float, ahead: float) -> float:
-    """Energy of a metre's driving, out (`ahead` 1) or home (-1), on a slope of the way out."""
+    """Energy of a metre out (`ahead` 1) or home (-1) on a slope of the way out, by the posterior mean.
+
+    The model's energy times `gain`, with its driving replaced by that with the estimated rolling, weight and wind.
+    """
     speed_mps = model.speeds_mps[speed]
     against_mps = ahead * headwind(b.wind_east_mps, b.wind_north_mps, b.east, b.north)
     more_j = b.rolling * rolling(v, sine) + b.weight * climbing(v, ahead * sine)
@@ -245,25 +281,25 @@ def _cost(b: Any, v: Any, model: Any, s: Any, speed: int, sine: float, ahead: fl
 
 @compiled
 def _fits(b: Any, model: Any, s: Any, drive: Any, speed: int) -> bool:
-    """Whether there is energy for a decision's driving at a speed, and home from there; at the least there is."""
+    """Whether the spare energy suffices for a decision at a speed, out and home; at the lowest it always does."""
     more_m = (model.speeds_mps[speed] - model.speeds_mps[0]) * s.decision_s
     return bool(more_m * (drive[speed] + drive[LEVELS]) <= max(b.spare, 0.0))
 
 
 @compiled
 def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample_price: float, command: Any) -> None:
-    """Command of the next decision at some prices."""
+    """Write the command of the next decision, which maximises the Lagrangian: see `plan`."""
     radio_hz = _radio(s, b.position_m, False)
     standing = energy_price * b.gain * model.standing
     stops = sample_price * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
-    # Of the next decision, a part may already be in the next place.
+    # Part of the next decision may be in the next place.
     step_m = s.max_speed_mps * s.decision_s
     beyond = b.position_m + step_m - (np.floor(b.position_m * s.per_place_m) + 1.0) * s.place_m
     share = min(max(beyond / step_m, 0.0), 1.0)
     interest = (1.0 - share) * b.interest_here + share * b.interest_ahead[0]
     speed, rate = _best_way(b.gain, model, drive, interest, energy_price, sample_price)
     if b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit:
-        # What is taken now must be sent from here.
+        # The memory is full: samples taken now must be sent from here.
         speed, rate = _best_way(b.gain, model, drive, interest, energy_price, max(sample_price, standing / radio_hz))
         stops = stops or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
     while not _fits(b, model, s, drive, speed):

@@ -1,5 +1,4 @@
-"""Plans with what the robot knows and estimates: when to turn back; speed, sensing and stops by Lagrange
-multipliers."""
+"""Planner on the belief: decides when to turn back, and chooses speed, sensing and stops by Lagrange multipliers."""
 
 from __future__ import annotations
 
@@ -36,7 +35,7 @@ from homeward.estimation.prior import (
 from homeward.physics import ancillary_power, d_max
 
 _TYPICAL_SHARE = 2.0 / 3.0
-"""Share of a metre's information in the setting's expected one: that of half of the fastest rate."""
+"""Share of a metre's information that half of the fastest sensing rate yields at cruise, see `envs/options.py`."""
 
 
 @final
@@ -47,18 +46,18 @@ class Planner(Policy):
     energy, less a reserve, is down to that of the way home. A patrol uses `LapRule` or, if its pit stops are too short
     to be observed, `AdaptiveDmaxRule`.
 
-    In a survey energy and memory have Lagrange multipliers. That of energy is the information that a joule gains by
+    In a survey energy and memory have Lagrange multipliers. That of energy is the information gained per joule by
     driving on, that of memory the cost of sending a sample from the farthest useful stop. At every decision pairs of
     multipliers are tried. For each the survey is simulated to its turn, over the ground in sight and then over the
-    known or forecast ground. The pair with the most information determines speed, sensing rate and stops. These are the
-    oracle's multipliers, computed from what the robot knows.
+    known or forecast ground. The pair with the most information determines speed, sensing rate and stops. The oracle
+    uses the same multipliers, with full knowledge.
 
     Args:
         known: Constants of the environment.
         deviations: Reserve in standard deviations of the way home, 0 or above.
 
     Attributes:
-        rule: Decides when to turn back, and holds the belief.
+        rule: The rule that decides when to turn back, with its belief.
     """
 
     def __init__(self, known: Known, deviations: float) -> None:
@@ -95,7 +94,7 @@ class Planner(Policy):
         return self.drive(observations, self.rule.turns(observations, begun))
 
     def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
-        """Planned actions of missions that go on or, where `homebound` of shape (n,), head home.
+        """Planned actions of missions that go on or, where `homebound` of shape (n,), head home, shape (n, 3).
 
         `rule.turns` must have been called with the same observations before: it updates the belief.
         """
@@ -128,7 +127,7 @@ class Planner(Policy):
             beliefs["gain"] = beliefs["rolling"] = beliefs["weight"] = 1.0
         reserve = self.rule.deviations * outlook.deviation
         beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
-        beliefs["spare"] = self.rule.spare_by(outlook) if self._belief else np.inf  # of a lap, nothing is left out
+        beliefs["spare"] = self.rule.spare_by(outlook) if self._belief else np.inf  # patrols: the rule plans whole laps
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
@@ -144,9 +143,10 @@ class Planner(Policy):
 
 
 def _spread(places: int) -> NDArray[np.float64]:
-    """Interest of equally frequent kinds of ground of a stretch of generated routes, over its mean.
+    """Interest of equally frequent kinds of ground in a stretch of generated routes, over its mean, shape (kinds,).
 
-    Its logarithm is a Gaussian process (`homeward.envs.routes.generate`): of its variance, that within the stretch.
+    The logarithm of the interest is a Gaussian process (`homeward.envs.routes.route.generate`). Its variance within the
+    stretch determines a log-normal distribution, of which each kind is the mean between two quantiles.
     """
     count = kernel.MODEL_DTYPE["spread"].shape[-1]
     lags = np.abs(np.subtract.outer(np.arange(places), np.arange(places)))
@@ -154,6 +154,6 @@ def _spread(places: int) -> NDArray[np.float64]:
     deviation = INTEREST_DEVIATION * (1.0 - correlation) ** 0.5
     normal = NormalDist()
     borders = [-np.inf, *(normal.inv_cdf(k / count) for k in range(1, count)), np.inf]
-    # The mean of a log-normal number within its quantiles.
+    # Mean of a log-normal variable between two quantiles.
     shares = np.diff([0.0 if z == -np.inf else 1.0 if z == np.inf else normal.cdf(z - deviation) for z in borders])
     return np.asarray(count * shares)

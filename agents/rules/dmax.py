@@ -1,4 +1,4 @@
-"""The paper's rule: turn back when d_max, at the known mean grade, is down to the way home."""
+"""The paper's rule: turn back when d_max, at the known mean grade, is at most the way home."""
 
 from __future__ import annotations
 

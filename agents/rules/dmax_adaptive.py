@@ -14,9 +14,10 @@ from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _PRIOR = np.diag([0.01, 0.05])
-"""Weight of the prior that both ratios are 1, as shares of the battery: electronics are better known than ground."""
+"""Precision of the prior that the ratios of driving and of sensing are 1: the modelled energy with equal weight, as a
+share of the usable energy. Chosen: electronics are better known than ground."""
 _UNSEEN = 0.1
-"""Standard deviation of the ratio between the way out and the way home that the way out cannot show: wind."""
+"""Standard deviation of the ratio on the way home about that on the way out, by causes not observable there: wind."""
 
 
 @final
@@ -26,7 +27,8 @@ class AdaptiveDmaxRule(BelievingRule):
     The energy of a decision is a ratio times its modelled driving plus another ratio times its modelled sensing, and an
     error with a variance that grows with both. Regularised least squares estimate both ratios, with 1 as the prior.
     (With one ratio for both, the sensing of the way out would hide the consumption of driving home.) The way home is
-    scaled by the ratio of driving. Its standard deviation combines the residuals of the fit and what they cannot show.
+    scaled by the ratio of driving. Its standard deviation combines the residuals of the fit and the wind, which the way
+    out does not show.
 
     Args:
         known: Constants of the environment.
@@ -39,7 +41,7 @@ class AdaptiveDmaxRule(BelievingRule):
         self._forget(0)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """Its belief, see `BelievingRule.look`."""
+        """Mean and standard deviation of the energies, see `BelievingRule.look`."""
         self._learn(observations, begun)
         target = (self._moment + np.diag(_PRIOR))[..., None]
         ratios: NDArray[np.float64] = np.linalg.solve(self._normal + _PRIOR, target)[..., 0]
@@ -55,10 +57,10 @@ class AdaptiveDmaxRule(BelievingRule):
         )
 
     def _forget(self, count: int) -> None:
-        self._last = np.zeros((count, 2))  # energy used and modelled so far
-        self._normal = np.zeros((count, 2, 2))  # weighted sums of driving and sensing times each other,
-        self._moment = np.zeros((count, 2))  # times the energy used,
-        self._square = np.zeros(count)  # and of its square
+        self._last = np.zeros((count, 2))  # energy used and modelled so far, shares of the usable energy
+        self._normal = np.zeros((count, 2, 2))  # normal equations: weighted products of driving and sensing,
+        self._moment = np.zeros((count, 2))  # their products with the energy used,
+        self._square = np.zeros(count)  # and the square of the latter
 
     def _learn(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
         """Add the last decision to the sums; all energies are shares of the usable energy."""
@@ -77,7 +79,7 @@ class AdaptiveDmaxRule(BelievingRule):
         self._square += weight * used * used
 
     def _sensing(self, observations: Observations) -> NDArray[np.float64]:
-        """Energy of sensing in the last decision by the robot's file."""
+        """Energy of sensing in the last decision by the robot's file, share of the usable energy, shape (n,)."""
         robot, s = self._known.robot, self._known.shared[0]
         rate_hz = feature(observations, "sensing") * s["max_sensing_hz"]
         power_w = ancillary_power(robot, rate_hz) - ancillary_power(robot, 0.0)

@@ -15,22 +15,22 @@ from homeward.envs.options import Known
 from homeward.estimation.prior import PER_CAPACITY
 
 MISSED = 0.02
-"""Probability that the forecast is of another wind: chosen so that one reading in fifty that the forecast cannot
+"""Prior probability that the forecast is of another wind. Chosen so that one reading in fifty that the forecast cannot
 explain is enough to doubt it."""
 
 
 @final
 class BeliefDmaxRule(BelievingRule):
-    """Turns back when going on and then home would leave less than some standard deviations of the margin.
+    """Turns back when the posterior mean of the margin, after going on and home, is below k standard deviations.
 
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
         deviations: Reserve in standard deviations k, 0 or above.
-        step_mps: Speed of the next decision for which there must be energy, except on patrols; cruise by default.
+        step_mps: Speed (m/s) of the next decision for which there must be energy, except on patrols; default cruise.
 
     Attributes:
-        belief: Its belief.
+        belief: Posterior of robot and wind.
     """
 
     chances = 1.0  # the consumption of the next decision is known
@@ -44,7 +44,7 @@ class BeliefDmaxRule(BelievingRule):
         self.belief = Belief(known, MISSED)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """Its belief, see `BelievingRule.look`."""
+        """Posterior mean and standard deviation of the energies, see `BelievingRule.look`."""
         self.belief.learn(observations, begun)
         s = self._known.shared[0]
         home = self.belief.plans(observations)

@@ -14,14 +14,14 @@ from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _UNSEEN = 0.1
-"""Relative standard deviation of a lap until two can be compared."""
+"""Relative standard deviation of a lap's energy, assumed until two laps are measured."""
 
 
 @final
 class LapRule(BelievingRule):
     """Measures laps from one arrival at the home post to the next, and goes on while another one fits.
 
-    All laps meet the same ground, wind and battery. The first one, which begins without a pit stop, counts until there
+    All laps have the same ground, wind and battery. The first one, which begins without a pit stop, is used until there
     is another. At the far post the robot returns for good if no other lap fits after this one, which saves the rest of
     the pit stop once the return is final. The standard deviation is that of the laps and of the state-of-charge
     reading.
@@ -42,7 +42,7 @@ class LapRule(BelievingRule):
         self._forget(0)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """Its belief at a post, see `BelievingRule.look`."""
+        """Mean and standard deviation of the energies at a post, see `BelievingRule.look`."""
         energy = feature(observations, "metered")
         self._measure(observations, begun)
         count, total, squares = self._laps

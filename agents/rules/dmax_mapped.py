@@ -1,4 +1,4 @@
-"""Turn back when the energy left is down to that of the way home over the ground of the way out."""
+"""Turn back when the energy left is no more than that of the way home, with the grades measured on the way out."""
 
 from __future__ import annotations
 

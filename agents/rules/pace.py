@@ -1,4 +1,4 @@
-"""Speed, sensing rate and stops: one rule that all baselines share, so that they differ only in turning back.
+"""Speed, sensing rate and stops: one rule for all baselines, so that they differ only in when they turn back.
 
 Drive at cruise, the speed with the longest range. On the way out sense at one rate wherever the interest reaches a
 threshold; when the memory is nearly full there, stop without sensing until the radio has made room. On the way home do
@@ -22,7 +22,7 @@ from homeward.envs.state import GO, RETURN, STOP
 @final
 @dataclass(frozen=True)
 class Pace:
-    """Parameters of the rule; `benchmarks/agents/tune.py` finds them.
+    """Parameters of the rule, tuned by `benchmarks/agents/tune.py`.
 
     Attributes:
         rate: Sensing rate as a share of the fastest, within [0, 1].

@@ -1,10 +1,10 @@
 """Parameters of the baselines for each mission, found by `python benchmarks/agents/tune.py`.
 
-Each has eight trials a mission, on missions with seeds of their own, at `uncertain`, with the default robot: 2,048
-missions a trial, and 4,096 for the planner, whose strandings decide. A rule has the reserve with the highest mean
-score. The planner has one for OutAndBack and Survey: with the highest sum over both at `uncertain` and `harsh`,
-relative to the best of each, with no more than 0.3 % stranded at `uncertain`. On Patrol, where it uses another rule,
-its reserve is found in the same way.
+Eight values of each are tried on seeds that neither training nor evaluation uses, at `uncertain`, with the default
+robot: on 2,048 missions, and on 4,096 for the planner, whose choice depends on the few strandings. A rule has the
+reserve with the highest mean score. The planner has one for OutAndBack and Survey: with the highest sum of scores over
+both at `uncertain` and `harsh`, relative to the best of each, with no more than 0.3 % stranded at `uncertain`. On
+Patrol, where it uses another rule, its reserve is found in the same way.
 """
 
 from __future__ import annotations
@@ -25,4 +25,5 @@ RESERVES = {
     "dmax_belief": {"OutAndBack": 3.0, "Survey": 2.0, "Patrol": 1.0},
     "planner": {"OutAndBack": 5.0, "Survey": 5.0, "Patrol": 1.0},
 }
-"""Reserves, as shares of the usable energy; for `dmax_adaptive`, `dmax_belief` and `planner`, standard deviations."""
+"""Reserves: shares of the usable energy; of `dmax_adaptive`, `dmax_belief` and `planner` standard deviations of the
+margin."""

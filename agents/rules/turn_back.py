@@ -17,13 +17,13 @@ from homeward.physics import ancillary_power, d_max
 
 
 class Outlook(NamedTuple):
-    """A robot's belief about itself and its way home, arrays of shape (n,); energies are shares of the usable energy.
+    """Belief about the energy left and that of the way home, shares of the usable energy, arrays of shape (n,).
 
     Attributes:
-        left: Energy left.
-        home: Energy of the way home.
-        onwards: Energy of going on to the next chance to turn, and back.
-        deviation: Standard deviation of the energy of both.
+        left: Mean of the energy left.
+        home: Mean of the energy of the way home.
+        onwards: Mean of the energy of going on to the next chance to turn, and back.
+        deviation: Standard deviation of the margin, left - home - onwards.
     """
 
     left: NDArray[np.float64]
@@ -44,7 +44,7 @@ class TurnBackRule(Policy):
     """
 
     chances = 2.0
-    """Decisions that going on is predicted for: the next one, and another for unknown ground."""
+    """Number of decisions for which going on is predicted: the next one, and another for unknown ground."""
 
     def __init__(self, known: Known, pace: Pace) -> None:
         self._known, self._pace = known, pace
@@ -124,7 +124,7 @@ class TurnBackRule(Policy):
 
 
 class BelievingRule(TurnBackRule):
-    """Corrects the way home by measurements, and keeps some of their standard deviations in reserve.
+    """Estimates the energy of the way home from measurements, with a reserve of k of its standard deviations.
 
     Args:
         known: Constants of the environment.
@@ -132,7 +132,7 @@ class BelievingRule(TurnBackRule):
         deviations: Reserve in standard deviations k, 0 or above.
 
     Attributes:
-        outlook: Its belief at the last decision.
+        outlook: Belief at the last decision.
     """
 
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
@@ -141,21 +141,21 @@ class BelievingRule(TurnBackRule):
         self.outlook: Outlook
 
     def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond the corrected way home and the reserve, see `TurnBackRule.spare`."""
+        """Energy beyond the estimated way home and the reserve, see `TurnBackRule.spare`."""
         self.outlook = self.look(observations, begun)
         return self.spare_by(self.outlook)
 
     def spare_by(self, outlook: Outlook) -> NDArray[np.float64]:
-        """The same, from a belief."""
+        """The same, from an outlook."""
         return outlook.left - outlook.home - outlook.onwards - self.deviations * outlook.deviation
 
     @abstractmethod
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """Its belief. Arguments as in `act`; a repeated decision counts once."""
+        """Update the belief and return it. Arguments as in `act`; a repeated decision counts once."""
 
 
 def sees_posts(known: Known) -> bool:
-    """Whether a patrol notices its posts: pit stops shorter than a decision may not be observed."""
+    """Whether arrivals at a patrol's posts are observable: pit stops shorter than a decision may be missed."""
     s = known.shared[0]
     return bool(s["mission"] == PATROL and s["pit_stop_s"] >= s["decision_s"])
 

@@ -1,4 +1,4 @@
-"""The shield: wraps any agent, and brings home missions that would strand."""
+"""The shield: wraps any agent, and returns home before the risk of stranding exceeds a limit."""
 
 from homeward.agents.shield.shield import RISK, Shield
 

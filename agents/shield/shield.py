@@ -1,4 +1,4 @@
-"""A shield around any policy: its action is taken only if the robot would still get home afterwards."""
+"""A shield around any policy: its action is taken only if the robot still gets home with high probability."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ from homeward.envs.state import RETURN
 from homeward.physics import ancillary_power
 
 RISK = 1e-6
-"""Risk of each decision at which at least 99.9 % get home: see docs/evaluation.md."""
+"""Probability of stranding in the chance constraint of each decision: at least 99.9 % of missions get home, see
+docs/evaluation.md."""
 _MISSED = 0.2
-"""Probability that the forecast is of another wind, as on the routes `hidden_wind`."""
+"""Prior probability that the forecast is of another wind, as on the routes `hidden_wind`. Chosen: ten times that of
+`BeliefDmaxRule`, for safety in such winds."""
 _SPARE_DECISIONS = 3.0
-"""Decisions of time reserve before the time limit."""
+"""Time kept in reserve before the time limit, in decisions."""
 
 
 @final
 class Shield(Policy):
-    """Lets a policy act as long as the robot would still get home afterwards; otherwise it brings the robot home.
+    """Replaces a policy's action by a return if the action violates a chance constraint.
 
-    The shield heads home at cruise, without stops and without sensing. During a return of the policy's own it still
-    checks before every decision whether the action leaves enough energy. The energy left is a distribution, by the
-    belief about robot and wind (`homeward.estimation`); its quantile at a small risk decides. To inform the estimator
-    it makes excitation steps (`Belief.looks_back`), unless nothing is hidden. The time limit is treated in the same
-    way.
+    An action is safe if the energy left, after the action and the way home after it, is at least 0 with probability
+    1 - risk under the belief about robot and wind (`homeward.estimation`). A return of the shield is at cruise, without
+    stops and without sensing, and final. A return of the policy is checked at every decision as well. To make the
+    parameters identifiable, the shield makes excitation steps (`Belief.looks_back`), unless nothing is hidden. The time
+    limit is treated likewise, with a fixed reserve.
 
     Args:
         policy: The policy to shield.
         known: Constants of the environment.
-        risk: Risk of each decision, within (0, 0.5].
+        risk: Allowed probability of stranding in each decision, within (0, 0.5].
     """
 
     def __init__(self, policy: Policy, known: Known, risk: float = RISK) -> None:
@@ -64,7 +66,7 @@ class Shield(Policy):
         return actions
 
     def _margin_j(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
-        """Energy left with the given risk after a decision and the way home after it, J, shape (n,)."""
+        """Quantile, at the risk, of the energy left after a decision and the way home after it, J, shape (n,)."""
         s = self._known.shared[0]
         position_m = feature(observations, "distance") * s["reach_m"]
         pit_stop_s = feature(observations, "pit_stop") * s["decision_s"]
@@ -97,7 +99,7 @@ class Shield(Policy):
         return np.where(returning >= 1.0, 0.0, np.maximum(left - 1.0, 0.0) * s["decision_s"])
 
     def _late(self, observations: Observations, wanted: Commands) -> NDArray[np.bool_]:
-        """Where the time limit would be reached before home."""
+        """Which missions would reach the time limit, less a reserve, before home, shape (n,)."""
         s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         position_m = feature(observations, "distance") * s["reach_m"]

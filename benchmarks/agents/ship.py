@@ -25,8 +25,8 @@ from homeward.files import write_whole
 
 CARD = "card.md"
 SEEN = {
-    "scratch": "on the observation alone; no rule decided or proposed anything",
-    "dmax": "on the observation and on what the robot believes of itself and its way home",
+    "scratch": "on the observation alone, without a rule",
+    "dmax": "on the observation and on the belief: a posterior of the robot, the wind and the energy of the way home",
 }
 
 
@@ -63,7 +63,7 @@ def main(args: Args) -> None:
 
 
 def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -> str:
-    """What a user should know of a policy, as Markdown.
+    """Model card of a policy, as Markdown.
 
     Args:
         description: Its `policy.json`.
@@ -93,15 +93,15 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
 A policy for `{description["env"]}`, `{training["difficulty"]}`, robot `{training["robot"]}`, a decision every
 {description["decision_s"]:g} s. `evaluate.py --env {description["env"]} --agents {agent}` uses it.
 
-* **What it is**: two hidden layers of {training["hidden"]}, {SEEN[row["start"]]}.
+* **What it is**: two hidden layers of {training["hidden"]} units, {SEEN[row["start"]]}.
 * **Trained by**: `{description["command"]}`, seed {seed}, {description["steps"]:,} decisions,
-  {curve[-1].trained_s:.0f} s; kept as it was after {description["after_steps"]:,} decisions, and {seeds}, by the
+  {curve[-1].trained_s:.0f} s; the weights after {description["after_steps"]:,} decisions and {seeds}, selected on the
   {EPISODES} missions of the learning curve.
 * **Versions**: {versions}. Weights `{description["weights_sha256"][:16]}`.
 * **On {row["episodes"]:,} unseen missions**: this policy scores {row["score_by_seed"][seed]:.4g} and strands in
-  {row["stranded_by_seed"][seed]:.2%}, greedy. All seeds, greedy, paired (95 %): {gained}.
-* **Limits**: trained on one robot, one difficulty and generated routes. Anywhere else it is a transfer, and
-  `evaluate.py` warns. Where every stranding matters, put a shield around it (`{agent}+shield`).
+  {row["stranded_by_seed"][seed]:.2%}, greedy. Paired differences of score, all seeds, greedy (95 %): {gained}.
+* **Limits**: trained on one robot, one difficulty and generated routes. In other settings
+  `evaluate.py` warns. A shield (`{agent}+shield`) lowers the risk of stranding.
 
 | {row["episodes"]:,} missions | score | stranded |
 |---|---|---|

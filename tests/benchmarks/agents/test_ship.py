@@ -58,7 +58,7 @@ def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
     assert read_curve(shipped)[-1].score == 1230.0
     assert policy.description["weights_sha256"][:16] in card
     for told in (
-        "what the robot believes of itself",
+        "on the belief: a posterior of the robot",
         "`benchmarks/agents/learn.py`, seed 0",
         "this policy scores 1240 and strands in 0.50%",
         "minus the first policy +50 (+40 to +60)",
