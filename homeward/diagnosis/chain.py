@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis import rules
@@ -18,6 +19,7 @@ from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
 from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
+from homeward.diagnosis.fit.channel_errors import tilt_error
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
@@ -35,6 +37,8 @@ from homeward.logs.recordings import Recording, RecordingError, read_recording
 from homeward.physics import Robot, d_max, load_robot
 
 Progress = Callable[[str], None]
+
+_CLEAR_OF_TILT = float(norm.isf(rules.FALSE_ALARM_RATE / 2.0))  # standard errors of the tilt of a slope sensor
 
 STAGES = (
     "reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving",
@@ -250,8 +254,9 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
         return "no_mismatch", ()
     observed = evidence.runs.observed
     missed, left = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
-    # A gain below the meter's own scale error, or below that required of an effect, is no wrong parameter.
+    # A gain below the instruments' own errors, or below that required of an effect, is no wrong parameter.
     least = max(rules.SMALLEST_GAIN * missed, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
+    least = max(least, (_CLEAR_OF_TILT * tilt_error(evidence.fitted, evidence.runs)) ** 2)
     p_value = better(refitted, nominal, observed, evidence.block)
     if p_value > rules.FALSE_ALARM_RATE or missed - left < least:
         other_capacity = capacity is not None and capacity.off

@@ -7,6 +7,7 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.fitted import Fitted
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.noise import white_noise
 from homeward.logs.channels import Array
@@ -42,6 +43,13 @@ def _moved(runs: Runs, name: str, sign: float) -> Runs:
         size = sign * rules.SMOOTHING_ERROR * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
         moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
     return dataclasses.replace(runs, signals=moved)
+
+
+def tilt_error(fit: Fitted, runs: Runs) -> float:
+    """Rms error of the prediction from one standard error of the slope sensor's tilt, which acts as rolling resistance
+    does."""
+    per_kg = fit.groups.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
+    return runs.tilt_error_rad * float(fit.theta[MASS]) * float(np.sqrt(np.mean(per_kg**2)))
 
 
 def meter_error(runs: Runs) -> float:

@@ -18,7 +18,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.fit.channel_errors import reliability
 from homeward.diagnosis.fit.fitted import Fitted, excited
 from homeward.diagnosis.fit.folds import per_block
-from homeward.diagnosis.fit.parameter_groups import Group, Parameters, derivatives, parameters
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, Group, Parameters, derivatives, parameters
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
@@ -150,6 +150,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     errors *= problem.scale
     degrees_of_freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
     errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(fit.theta))
+    errors[ROLLING] = np.hypot(errors[ROLLING], runs.tilt_error_rad * abs(fit.theta[MASS]))
     widths = float(student.ppf(0.975, degrees_of_freedom)) * errors
     wide = float(student.ppf(1.0 - 0.025 / len(problem.groups), degrees_of_freedom)) * errors
     result = []

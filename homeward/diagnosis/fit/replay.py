@@ -37,6 +37,11 @@ class Runs:
         return np.nan_to_num(self.context.get("sensing_hz", np.zeros(len(self.run))))
 
     @property
+    def tilt_error_rad(self) -> float:
+        """Standard error of the tilt of the slope sensor, rad; 0 where no drive shows it."""
+        return max(run.tilt_error_rad for run in self.signals)
+
+    @property
     def names(self) -> list[str]:
         """Names of the runs."""
         return [run.name for run in self.signals]

@@ -59,7 +59,10 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
 
 
 def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
-    """The runs without the tilt of the slope sensor, estimated from all together; the tilt, rad, 0 if not clear."""
+    """The runs without the tilt of the slope sensor, estimated from all together; the tilt, rad, 0 if not clear.
+
+    The runs hold its standard error, and where it is not clear also what it may be.
+    """
     tilts = [found for run in runs if (found := tilt(run)) is not None]
     if not tilts:
         return list(runs), 0.0
@@ -67,11 +70,15 @@ def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
     weight = 1.0 / np.maximum(errors, 1e-6) ** 2
     angle = float(np.average(angles, weights=weight))
     # Between runs it may vary by more than its standard error.
-    error = max(float(weight.sum() ** -0.5), float(np.std(angles)) / np.sqrt(len(angles)))
-    if abs(angle) <= rules.CLEAR_TILT * error:
-        return list(runs), 0.0
+    varies = float(np.std(angles)) / np.sqrt(len(angles))
+    clear = abs(angle) > rules.CLEAR_TILT * max(float(weight.sum() ** -0.5), varies)
+    # Runs on one route have the same error: their mean is no better than one of them.
+    error = float(np.hypot(max(np.average(errors, weights=weight), varies), 0.0 if clear else angle))
     level = []
     for run in runs:
-        context = {**run.context, "grade_rad": run.context["grade_rad"] - angle} if "grade_rad" in run.context else None
-        level.append(run if context is None else replace(run, grade_rad=run.grade_rad - angle, context=context))
-    return level, angle
+        known = replace(run, tilt_error_rad=error)
+        if clear and "grade_rad" in run.context:
+            context = {**run.context, "grade_rad": run.context["grade_rad"] - angle}
+            known = replace(known, grade_rad=run.grade_rad - angle, context=context)
+        level.append(known)
+    return level, angle if clear else 0.0

@@ -1,7 +1,7 @@
 """Ordinary instruments: noise, steps, lags, held values and faults of logging make no physics of a clean robot."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.ndimage import uniform_filter1d
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
+from homeward.diagnosis.fit import usable
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.lags import without_drift
 from homeward.diagnosis.fit.refit import estimates, refit
@@ -19,7 +20,7 @@ from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.noise import smoothed
 from homeward.diagnosis.read.pitch import without_tilt
-from homeward.diagnosis.read.signals import signals
+from homeward.diagnosis.read.signals import Signals, signals
 from homeward.diagnosis.read.slope import slope_along
 from homeward.physics import replay
 
@@ -249,8 +250,25 @@ def test_a_channel_that_is_smoothed_much_bears_no_parameter() -> None:
 @pytest.mark.parametrize("tilt_deg", [0.0, -2.0])
 def test_a_tilted_sensor_is_known_by_a_closed_way(name: str, tilt_deg: float) -> None:
     tilted = recordings(name, lambda c, rng: {**c, "grade_rad": c["grade_rad"] + np.radians(tilt_deg)})
-    _, angle = without_tilt([signals(one, load_robot(name)) for one in tilted])
+    level, angle = without_tilt([signals(one, load_robot(name)) for one in tilted])
     assert np.degrees(angle) == pytest.approx(tilt_deg, abs=0.1)
+    left_rad = np.radians(tilt_deg) - angle
+    assert 0.0 < abs(left_rad) < 3.0 * level[0].tilt_error_rad
+
+
+@pytest.mark.parametrize(("error_deg", "verdict"), [(0.0, "parameters_off"), (0.2, "no_mismatch")])
+def test_what_a_tilt_may_leave_is_no_wrong_parameter(
+    error_deg: float, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def uncorrected(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
+        return [dataclasses.replace(run, tilt_error_rad=np.radians(error_deg)) for run in runs], 0.0
+
+    monkeypatch.setattr(usable, "without_tilt", uncorrected)
+    tilted = recordings("husky", lambda c, rng: {**only(c, "grade_rad"), "grade_rad": c["grade_rad"] + np.radians(0.3)})
+    analysis = analyse(tilted, "husky")
+    assert analysis.diagnosis.verdict == verdict
+    rolling = next(one for one in analysis.diagnosis.parameters if one.group == "C_rr m / Gamma")
+    assert (rolling.ci95[0] <= rolling.assumed <= rolling.ci95[1]) == bool(error_deg)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
