@@ -172,7 +172,7 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
     most = _best_forms(bench, shares)
     likely = max(most, key=bench.held_out_bic)
     independent = bench.independent(likely)  # the same for all, so that shares decide the order
-    alone = np.array([bench.score(share, independent, index) for index, share in enumerate(shares.tolist())])
+    alone = _alone(bench, independent)
     order = _best_forms(bench, alone)
     best = float(alone[order[0]])
     pair: tuple[int, ...] = (order[0],)
@@ -182,16 +182,28 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
             both = bench.score(bench.share(one, other), independent, one, other)
             if both > best + rules.STRONG_BIC:
                 best, pair = both, (one, other)
-    preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), shares, alone)
-    proven = partial(_proven, alone=alone, independent=independent, seed=seed)
-    yield from ((found,) for index in dict.fromkeys([preferred, pair[0]]) if (found := proven(bench, index)))
+    preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), alone)
+    proven = partial(_proven, bench, alone=alone, independent=independent, seed=seed)
+    yield from ((found,) for index in dict.fromkeys([preferred, pair[0]]) if (found := proven(index)))
     if len(pair) == 2:
-        halves = [proven(bench.with_base(other), one) for one, other in (pair, pair[::-1])]
+        halves = [_half(bench.with_base(other), one, independent, seed) for one, other in (pair, pair[::-1])]
         if all(halves):
             yield tuple(one for one in halves if one)
     in_steps = sorted(filter(bench.is_in_steps, most), key=bench.innovations_bic, reverse=True)
     further = dict.fromkeys([*order[:_TRIED], *in_steps[:_TRIED]])
-    yield from ((found,) for index in further if (found := proven(bench, index)))
+    yield from ((found,) for index in further if (found := proven(index)))
+
+
+def _alone(bench: Bench, independent: float) -> Array:
+    """Reduction of BIC by each hypothesis alone beside the base, shape (hypotheses,)."""
+    return np.array([bench.score(share, independent, index) for index, share in enumerate(bench.shares.tolist())])
+
+
+def _half(bench: Bench, chosen: int, independent: float, seed: int) -> Named | None:
+    """One of a pair beside the other, or what the data cannot separate from it there and has a higher prior."""
+    alone = _alone(bench, independent)
+    tried = dict.fromkeys([_likeliest(bench, chosen, alone), chosen])
+    return next(filter(None, (_proven(bench, index, alone, independent, seed) for index in tried)), None)
 
 
 def _best_forms(bench: Bench, scores: Array) -> list[int]:
@@ -215,7 +227,7 @@ def _prefer_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     return best if shares[best] >= rules.SIMPLER * shares[chosen] else chosen
 
 
-def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
+def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     """Of hypotheses that the data cannot separate that with the highest prior: physics before a fault of an instrument,
     a change that is typical for the effect before another."""
 
@@ -226,7 +238,8 @@ def _likeliest(bench: Bench, chosen: int, shares: Array, alone: Array) -> int:
     equals = [
         index
         for index, term in enumerate(bench.candidates)
-        if term.axis == bench.candidates[chosen].axis and 1.0 - shares[index] <= rules.EQUAL * (1.0 - shares[chosen])
+        if term.axis == bench.candidates[chosen].axis
+        and 1.0 - bench.shares[index] <= rules.EQUAL * (1.0 - bench.shares[chosen])
     ]
     return min([chosen, *equals], key=rarity)
 
