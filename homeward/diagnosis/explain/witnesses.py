@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import binom, norm, spearmanr
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.catalogue import CATALOGUE, battery, instruments
+from homeward.diagnosis.explain.catalogue import CATALOGUE, battery, instruments, terms
 from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term
 from homeward.diagnosis.explain.proof import DRAWS, FOLDS
 from homeward.diagnosis.fit.folds import FEWEST_RUNS, per_block
@@ -194,6 +194,9 @@ def _state_of_charge(
     capacity = Capacity(
         robot.usable_energy_j, float(robot.usable_energy_j / rate), (float(low), float(high)), bool(off)
     )
+    misread = _misread(fit, runs, channel, drawn, block)
+    if misread is not None:
+        return dataclasses.replace(capacity, off=False), misread
     losses = _Losses(fit, runs, channel, drawn)
     both = (losses.found(), _fading(channel, runs, drawn))
     found = sorted((one for one in both if one is not None), key=lambda one: -_gained(one.proof))
@@ -232,6 +235,39 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
         for one in candidates
         if (gains[id(one)] > -rules.STRONG_BIC if one.misread else one.axis != "time" or gains[best] < rules.STRONG_BIC)
     ]
+
+
+def _misread(fit: Refit, runs: Runs, channel: _Reading, drawn: Array, block: Index) -> Witnessed | None:
+    """A fault of the meter that power shows, be it too little to be named: less its error, the charge falls by the
+    energy drawn, at least as well as with a capacity for each run."""
+    setting, per_run = Setting.of(fit, runs), drawn * (channel.run[:, None] == np.unique(channel.run))
+    fades, constant = (columns @ _fit(columns, channel.target) for columns in (per_run, drawn))
+    found: list[tuple[float, Witnessed]] = []
+    for term in terms(setting):
+        if not term.misread or term.axis != "time" or term.columns.shape[1] > 1:
+            continue
+        design = np.column_stack([fit.jacobian, term.columns])
+        weights = _fit(design, setting.residual)
+        size, added = float(weights[-1]), term.columns[:, 0] * weights[-1]
+        true = drawn - channel.summed(added / fit.parameters.nominal.usable_energy_j)[:, None]
+        predicted = true @ _fit(true, channel.target)
+        by_ageing = delta_bic(channel.target, predicted, fades, channel.run, per_run.shape[1] - 1)
+        proof = channel.proof(drawn, true)
+        if proof is None or by_ageing >= rules.STRONG_BIC or not _matters(np.abs(added), runs):
+            continue
+        wide = rules.NORMAL_95 * float(standard_errors(design, setting.residual - design @ weights, block)[-1])
+        switch, rivals = term.hypothesis.entry.switch, (battery.AGEING.id,) if by_ageing > -rules.STRONG_BIC else ()
+        shown = Witnessed(
+            term.hypothesis, {switch.name: Value(size, (size - wide, size + wide), switch.unit)}, added, proof, rivals,
+            "Less an error of the meter that power shows, the state of charge falls by the energy drawn.",
+        )  # fmt: skip
+        found.append((delta_bic(channel.target, constant, predicted, channel.run, 0), shown))
+    if not found:
+        return None
+    most, best = max(found, key=lambda one: one[0])
+    alike = [one.hypothesis.id for gained, one in found if gained > most - rules.STRONG_BIC]
+    others = (*(one for one in alike if one != best.hypothesis.id), *best.rivals)
+    return dataclasses.replace(best, rivals=tuple(dict.fromkeys(others)))
 
 
 class _Losses:
