@@ -15,11 +15,12 @@ import pytest
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose
-from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import fit_model
-from homeward.diagnosis.explain.naming import _beside
+from homeward.diagnosis.explain.naming import _beside, _half
+from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
@@ -399,6 +400,32 @@ def test_a_device_is_named_beside_turning_that_consumes_far_more(drive: Drive, h
     assert turning.effect == "turning"
     assert device.effect == "standby"
     assert device.parameters["power_w"].value == pytest.approx(20.0, rel=0.15)
+
+
+def test_half_of_a_pair_has_its_rivals_beside_the_other_and_physics_comes_before_a_fault(
+    drive: Drive, husky: Robot
+) -> None:
+    """Alone, neither of the pair need be significant; a load and a zero that has shifted are the same column."""
+    runs_read = drive(husky, runs=3, minutes=4.0, effects={"breakaway": {"start_j": 60.0}})
+    since_s = (150.0, 0.0, 0.0)
+    told = [
+        with_power([run], lambda of, on_s=on_s: of["power_w"] + 20.0 * (of["time_s"] > on_s))[0]  # type: ignore[misc]
+        for run, on_s in zip(runs_read, since_s, strict=True)
+    ]
+    runs = average(usable_runs(told, husky)[0])
+    fit = refit(runs, husky)
+    setting, block = Setting.of(fit, runs), cut_blocks(runs.run, runs.observed - fit.predicted)
+    refit_error = float(setting.residual @ setting.residual)
+    bench = Bench(fit, tuple(terms(setting)), runs, setting.residual, block, (), refit_error, 0.0)
+
+    def best(effect: str, of: Bench) -> int:
+        same = [index for index, one in enumerate(of.candidates) if one.effect == effect]
+        return max(same, key=of.share)
+
+    beside = bench.with_base(best("breakaway", bench))
+    half = _half(beside, best("sensor_offset", beside), beside.independent(best("sensor_offset", beside)), seed=0)
+    assert half is not None and half.term.effect == "standby"
+    assert "sensor_offset" in [one.effect for one in half.rivals]
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
@@ -288,6 +289,24 @@ def test_a_meter_that_reads_more_from_some_run_on_is_no_battery_that_loses_less(
         for at, run in enumerate(with_charge(drive(husky, runs=4), husky, [0.0] * 4))
     ]
     assert [one.effect for one in diagnose(runs, husky).missing_physics] == ["sensor_gain"]
+
+
+@pytest.mark.parametrize(("shift_w", "found"), [(-8.0, ["sensor_offset"]), (0.0, [])])
+def test_a_zero_that_has_shifted_is_known_by_the_charge_where_gusts_hide_it(
+    shift_w: float, found: list[str], drive: Drive, small: Robot
+) -> None:
+    """The charge seems to fall faster from the third run on, as with a battery that has lost capacity."""
+    rng, runs = np.random.default_rng(3), []
+    for at, run in enumerate(with_charge(drive(small, runs=4, minutes=4.0), small, [0.0] * 4)):
+        gusts_w = 15.0 * np.sqrt(1.0 - 0.99**2) * lfilter([1.0], [1.0, -0.99], rng.normal(size=len(run)))
+        read_w = run.channels["power_w"] + gusts_w + shift_w * (at > 1)
+        runs.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
+    capacity, witnessed, _ = shown(runs, small)
+    assert [one.hypothesis.id for one in witnessed] == found
+    assert capacity is not None and not capacity.off
+    for one in witnessed:
+        offset = one.parameters["offset"]
+        assert offset.ci95[0] <= shift_w <= offset.ci95[1] < 0.0, offset
 
 
 @pytest.mark.parametrize("excess", [0.15, 0.25, 0.4])
