@@ -268,6 +268,7 @@ def test_what_a_tilt_may_leave_is_no_wrong_parameter(
     analysis = analyse(tilted, "husky")
     assert analysis.diagnosis.verdict == verdict
     rolling = next(one for one in analysis.diagnosis.parameters if one.group == "C_rr m / Gamma")
+    assert rolling.assumed is not None
     assert (rolling.ci95[0] <= rolling.assumed <= rolling.ci95[1]) == bool(error_deg)
 
 
