@@ -49,7 +49,7 @@ def test_the_first_example_on_the_robot_prints_what_the_page_shows(
 
 
 def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> None:
-    said = f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times a good score"
+    said = f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times the score of a good mission"
     assert said in page_of(root, "agents.md")
 
 

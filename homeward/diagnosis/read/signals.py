@@ -68,8 +68,8 @@ class Signals:
     odometer_scale: float = 0.0  # relative error of the recorded speed, by a recorded distance; corrected
     at_terminals: bool = False  # whether `observed` is voltage times current, without internal battery losses
     error: Mapping[str, float] = field(default_factory=dict)  # standard deviation of a channel's error over windows
-    tilt_error_rad: float = 0.0  # standard error of the tilt of the slope sensor; 0 where no drive shows it
     start_s: float = 0.0  # added to `time_s` for the time since 1970, where it is known
+    tilt_error_rad: float = 0.0  # standard error of the tilt of the slope sensor; 0 where no drive shows it
 
     def only(self, chosen: Mask) -> Signals:
         """The run with these samples only."""
