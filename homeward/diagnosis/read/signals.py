@@ -7,7 +7,7 @@ replay independent of the sampling rate.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -64,6 +64,7 @@ class Signals:
     direction: Array  # 1 on the way out, -1 on the way home
     observed: Array
     context: Mapping[str, Array]
+    _: KW_ONLY
     filled: tuple[str, ...] = ()
     odometer_scale: float = 0.0  # relative error of the recorded speed, by a recorded distance; corrected
     at_terminals: bool = False  # whether `observed` is voltage times current, without internal battery losses
@@ -125,8 +126,9 @@ def signals(
     run = Signals(
         recording.name, unit, time_s, speed, accel, nothing if grade is None else grade,
         kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),
-        kept.get("base_distance_m", nothing), direction, observed, context, tuple(filled), scale,
-        unit == "W" and "power_w" not in given, error, recording.start_s,
+        kept.get("base_distance_m", nothing), direction, observed, context,
+        filled=tuple(filled), odometer_scale=scale, at_terminals=unit == "W" and "power_w" not in given, error=error,
+        start_s=recording.start_s,
     )  # fmt: skip
     when = time_s + (slope_late_s if grade is not None else 0.0)
     there = (when >= time_s[0]) & (when <= time_s[-1])  # the slope of the last moments was not yet recorded
