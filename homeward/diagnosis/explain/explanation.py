@@ -159,7 +159,8 @@ class _Residual:
             return naming.nothing_named(), where
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming) else naming.nothing_named()), location
-        by_place = 0.0 if first.term.hypothesis.by_place else place_gain(self.fit, self.runs, self.seed)
+        on_ground = any(one.term.hypothesis.by_place for one in naming.named)
+        by_place = 0.0 if on_ground else place_gain(self.fit, self.runs, self.seed)
         by_named = max(first.held_out_gain, self.by(naming))  # motion may be the cause of others that are named
         by_motion = largest_by_motion(self.fit, self.runs, self.block, self.seed)
         if by_motion < by_named and by_place < rules.BY_PLACE * by_named:

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.fit.fitted import bounded, excited
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
-from homeward.diagnosis.fit.refit import Refit, holding, standard_errors
+from homeward.diagnosis.fit.refit import Refit, covariance, holding
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Value
 from homeward.logs.channels import Array, Index, Mask
@@ -86,6 +87,7 @@ class Corrected:
     model: Model
     values: Array  # (unknowns,)
     ci95: tuple[tuple[float, float], ...]
+    p_values: Array  # (terms,), of the hypothesis that all sizes of a term are zero (Wald test)
     groups: Refit  # of the groups of the refit, fitted together with the effects
     beside: Array  # (windows, unknowns): derivative of the prediction, per unit of each unknown
     contribution: tuple[Array, ...]  # power or current of each term, shape (windows,)
@@ -133,13 +135,14 @@ class Corrected:
         return self.model.predict(runs, self.theta, self.values)
 
     def all_at_work(self) -> bool:
-        """Whether each effect has a size whose interval excludes zero, and none is at a physical bound.
+        """Whether the sizes of each effect significantly differ from zero, and none is at a physical bound.
 
-        An effect whose other parameters were fitted too passes: its size may be confounded with them.
+        Sizes are tested together, as levels of the ground may be confounded with its mean. An effect whose other
+        parameters were fitted too passes: its size may be confounded with them.
         """
         sized = [at for at, one in enumerate(self.model.unknowns) if one.column is not None]
-        perhaps_none = [at for at in sized if self.ci95[at][0] <= 0.0 <= self.ci95[at][1]]
-        if any({*self.model.of(index)} <= {*perhaps_none} for index in range(len(self.model.terms))):
+        alone = [{*self.model.of(index)} <= {*sized} for index in range(len(self.model.terms))]
+        if (np.array(alone) & (self.p_values > 0.05)).any():
             return False
         (low, high), sizes = self.model.bounds[:, sized], self.values[sized]
         return bool(((sizes < high) & ((sizes > low) | (low == 0.0))).all())
@@ -182,9 +185,10 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
         theta, values, predicted, jacobian = _descended(fit, model, runs, everything, start)
     groups = fit.jacobian.shape[1]
     at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
-    errors = standard_errors(jacobian, runs.observed - predicted, block)[groups:]
-    errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(values))
-    width = float(student.ppf(0.975, max(int(block.max()) + 1 - jacobian.shape[1], 1))) * errors
+    spread = covariance(jacobian, runs.observed - predicted, block)[groups:, groups:]
+    spread = spread + np.outer(values, values) * rules.GAIN_ERROR**2
+    freedom = max(int(block.max()) + 1 - jacobian.shape[1], 1)
+    width = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(np.diag(spread), 0.0))
     intervals = tuple(
         (float(max(value - w, one.low)), float(min(value + w, one.high)))
         for one, value, w in zip(model.unknowns, values, width, strict=True)
@@ -192,7 +196,20 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     contribution = tuple(
         predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
     )
-    return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
+    p_values = np.array(
+        [_wald(values[own], spread[np.ix_(own, own)], freedom) for own in map(model.of, range(len(terms)))]
+    )
+    return Corrected(model, values, intervals, p_values, at, jacobian[:, groups:], contribution)
+
+
+def _wald(values: Array, spread: Array, freedom: int) -> float:
+    """P-value of the hypothesis that all values are zero, from their covariance, shape (values, values).
+
+    >>> round(_wald(np.array([1.0, -1.0]), np.array([[1.0, 0.9], [0.9, 1.0]]), 50), 6)
+    0.000222
+    """
+    statistic = float(values @ np.linalg.pinv(spread, hermitian=True) @ values) / len(values)
+    return float(fisher.sf(statistic, len(values), freedom))
 
 
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
