@@ -127,7 +127,8 @@ class Planner(Policy):
             beliefs["gain"] = beliefs["rolling"] = beliefs["weight"] = 1.0
         reserve = self.rule.deviations * outlook.deviation
         beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
-        beliefs["spare"] = self.rule.spare_by(outlook) if self._belief else np.inf  # patrols: the rule plans whole laps
+        # On patrols the rule plans whole laps.
+        beliefs["margin"] = self.rule.margin_above_reserve_by(outlook) if self._belief else np.inf
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
