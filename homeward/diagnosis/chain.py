@@ -253,12 +253,12 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     if nominal is None:
         return "no_mismatch", ()
     observed = evidence.runs.observed
-    missed, left = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
+    before, after = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
     # A gain below the instruments' own errors, or below that required of an effect, is no wrong parameter.
-    least = max(rules.SMALLEST_GAIN * missed, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
+    least = max(rules.SMALLEST_GAIN * before, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
     least = max(least, (_CLEAR_OF_TILT * tilt_error(evidence.fitted, evidence.runs)) ** 2)
     p_value = better(refitted, nominal, observed, evidence.block)
-    if p_value > rules.FALSE_ALARM_RATE or missed - left < least:
+    if p_value > rules.FALSE_ALARM_RATE or before - after < least:
         other_capacity = capacity is not None and capacity.off
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
     if any(one.status == "at bound" for one in evidence.estimates):

@@ -85,7 +85,7 @@ class Evidence:
         return (*found, *(one.contribution for one in self.witnessed))
 
     @property
-    def left(self) -> Array:
+    def residual(self) -> Array:
         """Residual of the model with the named effects or, where there are none, of the refit; shape (windows,)."""
         model = self.fitted if self.corrected is None else self.corrected
         return self.runs.observed - model.predicted

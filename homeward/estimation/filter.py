@@ -194,7 +194,7 @@ def _drive(
     x, p = h.mean, h.covariance
     _blow(prior, dt_s, h)
     outwards, way_m = reading.position_m >= robot.position_m, abs(reading.position_m - robot.position_m)
-    drive, other, left, rolls, kept, climb_variance = _way(
+    drive, other, residual_variance, rolls, kept, climb_variance = _way(
         v, prior, robot, reading, dt_s, h, places, rollings, slope, bend, jump
     )
     mean_bend, bend_variance, _ = curvature(bend, covariance_of_wind(p, 1.0, 0.0))
@@ -225,7 +225,7 @@ def _drive(
 
     # Slopes that were misread: they raise the energy and, on the way out, recur on the way home.
     weight = misread_climb(prior, x)
-    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + left + bend_variance
+    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + residual_variance + bend_variance
     p[USED, USED] += noise
     shared[USED] += noise
     variance += noise
@@ -262,7 +262,7 @@ def _drive(
         reading.power_w * dt_s / v.full_j,
         took + x[OFFSET] * dt_s,
         variance,
-        left,
+        residual_variance,
         drive,
         rolls,
         h,
@@ -281,7 +281,7 @@ def _learn(
     read: float,
     predicted: float,
     variance: float,
-    left: float,
+    residual_variance: float,
     drive: float,
     rolls: float,
     h: Any,
@@ -302,7 +302,7 @@ def _learn(
         # All hypotheses decide the same about coasting: a density of one would outweigh the probability of another.
         may = 0.5 * math.erfc((drive - _ROLLS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
         h.log_weight += _TEMPER * np.log(max(may, _LEAST_CHANCE))
-        if left > 0.0:
+        if residual_variance > 0.0:
             # Its possibility was known: nothing is learned again at every reading.
             x[USED] += read - predicted
             for a in range(STATES):
@@ -370,10 +370,10 @@ def _way(
         again = -1.0 if outwards else rollings[k] * per_rolled
         home_share = way_m / max(robot.position_m, 1e-9)
         stretch = Stretch(way_m, sine, ahead * place.east, ahead * place.north, speed_mps, again, home_share, 1.0)
-        energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+        energy, residual_variance = predict(v, prior, x, p, stretch, slope, bend, part)
         own += modelled_driving(v, sine, speed_mps) * way_m / v.full_j
         took += energy
-        variance += left
+        variance += residual_variance
         rolls += roll
         met += rollings[k] * roll * per_rolled
         slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + prior.slope_within_place**2

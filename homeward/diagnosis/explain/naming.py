@@ -85,7 +85,7 @@ def name_missing(
     fold = np.asarray(block % FOLDS)
     setting = Setting.of(fit, runs)
     material = holding(fit, runs, immaterial(fit, runs))
-    in_doubt = channel_error(fit, runs)
+    expected_error = channel_error(fit, runs)
     refit_error = float(setting.residual @ setting.residual)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
@@ -97,7 +97,7 @@ def name_missing(
         candidates = terms(setting, tuple(one.term.effect for one in named), varying)
         model = corrected or fit
         candidates = not_contradicted(candidates, model.jacobian, setting, block, seed)
-        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, in_doubt)
+        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, expected_error)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, seed):

@@ -124,8 +124,8 @@ class _Reading:
 
     def _p_value(self, base: Array, added: Array, tried: Array) -> float:
         """P-value: how often, on random signs of blocks, some column tried explains as much as the best added."""
-        left, own = (one - base @ _fit(base, one) for one in (self.target, tried))
-        sums = per_block(own * left[:, None], self.block)
+        residual, own = (one - base @ _fit(base, one) for one in (self.target, tried))
+        sums = per_block(own * residual[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
         sums = sums[:, spread > 0.0] / spread[spread > 0.0]
         signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], (DRAWS, len(sums)))
@@ -222,14 +222,14 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     drawn = channel.summed(runs.observed)[:, None]
     as_read = drawn @ _fit(drawn, channel.target)
     gains: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
-    left: dict[int, float] = {}
+    errors: dict[int, float] = {}
     for term in misread:
         design = np.column_stack([base, term.columns])
         weights = _fit(design, setting.residual)
         true = channel.summed(runs.observed - term.columns @ weights[base.shape[1] :])[:, None]
         gains[id(term)] = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
-        left[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
-    best = min(left, key=lambda one: left[one])
+        errors[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
+    best = min(errors, key=lambda one: errors[one])
     return [
         one
         for one in candidates
@@ -293,14 +293,14 @@ class _Losses:
         proof, one, shape = max(proven, key=lambda found: _gained(found[0]))
         switch = one.entry.switch
         rate, per_size = _fit(np.column_stack([self.drawn, self._fallen(one, shape, TINY) / TINY]), self.channel.target)
-        size = self._size(one, shape, per_size / max(float(rate), 1e-9), self._left_beside_capacity)
+        size = self._size(one, shape, per_size / max(float(rate), 1e-9), self._residual_beside_capacity)
         lost_w = self._loss_w(one, shape, size)
         if not _matters(lost_w, self.runs):
             return None
         step = 1e-3 * max(size, TINY) * (-1.0 if 1.001 * size > switch.high else 1.0)
         at = self._fallen(one, shape, size)
         design, slope = self.drawn + at, (self._fallen(one, shape, size + step) - at) / step
-        residual = self._left_beside_capacity(at)
+        residual = self._residual_beside_capacity(at)
         wide = rules.NORMAL_95 * float(
             standard_errors(np.column_stack([design, slope]), residual, self.channel.block)[-1]
         )
@@ -315,8 +315,8 @@ class _Losses:
     def instead(self, rate: float) -> tuple[str, ...]:
         """Losses that explain a charge which falls `rate` times as fast as the file's capacity implies, as well as a
         smaller capacity does; a voltage that was recorded would have shown a resistance."""
-        left = self.channel.target - rate * self.drawn[:, 0]
-        most = rules.EQUAL * float(left @ left)
+        residual = self.channel.target - rate * self.drawn[:, 0]
+        most = rules.EQUAL * float(residual @ residual)
         known = (
             {battery.INTERNAL_RESISTANCE.id} if (self.runs.context.get("voltage_v", np.zeros(1)) > 0.0).any() else ()
         )
@@ -325,30 +325,30 @@ class _Losses:
             (per_size,) = _fit(added, self.channel.target - self.drawn[:, 0])
             if one.id in known or per_size <= 0.0:
                 continue
-            at = self._fallen(one, shape, self._size(one, shape, float(per_size), self._left_beside_file))
-            if float(np.sum(self._left_beside_file(at) ** 2)) <= most:
+            at = self._fallen(one, shape, self._size(one, shape, float(per_size), self._residual_beside_file))
+            if float(np.sum(self._residual_beside_file(at) ** 2)) <= most:
                 found.append(one.id)
         return tuple(dict.fromkeys(found))
 
-    def _size(self, one: Hypothesis, shape: Numbers, about: float, left: Callable[[Array], Array]) -> float:
-        """Size with the least squared residual `left`: searched up to a multiple of the linear estimate, as sizes are
+    def _size(self, one: Hypothesis, shape: Numbers, about: float, residual: Callable[[Array], Array]) -> float:
+        """Size with the least squared residual: searched up to a multiple of the linear estimate, as sizes are
         often far below their bound."""
         high = one.entry.switch.high
         most = float(np.clip(_SEARCHED * about, TINY * high, high))
 
         def error(size: float) -> float:
-            return float(np.sum(left(self._fallen(one, shape, size)) ** 2))
+            return float(np.sum(residual(self._fallen(one, shape, size)) ** 2))
 
         return float(minimize_scalar(error, bounds=(0.0, most), method="bounded").x)
 
-    def _left_beside_capacity(self, fallen: Array) -> Array:
+    def _residual_beside_capacity(self, fallen: Array) -> Array:
         """Residual of the charge with a loss, its capacity fitted: at most that of the file, as a larger one together
         with a larger loss fits a loss of any form."""
         design = self.drawn + fallen
         rate = np.maximum(_fit(design, self.channel.target), 1.0)
         return np.asarray(self.channel.target - design @ rate)
 
-    def _left_beside_file(self, fallen: Array) -> Array:
+    def _residual_beside_file(self, fallen: Array) -> Array:
         """The same with the file's capacity."""
         return np.asarray(self.channel.target - self.drawn[:, 0] - fallen[:, 0])
 

@@ -49,10 +49,10 @@ def summary(
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
     """Unrecorded dependencies of power, where the best model has a large autocorrelated residual; else none."""
     best = "corrected" if "corrected" in fit.arms else "refit"
-    r2, left, lacks = fit.arms[best].r2, evidence.runs.observed - evidence.predictions[best], evidence.naming.unrecorded
+    r2, runs, lacks = fit.arms[best].r2, evidence.runs, evidence.naming.unrecorded
     if r2 is None or (r2 > rules.LEAST_R2 and not lacks):
         return []
-    return unrecorded(evidence.runs) if lacks or is_autocorrelated(left, evidence.runs) else []
+    return unrecorded(runs) if lacks or is_autocorrelated(runs.observed - evidence.predictions[best], runs) else []
 
 
 def _excess(evidence: Evidence) -> float | None:

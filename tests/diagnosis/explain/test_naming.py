@@ -144,9 +144,9 @@ def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     )
     runs = average(usable_runs(three, husky)[0])
     fit = refit(runs, husky)
-    left = runs.observed - fit.predicted
-    setting = Setting.of(fit, runs, left)
-    found = search("time", np.ones(len(left)), left, runs, signed=False)
+    residual = runs.observed - fit.predicted
+    setting = Setting.of(fit, runs, residual)
+    found = search("time", np.ones(len(residual)), residual, runs, signed=False)
     assert max(one.levels for one in found) > 2
     levels = {one.schedule.levels for one in CATALOGUE["intermittent_load"].forms(setting, True) if one.schedule}
     assert levels <= {2}
@@ -342,8 +342,8 @@ def test_ground_that_changes_all_the_time_in_places_that_are_met_again_is_no_hyp
             recordings.append(dataclasses.replace(run, channels=of))
         runs = average(usable_runs(recordings, husky)[0])
         fit = refit(runs, husky)
-        left = runs.observed - fit.predicted
-        setting = Setting.of(fit, runs, left)
+        residual = runs.observed - fit.predicted
+        setting = Setting.of(fit, runs, residual)
         forms = CATALOGUE["surface"].forms(setting, True)
         return {one.schedule.changes for one in forms if one.schedule is not None and one.axis == "time"}
 

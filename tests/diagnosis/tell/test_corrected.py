@@ -85,17 +85,17 @@ def joint_fit(
 ) -> Corrected | None:
     """The groups fitted together with that form of an effect which explains most of those that a file can say."""
     fit = refit(runs, robot)
-    left = runs.observed - fit.predicted
-    setting = Setting.of(fit, runs, left)
+    residual = runs.observed - fit.predicted
+    setting = Setting.of(fit, runs, residual)
     forms = [
         one for one in CATALOGUE[effect].forms(setting, True) if is_expressible(one) and like(one) and one.columns.any()
     ]
 
     def unexplained(term: Term) -> float:
         columns = np.column_stack([fit.jacobian, term.columns])
-        return float(np.sum((left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]) ** 2))
+        return float(np.sum((residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]) ** 2))
 
-    return fit_model(fit, [min(forms, key=unexplained)], runs, cut_blocks(runs.run, left)) if forms else None
+    return fit_model(fit, [min(forms, key=unexplained)], runs, cut_blocks(runs.run, residual)) if forms else None
 
 
 @pytest.mark.parametrize("effect", [one.id for one in EFFECTS if one.id not in NOT_SAID])
