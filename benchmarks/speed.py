@@ -194,8 +194,8 @@ def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Timing:
         runs.append(Recording(f"run{seed}.csv", str(seed), channels))
     analyse(runs[:1], robot)  # compiles
     seconds = _seconds(lambda: analyse(runs, robot))
-    told = f"{', '.join(hidden) or 'nothing'} concealed"
-    return Timing(f"diagnosis, 1 h at 10 Hz, 5 runs, {told}", f"{seconds:.1f} s", "", None, target)
+    hidden_effects = f"{', '.join(hidden) or 'nothing'} concealed"
+    return Timing(f"diagnosis, 1 h at 10 Hz, 5 runs, {hidden_effects}", f"{seconds:.1f} s", "", None, target)
 
 
 def import_time() -> Timing:

@@ -181,8 +181,8 @@ def driven(args: Args, options: Options, policy: Policy, key: bytes, seeds: Sequ
         key: Of what it is made from, beside the code.
         seeds: Of the episodes.
     """
-    told = json.dumps([vars(options), made_with(options), [str(seed) for seed in seeds]], default=str).encode()
-    file = args.out / "driven" / f"{hashlib.sha256(key + told).hexdigest()[:24]}.npz"
+    inputs = json.dumps([vars(options), made_with(options), [str(seed) for seed in seeds]], default=str).encode()
+    file = args.out / "driven" / f"{hashlib.sha256(key + inputs).hexdigest()[:24]}.npz"
     if not file.is_file():
         episodes = run_episodes(policy, options, seeds).episodes
         content = io.BytesIO()

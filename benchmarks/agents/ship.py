@@ -82,7 +82,7 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
         "dmax_belief": "`dmax_belief`", "planner": "`planner`",
     }  # fmt: skip
     rates = {name: row[f"{name}_stranded_rate"] for name in names if name != "score"} | {"score": row["stranded_rate"]}
-    compared = "\n".join(f"| {told} | {row[name]:.4g} | {rates[name]:.2%} |" for name, told in names.items())
+    compared = "\n".join(f"| {heading} | {row[name]:.4g} | {rates[name]:.2%} |" for name, heading in names.items())
     against = {"first": "first policy", "rule": f"best d_max rule, `{row['rule']}`", "planner": "planner"}
     gains = {f"minus the {words}": f"minus_{name}" for name, words in against.items()}
     gains |= {f"last minus the {against[name]}": f"last_minus_{name}" for name in ("first", "rule")}

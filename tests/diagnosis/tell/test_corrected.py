@@ -104,22 +104,22 @@ def test_the_file_replayed_predicts_what_the_joint_fit_predicts(effect: str, rob
     runs = recorded(robot, effect, runs)
     model = joint_fit(robot, effect, runs)
     assert model is not None
-    told = file_content(model, runs)
-    file = written(robot, told, runs.unit)
+    content = file_content(model, runs)
+    file = written(robot, content, runs.unit)
     assert effect in file.active_effects
     rms = float(np.sqrt(np.mean(model.predicted**2)))
     assert np.abs(model.contribution[0]).max() > 10.0 * ROUNDING * rms  # it is at work
-    np.testing.assert_allclose(replayed(file, told, runs), model.predicted, rtol=0.0, atol=ROUNDING * rms)
+    np.testing.assert_allclose(replayed(file, content, runs), model.predicted, rtol=0.0, atol=ROUNDING * rms)
 
 
 def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robot: Robot, runs: Runs) -> None:
     runs = recorded(robot, "surface", runs)
     model = joint_fit(robot, "surface", runs)
     assert model is not None
-    told = file_content(model, runs)
-    unknown = dataclasses.replace(told, met=dataclasses.replace(told.met, roughness=None))
-    drawn_w = replayed(written(robot, told, runs.unit), unknown, runs)
-    smooth_w = replayed(written(robot, dataclasses.replace(told, effects={}), runs.unit), unknown, runs)
+    content = file_content(model, runs)
+    unknown = dataclasses.replace(content, met=dataclasses.replace(content.met, roughness=None))
+    drawn_w = replayed(written(robot, content, runs.unit), unknown, runs)
+    smooth_w = replayed(written(robot, dataclasses.replace(content, effects={}), runs.unit), unknown, runs)
     assert float(np.mean(drawn_w)) == pytest.approx(float(np.mean(runs.observed)), rel=0.01)
     assert float(np.mean(smooth_w)) < 0.97 * float(np.mean(runs.observed))
 

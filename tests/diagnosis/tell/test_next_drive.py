@@ -122,8 +122,8 @@ def test_an_instrument_that_no_drive_shows_is_checked_with_a_meter(known: tuple[
         for effect in ("ageing", "sensor_gain")
     ]
     observed = dataclasses.replace(runs, observed=runs.observed + 0.2 * column)
-    told = to_tell_apart(fit, observed, residual, both[0], both[1:])
-    assert told.startswith("To distinguish ageing from sensor gain, ") and "clamp meter" in told
+    advice = to_tell_apart(fit, observed, residual, both[0], both[1:])
+    assert advice.startswith("To distinguish ageing from sensor gain, ") and "clamp meter" in advice
 
 
 def test_advice_without_rivals_is_the_drive_that_measures_best(known: tuple[Refit, Runs, np.ndarray]) -> None:
@@ -132,8 +132,8 @@ def test_advice_without_rivals_is_the_drive_that_measures_best(known: tuple[Refi
     term = Term(CATALOGUE["standby"], column[:, None] / 30.0, np.array([0.0]), np.array([100.0]), 1)
     observed = dataclasses.replace(runs, observed=runs.observed + column)
     assert at_its_size(fit, observed, term).size == pytest.approx(30.0, rel=0.1)
-    told = to_tell_apart(fit, observed, residual, term, [])
-    assert told.startswith("To measure standby better, ") and told.endswith(".")
+    advice = to_tell_apart(fit, observed, residual, term, [])
+    assert advice.startswith("To measure standby better, ") and advice.endswith(".")
 
 
 def test_a_mass_that_level_ground_does_not_show_asks_for_a_slope(drive: Drive, husky: Robot) -> None:
@@ -150,8 +150,8 @@ def test_a_mass_that_level_ground_does_not_show_asks_for_a_slope(drive: Drive, h
     assert "mass" in [one.group.name for one in known if one.fitted is None]
     found = gains(fit, runs, residual, [], ["mass"])
     assert best(found) in ("slope", "known_mass")
-    told = to_determine(fit, runs, residual, known)
-    assert told is not None and "m / Gamma" in told.split(", drive ")[0]
+    advice = to_determine(fit, runs, residual, known)
+    assert advice is not None and "m / Gamma" in advice.split(", drive ")[0]
 
 
 def test_nothing_is_advised_where_nothing_is_open(faultless: Analysis) -> None:
