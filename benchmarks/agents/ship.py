@@ -1,7 +1,7 @@
-"""Ship the policies that `benchmarks/agents/learn.py` trained: `python benchmarks/agents/ship.py` after it.
+"""Copy the policies that `benchmarks/agents/learn.py` trained into the package: `python benchmarks/agents/ship.py`.
 
-For each mission and start, the policy of the seed that did best on the episodes of the learning curve goes into
-agents/policies, with its curve and a card. Nothing is chosen by the episodes that the card reports.
+For each mission and start, the policy of the best seed on the episodes of the learning curve is copied to
+agents/policies, with its curve and a model card. The episodes that the card reports are not used for the choice.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SEEN = {
 
 @dataclass(frozen=True)
 class Args:
-    """Which runs to ship, and where to."""
+    """Runs and destination."""
 
     runs: Path = Path("runs/learn")
     """Folder that learn.py wrote."""

@@ -26,7 +26,7 @@ PLAN_DTYPE = np.dtype(
     [
         ("onwards_m", np.float64),  # to drive on before heading home, negative to drive towards home
         ("speed_mps", np.float64),  # of that
-        ("onwards_j", np.float64),  # all but driving meanwhile, by the robot's own model
+        ("onwards_j", np.float64),  # energy of all but driving meanwhile, by the robot's own model
         ("onwards_s", np.float64),  # duration of that
         ("home_mps", np.float64),  # speed home
         ("home_cost_j", np.float64),  # from here home by the robot's own model at cruise
@@ -52,7 +52,7 @@ _LEAST_SKEWNESS = 1e-3  # below which a distribution counts as normal
 
 
 @compiled
-def judge(
+def compute_margins(
     v: Any, prior: Any, plans: Any, ways: Any, risk: float, robots: Any, hypotheses: Any, places: Any, rollings: Any,
     margins: Any, each: Any,
 ) -> None:  # fmt: skip

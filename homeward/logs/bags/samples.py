@@ -57,7 +57,7 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
         name, decode = connection.topic, decoders.get((id(connection.owner), connection.id))
         if decode is None:
             continue  # where a damaged index leads to messages of another topic
-        if not isinstance(received_ns, int) or received_ns > _LATEST_NS:  # a damaged database gives any kind
+        if not isinstance(received_ns, int) or received_ns > _LATEST_NS:  # a damaged database may give other types
             failures[name] += 1
             continue
         try:
