@@ -102,7 +102,7 @@ def rover_site(seed: int, number: int, folder: Path) -> Site:
 
 
 def cell_site(seed: int, number: int, folder: Path) -> Site:
-    """A vehicle on a battery of PyBaMM: resistance of tabs, cold, or negligible losses; by gauge or at the terminals."""
+    """A vehicle on a battery of PyBaMM: resistance of tabs, cold, or negligible losses; by gauge or at terminals."""
     from benchmarks.concealed.plants import cell
     from benchmarks.concealed.plants.cell_electrochemistry import ExhaustedError
 

@@ -78,13 +78,13 @@ _TEMPER = 0.5
 """Power of the likelihood in the weights: errors are correlated, but the filter assumes independence. With 1 the margin
 is below its 1e-3 quantile twice as often, with 0.35 the quantile is lower."""
 _ADAPT = 0.15
-"""Change of the logarithm of the gusts' correlation time for a nis error that is 1 above its expectation."""
+"""Change of the logarithm of the gusts' correlation time for a squared error that is 1 above its expectation."""
 _UNEVEN = 0.3
 """Error of the rolling of one place on the way home, over the standard deviation of a change of the ground."""
 _ROLLS = 0.01  # energy over that of rolling on level ground below which the robot coasted
 _UNKNOWN = -1  # of whether the robot coasts: neither 0 nor 1
 _LEAST_CHANCE = 1e-3  # of that: a slope may have been misread
-_DOUBT = 9.0  # nis standard deviations above which a state of charge counts less, and errors do not update gusts
+_DOUBT = 9.0  # squared standard deviations above which a state of charge counts less, and errors do not update gusts
 _LEAST_ERROR = 1e-5  # of a state of charge: single precision and accumulated rounding
 _STUCK_STEPS, _STUCK_NOISE, _STUCK = 3.0, 5.0, 0.005
 """Steps, standard deviations and share of the battery by which an unchanged state of charge must be off together before
