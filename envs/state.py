@@ -65,10 +65,7 @@ MISSION_DTYPE = np.dtype(
         ("mean_north_mps", np.float64),
         ("gust_east_mps", np.float64),  # present deviation of the wind from its mean
         ("gust_north_mps", np.float64),
-        (
-            "gust_keeps",
-            np.float64,
-        ),  # its autocorrelation over a decision, and deviation of its change
+        ("gust_keeps", np.float64),  # its autocorrelation over a decision, and deviation of its change
         ("gust_kick", np.float64),
         ("forecast_east_mps", np.float64),  # of the wind at the start
         ("forecast_north_mps", np.float64),
