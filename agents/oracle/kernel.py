@@ -101,7 +101,7 @@ def measure(
             speed_mps = at_level(i, s.min_speed_mps, s.max_speed_mps)
             for j in range(LEVELS):
                 _set_out(works, starts, route, k, near_m, speed_mps)
-                _blow(m, least, warmest_c)
+                _set_weather(m, least, warmest_c)
                 s.decision_s, s.radio_hz = 0.5 * s.place_m / speed_mps, 0.0
                 before = score(m, s)
                 _roll(m, p, route, c, i, j, GO)
@@ -109,14 +109,14 @@ def measure(
                 gain_per_m[k, i, j] = (score(m, s) - before) / (m.position_m - near_m)
                 samples_per_m[k, i, j] = m.backlog / (m.position_m - near_m)
                 _set_out(works, starts, route, k, near_m + _HAIR_M, speed_mps)
-                _blow(m, most, warmest_c)
+                _set_weather(m, most, warmest_c)
                 m.returning, m.direction = True, -1.0
                 s.decision_s = 0.5 * _HAIR_M / speed_mps
                 _roll(m, p, route, c, i, j, RETURN)
                 home_w[k, i, j] = m.power_w
         for j in range(LEVELS):
             _set_out(works, starts, route, k, near_m, 0.0)
-            _blow(m, least, warmest_c)
+            _set_weather(m, least, warmest_c)
             _roll(m, p, route, c, 0, j, STOP)
             standing_w[k, j] = m.power_w
         s.decision_s, s.radio_hz = _HAIR_M / s.min_speed_mps, radio
@@ -159,7 +159,7 @@ def _headwinds(winds: Any, place: Any) -> Any:
 
 
 @compiled
-def _blow(m: Any, headwind_mps: float, temperature_c: float) -> None:
+def _set_weather(m: Any, headwind_mps: float, temperature_c: float) -> None:
     """Set a constant headwind of the way out (m/s) and a constant air temperature (C)."""
     m.mean_east_mps, m.mean_north_mps = headwind_mps * m.here.east, headwind_mps * m.here.north
     m.gust_east_mps = m.gust_north_mps = m.gust_kick = m.warming_k = 0.0

@@ -124,7 +124,7 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
 
 
 @compiled
-def thriftiest(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: Any, speeds_mps: Any) -> None:
+def efficient_speeds(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: Any, speeds_mps: Any) -> None:
     """Choose for each robot the speed that consumes least per metre where it is, if the margin suffices.
 
     Args:

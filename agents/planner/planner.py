@@ -102,7 +102,7 @@ class Planner(Policy):
         outwards = feature(observations, "outbound") if s["mission"] == PATROL else 1.0
         speed_mps, sensing_hz, stops = np.zeros((3, len(observations)))
         numbers = self._vehicle, self._model, self._known.shared
-        kernel.thriftiest(beliefs, *numbers, np.where(homebound, -1.0, outwards), speed_mps)
+        kernel.efficient_speeds(beliefs, *numbers, np.where(homebound, -1.0, outwards), speed_mps)
         if self._survey:
             out = ~homebound
             commands = np.empty((out.sum(), 3))

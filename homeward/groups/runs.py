@@ -60,7 +60,7 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     for one in (one for one in estimated if one.status in _OPEN):
         others = f"; confounded with a difference in {', '.join(one.mixed_with)}" if one.mixed_with else ""
         remarks.append(f"{one.group.symbol}: not compared, {why_open(one)}{others}")
-    if analysis.diagnosis.verdict == "unknown_physics" or evidence.remains is not None:
+    if analysis.diagnosis.verdict == "unknown_physics" or evidence.remaining is not None:
         remarks.append("no known effect explains the residual: it may be confounded with a difference between groups")
     return comparison_of("driving", recordings, labels, values, levels, differences, remarks)
 

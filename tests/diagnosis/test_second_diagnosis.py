@@ -10,7 +10,7 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse, diagnose
-from tests.diagnosis.explain.test_witnesses import at_terminals
+from tests.diagnosis.explain.test_channel_effects import at_terminals
 
 Drive = Callable[..., list[Recording]]
 

@@ -16,12 +16,12 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.change_points import clearly_apart
+from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.motion import largest_by_motion
 from homeward.diagnosis.explain.proof import FOLDS, Bench
 from homeward.diagnosis.explain.uncertainty import profiled
-from homeward.diagnosis.explain.witnesses import not_contradicted
 from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
@@ -231,7 +231,7 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     """Of hypotheses that the data cannot separate that with the highest prior: physics before a fault of an instrument,
     a change that is typical for the effect before another."""
 
-    def rarity(index: int) -> tuple[bool, bool, float]:
+    def preference(index: int) -> tuple[bool, bool, float]:
         term = bench.candidates[index]
         return not term.hypothesis.physical, not term.typical, -float(alone[index])
 
@@ -241,7 +241,7 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
         if term.axis == bench.candidates[chosen].axis
         and 1.0 - bench.shares[index] <= rules.EQUAL * (1.0 - bench.shares[chosen])
     ]
-    return min([chosen, *equals], key=rarity)
+    return min([chosen, *equals], key=preference)
 
 
 def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: int) -> Named | None:

@@ -290,8 +290,8 @@ def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(short_
     analysis = analyse(runs, husky)
     assert [one.effect for one in analysis.diagnosis.missing_physics] == ["turning"]
     assert analysis.evidence is not None
-    assert analysis.evidence.remains is not None
-    assert "m/s" in analysis.evidence.remains.location.condition
+    assert analysis.evidence.remaining is not None
+    assert "m/s" in analysis.evidence.remaining.location.condition
     assert "A residual is left" in analysis.diagnosis.summary
 
 

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
-from homeward.diagnosis.explain.witnesses import Capacity, Witnessed, witnesses
+from homeward.diagnosis.explain.channel_effects import Capacity, ChannelEffect, find_effects
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, estimates, refit
@@ -72,13 +72,13 @@ def with_distance(runs: Sequence[Recording], scale: float) -> list[Recording]:
 
 def shown(
     recordings: Sequence[Recording], robot: Robot
-) -> tuple[Capacity | None, tuple[Witnessed, ...], dict[str, Estimate]]:
+) -> tuple[Capacity | None, tuple[ChannelEffect, ...], dict[str, Estimate]]:
     """What the other channels tell beside a refit, and what that says of each group."""
     runs = average([signals(one, robot) for one in recordings])
     fit = refit(runs, robot)
     block = cut_blocks(runs.run, runs.observed - fit.predicted)
     groups = {one.group.name: one for one in estimates(fit, runs, block)}
-    return *witnesses(fit, runs, block, seed=0), groups
+    return *find_effects(fit, runs, block, seed=0), groups
 
 
 @pytest.fixture(scope="module")
@@ -301,10 +301,10 @@ def test_a_zero_that_has_shifted_is_known_by_the_charge_where_gusts_hide_it(
         gusts_w = 15.0 * np.sqrt(1.0 - 0.99**2) * lfilter([1.0], [1.0, -0.99], rng.normal(size=len(run)))
         read_w = run.channels["power_w"] + gusts_w + shift_w * (at > 1)
         runs.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
-    capacity, witnessed, _ = shown(runs, small)
-    assert [one.hypothesis.id for one in witnessed] == found
+    capacity, effects, _ = shown(runs, small)
+    assert [one.hypothesis.id for one in effects] == found
     assert capacity is not None and not capacity.off
-    for one in witnessed:
+    for one in effects:
         offset = one.parameters["offset"]
         assert offset.ci95[0] <= shift_w <= offset.ci95[1] < 0.0, offset
 
