@@ -1,4 +1,4 @@
-"""Results that are kept as they come, so that a benchmark that was killed goes on where it was."""
+"""Results stored as they are computed, so that an interrupted benchmark continues."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Task = TypeVar("Task")
 
 
 class Kept:
-    """Results by name in a JSON file, which are dropped where they are of other settings or other code.
+    """Results by name in a JSON file; those of other settings or other code are dropped.
 
     Args:
-        file: Where they are kept.
-        settings: What all of them depend on.
+        file: The file.
+        settings: Everything that the results depend on beside the code.
 
     Attributes:
-        results: What was kept so far.
+        results: The results so far.
     """
 
     def __init__(self, file: Path, **settings: Any) -> None:
@@ -31,7 +31,7 @@ class Kept:
         self.results: dict[str, Any] = content["results"] if content.get("settings") == self._settings else {}
 
     def keep(self, name: str, result: Any) -> None:
-        """Keep one more.
+        """Add a result.
 
         Raises:
             OSError: The folder cannot be written to.
@@ -40,5 +40,5 @@ class Kept:
         write_whole(self._file, json.dumps({"settings": self._settings, "results": self.results}, indent=1) + "\n")
 
     def missing(self, tasks: Mapping[str, Task]) -> dict[str, Task]:
-        """Those of some tasks that have no result yet."""
+        """Tasks without a result."""
         return {name: task for name, task in tasks.items() if name not in self.results}

@@ -1,7 +1,7 @@
-"""The model beside the paper's measurements, untuned: the hours of Table II.
+"""The untuned model compared with the paper's measurements: mission times of Table II.
 
-`python benchmarks/paper_tables.py` prints the table. Source: Tiwari, Xiao, Chong, IROS 2018, arXiv 1811.03159; what its
-tables contradict is in docs/model.md.
+`python benchmarks/paper_tables.py` prints the table. Source: Tiwari, Xiao, Chong, IROS 2018, arXiv 1811.03159;
+docs/model.md lists the contradictions of its tables.
 """
 
 import dataclasses
@@ -46,9 +46,10 @@ MISSIONS = (
 
 
 def mission_hours(robot: Robot, mission: FieldTest) -> float:
-    """Hours that the model gives a mission of Table II at `SPEED_MPS` on a full battery, sensing at rest.
+    """Duration of a mission of Table II by the model, h, at `SPEED_MPS` on a full battery, with sensing at rest.
 
-    The incline is shuttled, so that its power is the mean of uphill and downhill; a negative force draws nothing.
+    The robot shuttles on the incline, so that its power is the mean of uphill and downhill; a negative force consumes
+    nothing.
     """
     if mission.grade_rad == 0.0:
         distance_m = d_max(robot, SPEED_MPS, duty=mission.duty)
@@ -60,7 +61,7 @@ def mission_hours(robot: Robot, mission: FieldTest) -> float:
 
 
 def robots() -> dict[str, Robot]:
-    """Rusti as the preset has it, without drag, and with the battery's 0.12 kg not included in m_R."""
+    """The preset Rusti, with and without drag, and with and without the battery's 0.12 kg in m_R."""
     rusti = load_robot("rusti")
     no_drag = dataclasses.replace(rusti, drag_ns2_per_m2=0.0)
     return {
@@ -72,7 +73,7 @@ def robots() -> dict[str, Robot]:
 
 
 def main() -> None:
-    """Print the measured hours beside the model's."""
+    """Print the measured and the modelled times."""
     title = f"Table II: the model's hours (and model / measured) at {SPEED_MPS:g} m/s, nothing tuned"
     shown = table(title, ("course",), ("duty", "measured h", *robots()))
     for mission in MISSIONS:

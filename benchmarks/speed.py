@@ -1,9 +1,9 @@
-"""Print the project's speed beside its peers', measured pair by pair in one run.
+"""Print the project's speed compared with that of peers, measured in pairs in one run.
 
     python benchmarks/speed.py
 
-Ratios are medians over pairs: the peer and ours in turn, so that a drift of the machine meets both. Robots with effects
-have each of them just above zero: what is timed is the work, not what it does to the mission.
+Ratios are medians over pairs: the peer and ours in turn, so that a drift of the machine affects both. Effects are just
+above zero: their computation is timed, without a change of the mission.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ QUIET = 0.95
 
 @dataclass(frozen=True)
 class Timing:
-    """One line of the table: what was measured, in whose units, and what is asked for."""
+    """One line of the table: what was measured, the result, and its target."""
 
     measure: str
     ours: str
@@ -91,7 +91,7 @@ def robot_with(effects: str) -> Robot:
 
 
 def some_actions(count: int, rounds: int = 100) -> list[NDArray[np.int64]]:
-    """Actions of some rounds, each of shape (count, 3): missions last about as long as a trained agent's."""
+    """Actions of some steps, each of shape (count, 3): missions last about as long as those of a trained agent."""
     rng = np.random.default_rng(0)
     chance = rng.random((rounds, count))
     modes = np.where(chance < 0.002, 2, np.where(chance < 0.1, 0, 1))
@@ -142,7 +142,7 @@ def vector_step(effects: str, place: int) -> Timing:
 
 
 def free_share() -> float:
-    """Share of the cores that as many busy processes get: 1 on a quiet machine."""
+    """Share of the cores' time that one busy process per core gets: 1 on a quiet machine."""
     code = "import time; s = time.perf_counter()\nwhile time.perf_counter() < s + 0.5: pass\n" + (
         "print(time.process_time() / (time.perf_counter() - s))"
     )
@@ -171,7 +171,7 @@ def scalar_step() -> Timing:
 
 
 def replay_rate() -> Timing:
-    """Samples of a recording per second, through the whole public function."""
+    """Samples of a recording per second, by the public function as a whole."""
     samples = 1_000_000
     time_s: NDArray[np.float64] = np.arange(samples, dtype=np.float64) / 10.0
     speed_mps = 0.5 + 0.5 * np.sin(time_s)
@@ -185,7 +185,7 @@ def replay_rate() -> Timing:
 
 
 def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Timing:
-    """An hour at 10 Hz in five runs, with effects concealed, through the whole diagnosis."""
+    """Time of a diagnosis of an hour at 10 Hz in five runs, with concealed effects."""
     robot, runs = load_robot("husky"), []
     for seed in range(5):
         drive = record(dataclasses.replace(robot, effects=hidden), seed)
@@ -194,8 +194,8 @@ def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Timing:
         runs.append(Recording(f"run{seed}.csv", str(seed), channels))
     analyse(runs[:1], robot)  # compiles
     seconds = _seconds(lambda: analyse(runs, robot))
-    told = f"{', '.join(hidden) or 'nothing'} concealed"
-    return Timing(f"diagnosis, 1 h at 10 Hz, 5 runs, {told}", f"{seconds:.1f} s", "", None, target)
+    hidden_effects = f"{', '.join(hidden) or 'nothing'} concealed"
+    return Timing(f"diagnosis, 1 h at 10 Hz, 5 runs, {hidden_effects}", f"{seconds:.1f} s", "", None, target)
 
 
 def import_time() -> Timing:

@@ -30,5 +30,5 @@ def span(value: float, ends: Sequence[float], style: str) -> str:
 
 
 def rate(events: int, trials: int, style: str = ".2%") -> str:
-    """How often something happened, with Wilson's interval."""
+    """Rate of an event, with Wilson's interval."""
     return span(events / trials, wilson(events, trials), style)

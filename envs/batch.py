@@ -100,7 +100,7 @@ def observation_space() -> spaces.Box:
 
 
 class Batch:
-    """Missions of one setting, side by side."""
+    """Missions with the same options, stepped together."""
 
     def __init__(self, options: Options, count: int) -> None:
         announce_first_compilation()
@@ -111,10 +111,10 @@ class Batch:
         self._robots = np.full(count, self.hidden.robot.record()[0], ROBOT_DTYPE)
         self._routes = _by_cache_lines(count, ROUTE_DTYPE)
         self._constants = np.zeros(1, CONSTANTS_DTYPE)
-        self._settle()
+        self._write_constants()
         self._generators: list[np.random.Generator] = []
         self._typed_generators: Any = None
-        self.threads = Threads(count) if Threads.pay(count) else None
+        self.threads = Threads(count) if Threads.worthwhile(count) else None
         self._none = np.zeros(count, np.bool_)
         self._discrete = options.action_type == "discrete"
         self._action_shape = (count, 3)
@@ -125,10 +125,10 @@ class Batch:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._settle()
-        self.threads = Threads(self.count) if Threads.pay(self.count) else None  # of the present machine
+        self._write_constants()
+        self.threads = Threads(self.count) if Threads.worthwhile(self.count) else None  # of the present machine
 
-    def _settle(self) -> None:
+    def _write_constants(self) -> None:
         """Write the known and the hidden constants into one record for the kernels."""
         known, hidden, constants = self.known, self.hidden, self._constants[0]
         constants["shared"], constants["nominal"] = known.shared[0], known.robot.record()[0]
@@ -205,7 +205,7 @@ class Batch:
             if begin is not None and ended >= 0:
                 self.reset(begin, observations)
         if threads:
-            threads.took(time.perf_counter() - start_s)
+            threads.record(time.perf_counter() - start_s)
         if ended < 0:
             self._refuse(actions, -1 - ended)
         return ended

@@ -137,7 +137,7 @@ def map_place(
 
 @inline
 def _account(m: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: float) -> None:
-    """Book the prediction of the robot's own model for a stretch, and the samples taken and sent on it."""
+    """Add the energy that the robot's own model predicts for a stretch, and the samples taken and sent on it."""
     here = m.here
     drive_j_per_m = here.out_j_per_m if x.direction > 0.0 else here.back_j_per_m
     drive_j_per_m += shared.drag_j_per_m * (x.speed_mps * x.speed_mps - shared.cruise_mps * shared.cruise_mps)

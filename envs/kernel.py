@@ -140,7 +140,7 @@ def _begin(m: Any, p: Any, route: Any, rng: Any, c: Any, row: Any) -> None:
 
 @inline
 def _fetch_next_place(records: Any, routes: Any, i: int) -> None:
-    """Prefetch the place that a mission some turns ahead may reach: it is far from other data and slow to load."""
+    """Prefetch the place that a mission to be stepped shortly may reach, because loading it takes time."""
     if i < len(records):
         m = records[i]
         prefetch(routes[i].places[max(m.place + (1 if m.direction > 0.0 else -1), 0)])
@@ -224,7 +224,7 @@ def step_in_parallel(
     terminated: Any,
     truncated: Any,
 ) -> int:
-    """Step missions on several cores and begin others; arguments as for one core and for the reset.
+    """Step missions on several cores and begin others; arguments as for `step_in_turn` and `reset_missions`.
 
     Args:
         begin: Which missions to restart instead, bool, shape (n,).
@@ -254,7 +254,7 @@ def step_in_parallel(
 def reset_missions(
     indices: Any, generators: Any, constants: Any, records: Any, robots: Any, routes: Any, observations: Any
 ) -> None:
-    """Begin new missions at some indices; arguments as for the step and some more.
+    """Begin new missions at some indices; arguments as for `step_in_turn` and some more.
 
     Args:
         indices: Which missions, int64, shape (k,).

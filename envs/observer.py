@@ -1,8 +1,8 @@
-"""The observation on a robot: from its readings, as the environments show it to their agents.
+"""Observations on a real robot: from its readings, as the environments compute them for agents.
 
-The environments' own code follows the robot's mission in a mission record: decisions as commanded, corrected to the
-position readings; the map of the way home by the slope readings; the instruments as read. So on the same readings a
-policy sees the same on a robot as in the environment.
+The environments' own code updates a mission record: with the decisions as commanded, corrected to the position
+readings; the map of the way home by the slope readings; and the other instruments as read. With the same readings a
+policy therefore gets the same observations on a robot as in the environment.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class Observer:
             self._routes["places"][0, place]["north"] = math.sin(heading_rad)
 
     def decide(self, action: NDArray[Any], read: Read) -> NDArray[np.float32]:
-        """Follow a decision, and observe its result, shape (1, features).
+        """Update the mission with a decision, and observe its result, shape (1, features).
 
         Args:
             action: The commanded action, shape (1, 3).
@@ -169,7 +169,7 @@ class Observer:
         return _as_features(rows)
 
     def _drive(self, action: NDArray[Any], along_mps: float | None) -> None:
-        """Drive as commanded; if the positions contradict that, as fast as they say, along the way out."""
+        """Drive as commanded or, if the positions contradict that, at the speed that they imply, along the way out."""
         commands = decode_actions(self.known, action)
         speed_mps, mode = float(commands.speed_mps[0]), int(commands.mode[0])
         if along_mps is not None:
@@ -209,7 +209,7 @@ class Observer:
         return bool(self._records["home"][0])
 
     def _note_places(self) -> None:
-        """Write what is seen and forecast for the kernels."""
+        """Write the slopes and interests as seen and as forecast for the kernels."""
         places, forecast = self._routes["places"][0, : self._count], self._forecast
         known = self._readings > 0.0
         sine = np.sin(forecast.grade_rad)
@@ -243,7 +243,7 @@ def _begin(records: Any, routes: Any, constants: Any, position_m: float, rows: A
 
 @compiled
 def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any) -> None:
-    """Store what is ahead of each place; the present place is predicted anew with the slopes read since."""
+    """Store slope and interest ahead of each place, and predict the present place with the slopes read since."""
     m, route, c = records[0], routes[0], constants[0]
     note_ahead(route, c.shared, sines, interests)
     here = route.places[m.place]

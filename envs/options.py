@@ -94,12 +94,12 @@ class Options:
         robot: Preset name, path of a robot file, or a `Robot`.
         route: `generated`, `hidden_wind` (generated, with a tail wind on the way out that the forecast lacks), the name
             of a shipped profile, the path of a CSV profile or of a track (GPX, FIT, or CSV with positions), or a
-            `Route`. At `known` wind acts only on robots with the effect `wind`, from `uncertain` on on all.
+            `Route`. At `known`, wind acts only on robots with the effect `wind`; at `uncertain` and `harsh`, on all.
         difficulty: `known` (as in the files, route and wind known), `uncertain` (battery health, rolling resistance,
             payload and wind hidden, changing weather, the route seen a little ahead and forecast beyond) or
             `harsh` (also rough patches); see `homeward.envs.conditions.difficulty`.
         instruments: Instruments of the robot: `exact`, `meter`, `gauge`, the path of a TOML file with sizes, or
-            `Instruments`; by default those of the difficulty: these three in turn.
+            `Instruments`; by default those of the difficulty: these three for `known`, `uncertain` and `harsh`.
         weather: `still` (as at the start) or `changing` (`homeward.envs.conditions.weather`); by default that of the
             difficulty. Nothing changes at `known`.
         action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).
@@ -109,7 +109,7 @@ class Options:
             between a 20,000th and a fifth of it.
         randomise: `generic` (robots within the ranges of the difficulty) or, from `uncertain` on, `file` (robots drawn
             with the uncertainty in the table `[uncertainty]` of the robot's file, and its instruments).
-        true_robot: The robot that really drives, if it is not `robot`: the map of the way home and the commands are
+        true_robot: The robot that is simulated, if it is not `robot`: the map of the way home and the commands are
             those of `robot`, the consumption is not.
         scaled_for: The robot for which lengths, times and memory are scaled, if it is not `robot`: different robots
             then have the same routes and limits.
@@ -181,11 +181,11 @@ def _number(name: str, value: Any, most: float) -> float:
 
 @dataclass(frozen=True)
 class Known:
-    """What an agent may know of its environment: no more than the robot does.
+    """Constants of the environment that agents may know: those that the robot itself knows.
 
     Attributes:
         mission: `OutAndBack`, `Survey` or `Patrol`.
-        robot: The robot of its file, which it assumes itself to be.
+        robot: The robot of its file, which is its own model.
         shared: `SHARED_DTYPE`, shape (1,).
         difficulty: Distributions of the hidden variables.
         instruments: Its instruments.
@@ -203,7 +203,7 @@ class Hidden:
     """Hidden constants of the environment.
 
     Attributes:
-        robot: The robot that really drives, around which those of missions are drawn.
+        robot: The true robot, around which those of missions are drawn.
         record: `HIDDEN_DTYPE`, shape (1,).
     """
 

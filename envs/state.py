@@ -25,7 +25,7 @@ PLACE_DTYPE = np.dtype(
         ("east", np.float32),  # direction of the way out, as a unit vector
         ("north", np.float32),
         ("interest", np.float32),
-        # What the robot reads and, once it has come here, works out.
+        # Readings of the robot and, from its first visit on, its own predictions.
         ("sine_read", np.float32),  # of the grade
         ("home_cost_j", np.float32),  # from the start of this place home; this and the rest by the robot's own model
         ("home_j_per_m", np.float32),  # towards home, all power
@@ -41,7 +41,7 @@ PLACE_DTYPE = np.dtype(
     ],
     align=True,
 )
-"""One place of a route: two lines of the processor's cache, as a robot that comes to it has to wait for each."""
+"""One place of a route. It fills two cache lines of the processor, because each takes time to load."""
 
 MISSION_DTYPE = np.dtype(
     [
@@ -63,18 +63,18 @@ MISSION_DTYPE = np.dtype(
         ("wind_from_rad", np.float64),
         ("mean_east_mps", np.float64),  # the same as a vector, towards where it comes from
         ("mean_north_mps", np.float64),
-        ("gust_east_mps", np.float64),  # what the wind now has beyond its mean
+        ("gust_east_mps", np.float64),  # present deviation of the wind from its mean
         ("gust_north_mps", np.float64),
-        ("gust_keeps", np.float64),  # share of it that a decision leaves, and what it adds
+        ("gust_keeps", np.float64),  # its autocorrelation over a decision, and deviation of its change
         ("gust_kick", np.float64),
         ("forecast_east_mps", np.float64),  # of the wind at the start
         ("forecast_north_mps", np.float64),
-        # Instruments (`homeward.envs.conditions.instruments`): what is wrong with them, and what they read.
+        # Instruments (`homeward.envs.conditions.instruments`): errors and readings.
         ("meter_gain", np.float64),
         ("meter_offset_w", np.float64),
-        ("soc_followed", np.float64),  # lagged state of charge of the gauge
-        ("metered_followed", np.float64),  # and what the meter has, with the same lag, as a share of a full battery
-        ("sum_used_metered", np.float64),  # sums over the readings, to learn the battery's energy by the meter
+        ("soc_followed", np.float64),  # lagged state of charge, before noise and rounding
+        ("metered_followed", np.float64),  # metered energy with the same lag, as a share of a full battery
+        ("sum_used_metered", np.float64),  # sums over the readings, to estimate the metered energy of a full battery
         ("sum_metered_squared", np.float64),
         ("soc", np.float64),  # read
         ("metered", np.float64),  # state of charge by the meter
@@ -92,8 +92,8 @@ MISSION_DTYPE = np.dtype(
         ("place", np.int64),  # index of the place that the robot is in
         ("mapped", np.int64),  # places whose cost is known: those driven
         ("decisions", np.int64),
-        ("asked", np.int64),  # decisions in a row that have asked for the return
-        ("returning", np.bool_),  # for good
+        ("asked", np.int64),  # decisions in a row that have chosen a return
+        ("returning", np.bool_),  # the return is final
         ("home", np.bool_),
         ("over", np.bool_),
         ("here", PLACE_DTYPE),  # copy of the place that the robot is in
@@ -109,7 +109,7 @@ MAX_PLACES = 64
 
 ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,)), ("apart", PLACE_DTYPE)], align=True)
 """The route of one mission; the shared record says how many places it has. The last field keeps routes from lying at
-multiples of a power of two, where they would drive each other out of the caches."""
+multiples of a power of two, where they would evict each other from the caches."""
 
 INVERSES = {
     "per_usable_j": "usable_j",
@@ -138,7 +138,7 @@ SHARED_DTYPE = np.dtype(
         ("shaped", np.bool_),
         ("discrete", np.bool_),
         ("max_decisions", np.int64),
-        ("return_decisions", np.int64),  # in a row that ask for it make the return final
+        ("return_decisions", np.int64),  # in a row that choose it make the return final
         ("places", np.int64),  # of a route
         ("decision_s", np.float64),
         ("min_speed_mps", np.float64),
@@ -164,7 +164,7 @@ SHARED_DTYPE = np.dtype(
         # Sizes of the instruments' errors, see `homeward.envs.conditions.instruments`.
         ("soc_step", np.float64),
         ("soc_noise", np.float64),
-        ("soc_lag_decisions", np.float64),  # lag of the gauge, and the share of its distance from a level that is
+        ("soc_lag_decisions", np.float64),  # lag of the state of charge, and share of a difference that is
         ("soc_keeps", np.float64),  # left after a decision
         ("power_gain", np.float64),
         ("power_offset_w", np.float64),
@@ -177,7 +177,7 @@ SHARED_DTYPE = np.dtype(
     ],
     align=True,
 )
-"""What all missions of an environment share."""
+"""Constants that all missions of an environment share, and that agents know."""
 
 UNIFORM_DTYPE = np.dtype([("low", np.float64), ("span", np.float64)])
 DRAWN_DTYPE = np.dtype([(name, UNIFORM_DTYPE) for name in ("health", "rolling", "payload", "surface")])
@@ -194,19 +194,19 @@ HIDDEN_DTYPE = np.dtype(
         ("temperature_c", np.float64),  # of a given route, and its wind
         ("wind_mps", np.float64),
         ("wind_from_rad", np.float64),
-        ("truth", ROBOT_DTYPE),  # the robot around which the true ones are drawn: as a rule the nominal one
+        ("truth", ROBOT_DTYPE),  # the robot around which the true ones are drawn, by default the nominal one
         ("fixed", ROUTE_DTYPE),  # the route of every mission, unless routes are generated
     ],
     align=True,
 )
-"""What no mission changes and no robot knows."""
+"""Constants that are hidden from agents."""
 
 CONSTANTS_DTYPE = np.dtype(
     [
         ("shared", SHARED_DTYPE),
-        ("nominal", ROBOT_DTYPE),  # the robot as its file says, and as it takes itself to be
+        ("nominal", ROBOT_DTYPE),  # the robot of the file, which is the robot's own model
         ("hidden", HIDDEN_DTYPE),
     ],
     align=True,
 )
-"""What no mission changes."""
+"""All constants of an environment, in the form of the kernels."""

@@ -47,11 +47,11 @@ class Threads:
         self._calibrate(_CALIBRATION_S)
 
     @staticmethod
-    def pay(missions: int) -> bool:
+    def worthwhile(missions: int) -> bool:
         """Whether several threads can be faster."""
         return missions >= 2 * _MISSIONS_A_THREAD
 
-    def took(self, seconds: float) -> None:
+    def record(self, seconds: float) -> None:
         """Record the duration of a step."""
         if self.number > 1:
             self._left_s -= seconds

@@ -1,4 +1,4 @@
-"""PPO that may strand only so often: a Lagrange multiplier prices the cost that `info["cost"]` tells.
+"""PPO with a limit on stranding: a Lagrange multiplier weights the cost `info["cost"]`.
 
 `python examples/lagrangian_ppo.py --limit 0.02` maximises the score subject to at most 2 % of missions stranding. After
 every update the multiplier, which is what a stranding takes from the reward, rises while more of the last missions
@@ -61,7 +61,7 @@ class Args:
     """Seed of all that is drawn."""
 
 
-class PricedCost(VecEnvWrapper):
+class PenalisedReward(VecEnvWrapper):
     """Takes the multiplier times the cost from the reward, and remembers how missions ended."""
 
     def __init__(self, venv: SB3Adapter) -> None:
@@ -87,7 +87,7 @@ class PricedCost(VecEnvWrapper):
 class DualAscent(BaseCallback):
     """Moves the multiplier after every update, and prints where it stands ten times in a run."""
 
-    def __init__(self, env: PricedCost, args: Args) -> None:
+    def __init__(self, env: PenalisedReward, args: Args) -> None:
         super().__init__()
         self._env, self._args, self._tenth = env, args, 0
 
@@ -114,7 +114,7 @@ def missions(args: Args, seed: int) -> SB3Adapter:
 
 def train(args: Args) -> tuple[PPO, float]:
     """Train, and return the learner with the last multiplier."""
-    env = PricedCost(missions(args, args.seed * args.n_envs))
+    env = PenalisedReward(missions(args, args.seed * args.n_envs))
     model = PPO(
         "MlpPolicy", env, learning_rate=1e-3, n_steps=64, batch_size=2048, n_epochs=6, gamma=0.9995, gae_lambda=0.95,
         policy_kwargs={"net_arch": [64, 64]}, seed=args.seed, device="cpu",

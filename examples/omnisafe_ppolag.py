@@ -84,21 +84,21 @@ class Missions(CMDP):
         """Begin all missions."""
         observations, _ = self._env.reset(seed=self._seed if seed is None else seed)
         self._seed = None
-        return self._told(observations), {}
+        return self._tensor(observations), {}
 
     def step(self, action: torch.Tensor) -> tuple[Any, ...]:
         """Observation, reward, cost, terminated, truncated, info."""
         chosen = action.detach().cpu().numpy().reshape(self._num_envs, -1).clip(-1.0, 1.0).astype(np.float32)
         observations, rewards, terminated, truncated, info = self._env.step(chosen)
-        costs, told = np.zeros(self._num_envs), {}
+        costs, final = np.zeros(self._num_envs), {}
         if "final_info" in info:
             costs = np.array(info["final_info"]["cost"])
             ended, last = terminated | truncated, observations.copy()
             last[ended] = np.stack(info["final_obs"][ended])
-            told = {"final_observation": self._told(last), "_final_observation": torch.as_tensor(ended)}
-        return *map(self._told, (observations, rewards, costs, terminated, truncated)), told
+            final = {"final_observation": self._tensor(last), "_final_observation": torch.as_tensor(ended)}
+        return *map(self._tensor, (observations, rewards, costs, terminated, truncated)), final
 
-    def _told(self, values: Any) -> torch.Tensor:
+    def _tensor(self, values: Any) -> torch.Tensor:
         # One mission comes without a dimension for missions.
         batch = torch.as_tensor(np.asarray(values), dtype=torch.float32, device=self._device)
         return batch if self._num_envs > 1 else batch[0]

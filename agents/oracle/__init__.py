@@ -115,8 +115,8 @@ def _solve(case: Problem) -> tuple[float, NDArray[np.int64]]:
     decision_s, pit_stop_s = float(case.shared["decision_s"]), float(case.shared["pit_stop_s"])
     points_m = points_of(rates, decision_s)
     if case.shared["mission"] == PATROL:
-        upper, prices = bound_patrol(rates, pit_stop_s)
-        guide = guide_patrol(rates, prices, pit_stop_s, points_m)
+        upper, multipliers = bound_patrol(rates, pit_stop_s)
+        guide = guide_patrol(rates, multipliers, pit_stop_s, points_m)
     else:
         upper, plan = bound_out_and_back(rates)
         guide = guide_out_and_back(rates, plan, decision_s, points_m)

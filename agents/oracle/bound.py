@@ -15,9 +15,9 @@ greatest Lagrangian. A robot may also drive back to where the radio is better, a
 there, and samples taken there only fill the memory, so it passes each metre outwards with no more samples than inwards.
 Such a pass gains at most the memory times the increase of the multiplier over the metre, and consumes energy and time
 both ways. The bound therefore holds for all non-negative multipliers at which neither a second at a stand nor such a
-pass has a positive Lagrangian (`allowed`). Linear programs find multipliers that make it small, but it does not depend
-on them. It is computed for a turn within each place; the greatest of these is the bound. The greatest Lagrangian of a
-metre is convex in the multiplier of a sample, so its mean over a piece is at most that of the piece's two borders.
+pass has a positive Lagrangian (`dual_feasible`). Linear programs find multipliers that make it small, but it does not
+depend on them. It is computed for a turn within each place; the greatest of these is the bound. The greatest Lagrangian
+of a metre is convex in the multiplier of a sample, so its mean over a piece is at most that of the piece's two borders.
 
 All approximations favour the policy. Speed and rate may change from metre to metre, where the environment takes one
 decision for many; stops and turns come at any time; the battery may be empty in between; effects with a state that only
@@ -45,16 +45,16 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
-class Prices:
+class Multipliers:
     """Lagrange multipliers: score per J, per s, and per sample on board at the borders of the pieces."""
 
-    joule: float
-    second: float
-    sample: Array  # shape (pieces + 1,)
+    per_j: float
+    per_s: float
+    per_sample: Array  # shape (pieces + 1,)
 
 
 @dataclass(frozen=True)
-class Worth:
+class LagrangianSums:
     """Greatest Lagrangian along the route at some multipliers, as a score.
 
     Attributes:
@@ -72,26 +72,26 @@ class Worth:
     memory: Array
 
 
-def allowed(rates: Rates, prices: Prices) -> Prices:
+def dual_feasible(rates: Rates, multipliers: Multipliers) -> Multipliers:
     """Change multipliers so that neither a second at a stand nor a pass in and out again has a positive Lagrangian.
 
     That of time is raised as far as needed. That of a sample is lowered where it rises outwards faster than allowed.
     """
-    sample, standing_w = _greater(prices.sample), rates.standing_w.min(axis=1)[rates.place_of_piece]
-    stand = float((sample * rates.radio_hz[:, 0] - prices.joule * standing_w).max())
-    second = max(prices.second, stand)
-    least = float(_pass(rates, prices.joule, second, sample).min())
-    second += 0.5 * max(-least, 0.0) * float(rates.speeds_mps[-1])  # inwards and outwards, each at this speed or slower
-    rises = np.maximum(_pass(rates, prices.joule, second, sample), 0.0) * rates.piece_m / rates.memory
+    sample, standing_w = _greater(multipliers.per_sample), rates.standing_w.min(axis=1)[rates.place_of_piece]
+    stand = float((sample * rates.radio_hz[:, 0] - multipliers.per_j * standing_w).max())
+    per_s = max(multipliers.per_s, stand)
+    least = float(_pass(rates, multipliers.per_j, per_s, sample).min())
+    per_s += 0.5 * max(-least, 0.0) * float(rates.speeds_mps[-1])  # inwards and outwards, each at this speed or slower
+    rises = np.maximum(_pass(rates, multipliers.per_j, per_s, sample), 0.0) * rates.piece_m / rates.memory
     limit = _running_total(rises)
-    return Prices(prices.joule, second, limit + np.minimum.accumulate(prices.sample - limit))
+    return Multipliers(multipliers.per_j, per_s, limit + np.minimum.accumulate(multipliers.per_sample - limit))
 
 
-def _pass(rates: Rates, joule: float, second: float, sample: Array) -> Array:
+def _pass(rates: Rates, per_j: float, per_s: float, sample: Array) -> Array:
     """Least consumption of a metre inwards and out again, less that of samples sent, as a score, shape (pieces,)."""
     saved = sample * rates.radio_hz[:, 1]
     least_w = np.stack([rates.home_w, rates.out_w]).min(axis=3)[:, rates.place_of_piece]
-    per_m = (joule * least_w + second - saved[:, None]) / rates.speeds_mps
+    per_m = (per_j * least_w + per_s - saved[:, None]) / rates.speeds_mps
     return np.asarray(per_m.min(axis=2).sum(axis=0))
 
 
@@ -100,34 +100,34 @@ def _greater(at_borders: Array) -> Array:
     return np.maximum(at_borders[:-1], at_borders[1:])
 
 
-def worth(rates: Rates, prices: Prices) -> Worth:
+def lagrangian_sums(rates: Rates, multipliers: Multipliers) -> LagrangianSums:
     """Sum the greatest Lagrangian of each metre along the route."""
     speed, place = rates.speeds_mps[:, None], rates.place_of_piece
-    home = (-(prices.joule * rates.home_w + prices.second) / speed).max(axis=(1, 2))[place]
+    home = (-(multipliers.per_j * rates.home_w + multipliers.per_s) / speed).max(axis=(1, 2))[place]
 
     def metre(sample: Array) -> Array:
         """Greatest Lagrangian of a metre of each piece, out and home, score per metre, shape (pieces,)."""
         found = np.maximum(rates.gain_per_m[place] - sample[:, None, None] * rates.samples_per_m[place], 0.0)
         sent = (sample * rates.radio_hz[:, 1])[:, None, None]
-        out = found + (sent - prices.joule * rates.out_w[place] - prices.second) / speed
+        out = found + (sent - multipliers.per_j * rates.out_w[place] - multipliers.per_s) / speed
         return np.asarray(out.max(axis=(1, 2)) + home)
 
-    near, far = metre(prices.sample[:-1]), metre(prices.sample[1:])
-    fallen = rates.memory * _running_total(np.maximum(prices.sample[:-1] - prices.sample[1:], 0.0))
-    return Worth(
+    near, far = metre(multipliers.per_sample[:-1]), metre(multipliers.per_sample[1:])
+    fallen = rates.memory * _running_total(np.maximum(multipliers.per_sample[:-1] - multipliers.per_sample[1:], 0.0))
+    return LagrangianSums(
         way=_running_total(0.5 * (near + far) * rates.piece_m),
         part=0.5 * (np.maximum(near, 0.0) + np.maximum(far, 0.0)) * rates.piece_m,
         home=_running_total(home * rates.piece_m),
         fallen=fallen,
-        memory=fallen[:-1] + rates.memory * _greater(prices.sample),
+        memory=fallen[:-1] + rates.memory * _greater(multipliers.per_sample),
     )
 
 
-def bounds_by_turn(rates: Rates, prices: Prices) -> Array:
-    """Bound of a mission that turns back within each place, shape (places,), at allowed multipliers."""
-    value = worth(rates, prices)
-    by_piece = value.memory + value.way[:-1] + value.part
-    budget = prices.joule * rates.energy_j + prices.second * rates.time_s
+def bounds_by_turn(rates: Rates, multipliers: Multipliers) -> Array:
+    """Bound of a mission that turns back within each place, shape (places,), at dual feasible multipliers."""
+    sums = lagrangian_sums(rates, multipliers)
+    by_piece = sums.memory + sums.way[:-1] + sums.part
+    budget = multipliers.per_j * rates.energy_j + multipliers.per_s * rates.time_s
     return np.asarray(by_piece.reshape(rates.places, PIECES).max(axis=1) + budget)
 
 
@@ -144,7 +144,7 @@ def with_rounding(bound: float) -> float:
     return bound + ROUNDING * abs(bound)
 
 
-def patrol_bound(rates: Rates, pit_stop_s: float, prices: Prices) -> float:
+def patrol_bound(rates: Rates, pit_stop_s: float, multipliers: Multipliers) -> float:
     """Upper bound of the number of laps of a patrol at given multipliers.
 
     A lap consumes energy and time on the way out, on the way home, and in a pit stop at either end, but the last one
@@ -155,13 +155,13 @@ def patrol_bound(rates: Rates, pit_stop_s: float, prices: Prices) -> float:
     Args:
         rates: Rates of the patrol.
         pit_stop_s: Length of a pit stop, s.
-        prices: Multipliers of energy and time; that of a sample is not used.
+        multipliers: Multipliers of energy and time; that of a sample is not used.
     """
     stops_s, stand_w = 2.0 * pit_stop_s, float(rates.standing_w.min())
-    stops = (prices.joule * stand_w + prices.second) * stops_s
-    per_m = (prices.joule * leg_w(rates) + prices.second) / rates.speeds_mps
+    stops = (multipliers.per_j * stand_w + multipliers.per_s) * stops_s
+    per_m = (multipliers.per_j * leg_w(rates) + multipliers.per_s) / rates.speeds_mps
     lap = float(per_m.min(axis=1).sum()) * rates.place_m + stops
-    budget = prices.joule * rates.energy_j + prices.second * rates.time_s + stops
+    budget = multipliers.per_j * rates.energy_j + multipliers.per_s * rates.time_s + stops
     return float(np.floor(with_rounding(budget / lap)))
 
 

@@ -8,7 +8,7 @@ Arguments that functions share:
     starts: Mission at its start, `MISSION_DTYPE`, shape (1,); not changed.
     works: Work space, `MISSION_DTYPE`, shape (1,).
     step_m: Distance between points along the route, from home on, m.
-    j_per_s: Energy that a second is worth: ratio of the Lagrange multipliers of time and energy, J/s.
+    j_per_s: Energy equivalent to a second: ratio of the Lagrange multipliers of time and energy, J/s.
     home_j, home_s: Energy (J) and time (s) of the best way home from every point, shape (points,).
 """
 
@@ -101,7 +101,7 @@ def measure(
             speed_mps = at_level(i, s.min_speed_mps, s.max_speed_mps)
             for j in range(LEVELS):
                 _set_out(works, starts, route, k, near_m, speed_mps)
-                _blow(m, least, warmest_c)
+                _set_weather(m, least, warmest_c)
                 s.decision_s, s.radio_hz = 0.5 * s.place_m / speed_mps, 0.0
                 before = score(m, s)
                 _roll(m, p, route, c, i, j, GO)
@@ -109,14 +109,14 @@ def measure(
                 gain_per_m[k, i, j] = (score(m, s) - before) / (m.position_m - near_m)
                 samples_per_m[k, i, j] = m.backlog / (m.position_m - near_m)
                 _set_out(works, starts, route, k, near_m + _HAIR_M, speed_mps)
-                _blow(m, most, warmest_c)
+                _set_weather(m, most, warmest_c)
                 m.returning, m.direction = True, -1.0
                 s.decision_s = 0.5 * _HAIR_M / speed_mps
                 _roll(m, p, route, c, i, j, RETURN)
                 home_w[k, i, j] = m.power_w
         for j in range(LEVELS):
             _set_out(works, starts, route, k, near_m, 0.0)
-            _blow(m, least, warmest_c)
+            _set_weather(m, least, warmest_c)
             _roll(m, p, route, c, 0, j, STOP)
             standing_w[k, j] = m.power_w
         s.decision_s, s.radio_hz = _HAIR_M / s.min_speed_mps, radio
@@ -159,7 +159,7 @@ def _headwinds(winds: Any, place: Any) -> Any:
 
 
 @compiled
-def _blow(m: Any, headwind_mps: float, temperature_c: float) -> None:
+def _set_weather(m: Any, headwind_mps: float, temperature_c: float) -> None:
     """Set a constant headwind of the way out (m/s) and a constant air temperature (C)."""
     m.mean_east_mps, m.mean_north_mps = headwind_mps * m.here.east, headwind_mps * m.here.north
     m.gust_east_mps = m.gust_north_mps = m.gust_kick = m.warming_k = 0.0
@@ -236,8 +236,8 @@ def search(
     starts: Any,
     room: Any,
     rates: int,
-    prices: Any,
-    worth: Any,
+    multipliers: Any,
+    sample_multiplier: Any,
     ahead: Any,
     plan: Any,
     home_j: Any,
@@ -253,7 +253,7 @@ def search(
     Cells divide distance driven, and energy and backlog (on a patrol, time left of a pit stop) relative to a plan. Of
     the missions in a cell the one with the greatest value is kept, as the exact record that the environment left:
 
-        value = score + p_0 * energy + p_1 * time left - p_2 * pit stop left - worth(x) * backlog + ahead(x)
+        value = score + p_0 * energy + p_1 * time left - p_2 * pit stop left - p_3(x) * backlog + ahead(x)
 
     This estimates the final score by the Lagrange multipliers of the bound. Cells are expanded by increasing distance,
     with all actions. A successor is discarded if its energy or time do not suffice for the way home, if it is outside
@@ -263,8 +263,8 @@ def search(
     Args:
         room: Work space for missions, `MISSION_DTYPE`, shape (distances, CELLS * CELLS).
         rates: Number of sensing levels that are tried.
-        prices: Lagrange multipliers p, in score per J, per s and per s of a pit stop, shape (3,).
-        worth: Lagrange multiplier of a sample on board, score per sample, shape (points,).
+        multipliers: Lagrange multipliers p, in score per J, per s and per s of a pit stop, shape (3,).
+        sample_multiplier: That of a sample on board, p_3, score per sample, shape (points,).
         ahead: Greatest Lagrangian of the rest of the mission, away from home and towards it, score, shape (2, points).
         plan: Energy (J) and backlog (samples) of the plan, shape (2, points).
         cells: Size of a cell: distance (m), energy (J), backlog (samples, or s of a pit stop), shape (3,).
@@ -282,7 +282,7 @@ def search(
     values = np.full((ring, width), _NONE)
     fresh = np.zeros((ring, width), np.bool_)
     origin, action = np.empty((ring, width), np.int64), np.empty((ring, width), np.int64)
-    spare = np.empty(2, starts.dtype)
+    work = np.empty(2, starts.dtype)
     found[:] = _NONE
     room[0, 0], values[0, 0], fresh[0, 0], origin[0, 0] = starts[0], 0.0, True, -1
     nodes, near, last = 0, 0, 0
@@ -298,14 +298,14 @@ def search(
                 parents[nodes], actions[nodes] = origin[row, slot], action[row, slot]
                 here = nodes
                 nodes += 1
-                spare[0] = room[row, slot]
-                m = spare[0]
+                work[0] = room[row, slot]
+                m = work[0]
                 # On its way home a patrol completes the lap under way.
                 _note(found, score(m, s) + 0.5 * (m.legs % 2.0), here)
                 left_s = (s.max_decisions - m.decisions - 1) * s.decision_s
                 for code in range(-1, LEVELS * rates):
-                    m = spare[1]
-                    spare[1] = spare[0]
+                    m = work[1]
+                    work[1] = work[0]
                     if code < 0:
                         _roll(m, p, route, c, 0, 0, STOP)
                     else:
@@ -315,10 +315,10 @@ def search(
                         continue
                     value = (
                         score(m, s)
-                        + prices[0] * m.energy_j
-                        + prices[1] * left_s
-                        - prices[2] * m.dwell_s
-                        - m.backlog * _at(worth, m.position_m, step_m)
+                        + multipliers[0] * m.energy_j
+                        + multipliers[1] * left_s
+                        - multipliers[2] * m.dwell_s
+                        - m.backlog * _at(sample_multiplier, m.position_m, step_m)
                         + _at(ahead[0 if m.direction > 0.0 else 1], m.position_m, step_m)
                     )
                     distance = int(m.distance_m / cells[0])

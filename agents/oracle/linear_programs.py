@@ -10,9 +10,9 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from homeward.agents.oracle.bound import (
-    Prices,
-    allowed,
+    Multipliers,
     bounds_by_turn,
+    dual_feasible,
     leg_w,
     patrol_bound,
     with_rounding,
@@ -28,13 +28,13 @@ class Plan:
 
     Attributes:
         turn: Index of that place.
-        prices: Lagrange multipliers of the limits, made valid by `allowed`.
+        multipliers: Lagrange multipliers of the limits, made valid by `dual_feasible`.
         energy_j: Energy left at the far end of each piece up to that place, J, shape (pieces,).
         backlog: Samples on board there, shape (pieces,).
     """
 
     turn: int
-    prices: Prices
+    multipliers: Multipliers
     energy_j: Array
     backlog: Array
 
@@ -51,7 +51,7 @@ def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
     while turn not in plans:
         plans[turn] = plan = plan_out_and_back(rates, turn)
         if plan:  # otherwise there is no time to turn there, and the bound by other multipliers stays
-            bounds = np.minimum(bounds, bounds_by_turn(rates, plan.prices))
+            bounds = np.minimum(bounds, bounds_by_turn(rates, plan.multipliers))
         turn = int(np.argmax(bounds))
     best = max((plan for plan in plans.values() if plan), key=lambda plan: bounds[plan.turn])
     return with_rounding(float(bounds[turn])), best
@@ -90,17 +90,17 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
     result = _most(gain, limits, room, equal, np.stack([low, high], axis=1))
     if result.status != 0:
         return None
-    joule, second = np.maximum(-result.ineqlin.marginals[:2], 0.0)
+    per_j, per_s = np.maximum(-result.ineqlin.marginals[:2], 0.0)
     by_piece = np.maximum(result.eqlin.marginals[2 * pieces :], 0.0)
     by_piece = np.pad(by_piece, (1, len(rates.radio_hz) - pieces + 1), mode="edge")
-    sample = 0.5 * (by_piece[:-1] + by_piece[1:])
+    per_sample = 0.5 * (by_piece[:-1] + by_piece[1:])
     metres, _, stands_s, backlog, _, _ = np.split(result.x, np.cumsum(widths[:-1]))
     spent_j = (metres * out_j.ravel()).reshape(pieces, ways).sum(axis=1) + stands_s * standing_w
-    prices = allowed(rates, Prices(float(joule), float(second), sample))
-    return Plan(turn, prices, rates.energy_j - np.cumsum(spent_j), backlog)
+    multipliers = dual_feasible(rates, Multipliers(float(per_j), float(per_s), per_sample))
+    return Plan(turn, multipliers, rates.energy_j - np.cumsum(spent_j), backlog)
 
 
-def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Prices]:
+def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Multipliers]:
     """Upper bound of the number of laps of a patrol, and its multipliers, in laps per J and per s."""
     speed, power_w = rates.speeds_mps, leg_w(rates)
     legs, stops_s = len(power_w), 2.0 * pit_stop_s
@@ -111,9 +111,9 @@ def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Prices]:
     driven = sparse.hstack([_per_piece(np.ones((legs, LEVELS))), sparse.csr_matrix(np.full((legs, 1), -rates.place_m))])
     room = np.array([rates.energy_j + stops_s * stand_w, rates.time_s + stops_s])
     result = _most(np.append(np.zeros(power_w.size), 1.0), np.stack([joules, seconds]), room, driven, (0.0, None))
-    joule, second = np.maximum(-result.ineqlin.marginals, 0.0)
-    prices = Prices(float(joule), float(second), np.zeros(len(rates.radio_hz) + 1))
-    return patrol_bound(rates, pit_stop_s, prices), prices
+    per_j, per_s = np.maximum(-result.ineqlin.marginals, 0.0)
+    multipliers = Multipliers(float(per_j), float(per_s), np.zeros(len(rates.radio_hz) + 1))
+    return patrol_bound(rates, pit_stop_s, multipliers), multipliers
 
 
 def _most(gain: Array, limits: Any, room: Array, equal: Any, bounds: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.oracle import kernel
-from homeward.agents.oracle.bound import Prices, leg_w, worth
+from homeward.agents.oracle.bound import Multipliers, lagrangian_sums, leg_w
 from homeward.agents.oracle.linear_programs import Plan
 from homeward.agents.oracle.problem import Problem
 from homeward.agents.oracle.rates import PIECES, Array, Rates
@@ -37,15 +37,15 @@ class Guide:
     """Terms of the estimated final score of a mission under way, and the plan around which it is searched.
 
     Attributes:
-        prices: Lagrange multipliers, score per J, per s and per s of a pit stop, shape (3,).
-        sample: Lagrange multiplier of a sample on board, score per sample, shape (points,).
+        multipliers: Lagrange multipliers, score per J, per s and per s of a pit stop, shape (3,).
+        per_sample: Lagrange multiplier of a sample on board, score per sample, shape (points,).
         ahead: Greatest Lagrangian of the rest of the mission, away from home and towards it, score, shape (2, points).
         plan: Energy (J) and backlog (samples) of the plan, shape (2, points).
         cells: Size of a cell: energy (J), and backlog (samples) or pit stop (s).
     """
 
-    prices: Array
-    sample: Array
+    multipliers: Array
+    per_sample: Array
     ahead: Array
     plan: Array
     cells: tuple[float, float]
@@ -53,19 +53,19 @@ class Guide:
 
 def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Array) -> Guide:
     """Guide of a mission out and back that turns within the place of its plan."""
-    value, prices, count = worth(rates, plan.prices), plan.prices, len(rates.radio_hz)
+    sums, multipliers, count = lagrangian_sums(rates, plan.multipliers), plan.multipliers, len(rates.radio_hz)
     ends = np.full(count + 1, _NEVER)  # greatest Lagrangian of a turn at a border or beyond it
     for piece in range(plan.turn * PIECES, (plan.turn + 1) * PIECES):
-        far, near = value.way[piece + 1], value.way[piece]
-        ends[: piece + 1] = np.maximum(ends[: piece + 1], max(far, near) + value.memory[piece])
-        ends[piece + 1] = max(ends[piece + 1], far + value.memory[piece])
-    ahead = ends - value.way + value.home - value.fallen
+        far, near = sums.way[piece + 1], sums.way[piece]
+        ends[: piece + 1] = np.maximum(ends[: piece + 1], max(far, near) + sums.memory[piece])
+        ends[piece + 1] = max(ends[piece + 1], far + sums.memory[piece])
+    ahead = ends - sums.way + sums.home - sums.fallen
     borders = np.arange(count + 1) * rates.piece_m
     planned = borders[: len(plan.energy_j) + 1]
     most_j, most_samples = rates.out_w.max() * decision_s, rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
     return Guide(
-        prices=np.array([prices.joule, prices.second, 0.0]),
-        sample=np.interp(points_m, borders, prices.sample),
+        multipliers=np.array([multipliers.per_j, multipliers.per_s, 0.0]),
+        per_sample=np.interp(points_m, borders, multipliers.per_sample),
         ahead=np.tile(np.interp(points_m, borders, ahead), (2, 1)),
         plan=np.stack([
             np.interp(points_m, planned, np.append(rates.energy_j, plan.energy_j)),
@@ -75,18 +75,18 @@ def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Ar
     )  # fmt: skip
 
 
-def guide_patrol(rates: Rates, prices: Prices, pit_stop_s: float, points_m: Array) -> Guide:
+def guide_patrol(rates: Rates, multipliers: Multipliers, pit_stop_s: float, points_m: Array) -> Guide:
     """Guide of a patrol: the rest of the mission is that of the lap under way, with its pit stops."""
-    per_m = ((prices.joule * leg_w(rates) + prices.second) / rates.speeds_mps).min(axis=1)
+    per_m = ((multipliers.per_j * leg_w(rates) + multipliers.per_s) / rates.speeds_mps).min(axis=1)
     borders = np.arange(rates.places + 1) * rates.place_m
     out, home = (
         np.interp(points_m, borders, np.append(0.0, np.cumsum(leg * rates.place_m))) for leg in np.split(per_m, 2)
     )
-    second = prices.joule * float(rates.standing_w.min()) + prices.second
-    pit_stop = second * pit_stop_s
+    standing_per_s = multipliers.per_j * float(rates.standing_w.min()) + multipliers.per_s
+    pit_stop = standing_per_s * pit_stop_s
     return Guide(
-        prices=np.array([prices.joule, prices.second, second]),
-        sample=np.zeros(len(points_m)),
+        multipliers=np.array([multipliers.per_j, multipliers.per_s, standing_per_s]),
+        per_sample=np.zeros(len(points_m)),
         ahead=np.stack([1.0 - (out[-1] - out) - home[-1] - 2.0 * pit_stop, 0.5 - home - pit_stop]),
         plan=np.zeros((2, len(points_m))),
         cells=(np.inf, 2.0 * max(pit_stop_s, 1.0) / (kernel.CELLS - 2)),
@@ -112,15 +112,15 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     room = np.zeros((int(most_m / cell_m) + 2, kernel.CELLS**2), case.start.dtype)
     parents, codes, found = np.empty(_NODES, np.int64), np.empty(_NODES, np.int8), np.empty((_TRIED, 2))
     actions = np.empty((int(s["max_decisions"]), 3), np.int64)
-    j_per_s = guide.prices[1] / guide.prices[0] if guide.prices[0] > 0.0 else 0.0
+    j_per_s = guide.multipliers[1] / guide.multipliers[0] if guide.multipliers[0] > 0.0 else 0.0
     records, work = (case.constants, case.robot, case.route, case.start), case.start.copy()
     home = np.full((2, len(points_m)), np.inf)  # energy (J) and time (s)
     kernel.way_home(*records, work, step_m, j_per_s, home[0], home[1])
     levels = LEVELS if s["mission"] == SURVEY else 1
     for reserve in _RESERVES:
         kernel.search(
-            *records, room, levels, guide.prices, guide.sample, guide.ahead, guide.plan, reserve * home[0], home[1],
-            step_m, np.array([cell_m, *guide.cells]), parents, codes, found,
+            *records, room, levels, guide.multipliers, guide.per_sample, guide.ahead, guide.plan, reserve * home[0],
+            home[1], step_m, np.array([cell_m, *guide.cells]), parents, codes, found,
         )  # fmt: skip
         for score, node in found:
             if score > 0.0:

@@ -1,10 +1,10 @@
 """Compiled part of the planner: choice of two Lagrange multipliers of a survey by simulating it to its turn.
 
 The simulation uses the posterior mean of the robot and the wind. Energies are shares of the usable energy, and powers
-shares per second. `energy_price` is the multiplier of energy (information per full battery), `sample_price` that of
-memory (information per sample). The Lagrangian of a metre is
+shares per second. `energy_multiplier` is the multiplier of energy (information per full battery), `sample_multiplier`
+that of memory (information per sample). The Lagrangian of a metre is
 
-    information found - energy_price * energy - sample_price * samples taken.
+    information found - energy_multiplier * energy - sample_multiplier * samples taken.
 
 Arguments that functions share:
 
@@ -51,7 +51,7 @@ BELIEF_DTYPE = np.dtype(
                 "wind_east_mps",  # wind with its gust, towards where it comes from
                 "wind_north_mps",
                 "reserve",  # energy kept beyond that of the way home, as a share of it
-                "spare",  # energy left beyond the slowest next decision, the way home and the reserve
+                "margin",  # energy left beyond the slowest next decision, the way home and the reserve
                 "left_s",  # time until the time limit
                 "position_m",  # from home
                 "backlog",  # samples on board
@@ -104,28 +104,28 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
         _drive(b, vehicle, model, s, b.sine_here, drives[0])
         for stretch in range(len(AHEAD)):
             _drive(b, vehicle, model, s, b.sine_ahead[stretch], drives[1 + stretch])
-        gain = model.interest * model.found[LEVELS - 1, LEVELS // 2]
+        information = model.interest * model.found[LEVELS - 1, LEVELS // 2]
         cost = (
             drives[1, LEVELS - 1]
             + drives[1, LEVELS]
             + b.gain * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
         )
-        best, joule, sample = -1.0, gain / cost, 0.0
+        best, best_energy, best_sample = -1.0, information / cost, 0.0
         for eagerness in EAGERNESS:
             for stop in STOPS:
-                energy_price = eagerness * gain / cost
-                sample_price = 0.0
+                energy_multiplier = eagerness * information / cost
+                sample_multiplier = 0.0
                 if stop >= 0.0:
-                    sample_price = energy_price * b.gain * model.standing / _radio(s, stop * s.link_m, False)
-                found = _follow(b, model, s, drives, energy_price, sample_price)
+                    sample_multiplier = energy_multiplier * b.gain * model.standing / _radio(s, stop * s.link_m, False)
+                found = _follow(b, model, s, drives, energy_multiplier, sample_multiplier)
                 if found > best:
-                    best, joule, sample = found, energy_price, sample_price
-        _command(b, model, s, drives[0], joule, sample, commands[n])
+                    best, best_energy, best_sample = found, energy_multiplier, sample_multiplier
+        _command(b, model, s, drives[0], best_energy, best_sample, commands[n])
 
 
 @compiled
-def thriftiest(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: Any, speeds_mps: Any) -> None:
-    """Choose for each robot the speed that consumes least per metre where it is, if the spare energy suffices.
+def efficient_speeds(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: Any, speeds_mps: Any) -> None:
+    """Choose for each robot the speed that consumes least per metre where it is, if the margin suffices.
 
     Args:
         beliefs: See `plan`, as the next three.
@@ -164,56 +164,56 @@ def _metre(model: Any, speed: int, sine: float) -> float:
 
 @compiled
 def _best_way(
-    gauge: float, model: Any, drive: Any, interest: float, energy_price: float, sample_price: float
+    energy_gain: float, model: Any, drive: Any, interest: float, energy_multiplier: float, sample_multiplier: float
 ) -> tuple[int, int]:
-    """Levels of speed and sensing rate that maximise the Lagrangian of a metre out; `gauge` is the belief's `gain`."""
+    """Levels of speed and sensing rate that maximise the Lagrangian of a metre out; `energy_gain` is `gain` of `b`."""
     best, best_speed, best_rate = -1e300, LEVELS - 1, 0
     for speed in range(LEVELS):
         s_per_m = 1.0 / model.speeds_mps[speed]
         for rate in range(LEVELS):
-            value = interest * model.found[speed, rate] - sample_price * model.rates_hz[rate] * s_per_m
-            value -= energy_price * (drive[speed] + gauge * model.sensing[rate] * s_per_m)
+            value = interest * model.found[speed, rate] - sample_multiplier * model.rates_hz[rate] * s_per_m
+            value -= energy_multiplier * (drive[speed] + energy_gain * model.sensing[rate] * s_per_m)
             if value > best:
                 best, best_speed, best_rate = value, speed, rate
     return best_speed, best_rate
 
 
 @compiled
-def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample_price: float) -> float:
+def _follow(b: Any, model: Any, s: Any, drives: Any, energy_multiplier: float, sample_multiplier: float) -> float:
     """Simulate the way out, place by place, and return the information found.
 
     In each place the robot first stops until the backlog is sent, if that has a positive Lagrangian, and then drives as
-    in `_way`. It turns when spare energy or time is used up, or at the end of the route. A full memory makes it stop,
+    in `_way`. It turns when the margin or the time is used up, or at the end of the route. A full memory makes it stop,
     or lose information if energy or time do not suffice for that.
 
     Args:
         drives: `drive` here and in each stretch ahead, shape (1 + stretches, LEVELS + 1).
     """
     place = min(int(b.position_m * s.per_place_m), s.places - 1)
-    position_m, spare, backlog = b.position_m, b.spare, b.backlog
+    position_m, margin, backlog = b.position_m, b.margin, b.backlog
     left_s = b.left_s - position_m / s.cruise_mps
     found, stretch = 0.0, -1
-    way = _way(model, b.gain, drives[0], b.interest_here, model.spread[0], energy_price, sample_price)
+    way = _way(model, b.gain, drives[0], b.interest_here, model.spread[0], energy_multiplier, sample_multiplier)
     for k in range(place, s.places):
         if stretch + 1 < len(AHEAD) and k - place == AHEAD[stretch + 1][0]:
             stretch += 1
             way = _way(
                 model, b.gain, drives[1 + stretch], b.interest_ahead[stretch], model.spread[stretch],
-                energy_price, sample_price,
+                energy_multiplier, sample_multiplier,
             )  # fmt: skip
         gain, energy, samples, time_s = way
         radio_hz = _radio(s, position_m, False)
-        if sample_price * radio_hz > energy_price * b.gain * model.standing:
+        if sample_multiplier * radio_hz > energy_multiplier * b.gain * model.standing:
             stop_s = min(backlog / radio_hz, max(left_s, 0.0))
-            spare -= stop_s * b.gain * model.standing
+            margin -= stop_s * b.gain * model.standing
             left_s -= stop_s
             backlog -= stop_s * radio_hz
-        if spare <= 0.0 or left_s <= 0.0:
+        if margin <= 0.0 or left_s <= 0.0:
             break
         room_m = (k + 1) * s.place_m - position_m
-        way_m = min(room_m, spare / energy, left_s / (time_s + 1.0 / s.cruise_mps))
+        way_m = min(room_m, margin / energy, left_s / (time_s + 1.0 / s.cruise_mps))
         position_m += way_m
-        spare -= way_m * energy
+        margin -= way_m * energy
         left_s -= way_m * (time_s + 1.0 / s.cruise_mps)
         sent = way_m * time_s * _radio(s, position_m, True)
         taken = way_m * samples
@@ -224,8 +224,8 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
             excess, radio_hz = backlog - s.backlog_limit, _radio(s, position_m, False)
             stop_s = excess / radio_hz
             backlog = s.backlog_limit
-            if stop_s * b.gain * model.standing <= spare and stop_s <= left_s:
-                spare -= stop_s * b.gain * model.standing
+            if stop_s * b.gain * model.standing <= margin and stop_s <= left_s:
+                margin -= stop_s * b.gain * model.standing
                 left_s -= stop_s
             else:
                 found -= way_m * gain * min(excess / max(taken, 1e-9), 1.0)
@@ -236,7 +236,13 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_price: float, sample
 
 @compiled
 def _way(
-    model: Any, gauge: float, drive: Any, interest: float, spread: Any, energy_price: float, sample_price: float
+    model: Any,
+    energy_gain: float,
+    drive: Any,
+    interest: float,
+    spread: Any,
+    energy_multiplier: float,
+    sample_multiplier: float,
 ) -> tuple[float, float, float, float]:
     """Information, energy out and home, samples and time (s) of a metre, on average over the ground of a stretch.
 
@@ -247,10 +253,10 @@ def _way(
     gain = energy = samples = time_s = 0.0
     for kind in spread:
         weight = interest * kind
-        speed, rate = _best_way(gauge, model, drive, weight, energy_price, sample_price)
+        speed, rate = _best_way(energy_gain, model, drive, weight, energy_multiplier, sample_multiplier)
         s_per_m = 1.0 / model.speeds_mps[speed]
         gain += weight * model.found[speed, rate]
-        energy += drive[speed] + gauge * model.sensing[rate] * s_per_m
+        energy += drive[speed] + energy_gain * model.sensing[rate] * s_per_m
         samples += model.rates_hz[rate] * s_per_m
         time_s += s_per_m
     return gain / _KINDS, energy / _KINDS + drive[LEVELS], samples / _KINDS, time_s / _KINDS
@@ -281,26 +287,30 @@ def _cost(b: Any, v: Any, model: Any, s: Any, speed: int, sine: float, ahead: fl
 
 @compiled
 def _fits(b: Any, model: Any, s: Any, drive: Any, speed: int) -> bool:
-    """Whether the spare energy suffices for a decision at a speed, out and home; at the lowest it always does."""
+    """Whether the margin suffices for a decision at a speed, out and home; at the lowest it always does."""
     more_m = (model.speeds_mps[speed] - model.speeds_mps[0]) * s.decision_s
-    return bool(more_m * (drive[speed] + drive[LEVELS]) <= max(b.spare, 0.0))
+    return bool(more_m * (drive[speed] + drive[LEVELS]) <= max(b.margin, 0.0))
 
 
 @compiled
-def _command(b: Any, model: Any, s: Any, drive: Any, energy_price: float, sample_price: float, command: Any) -> None:
+def _command(
+    b: Any, model: Any, s: Any, drive: Any, energy_multiplier: float, sample_multiplier: float, command: Any
+) -> None:
     """Write the command of the next decision, which maximises the Lagrangian: see `plan`."""
     radio_hz = _radio(s, b.position_m, False)
-    standing = energy_price * b.gain * model.standing
-    stops = sample_price * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
+    standing = energy_multiplier * b.gain * model.standing
+    stops = sample_multiplier * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
     # Part of the next decision may be in the next place.
     step_m = s.max_speed_mps * s.decision_s
     beyond = b.position_m + step_m - (np.floor(b.position_m * s.per_place_m) + 1.0) * s.place_m
     share = min(max(beyond / step_m, 0.0), 1.0)
     interest = (1.0 - share) * b.interest_here + share * b.interest_ahead[0]
-    speed, rate = _best_way(b.gain, model, drive, interest, energy_price, sample_price)
+    speed, rate = _best_way(b.gain, model, drive, interest, energy_multiplier, sample_multiplier)
     if b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit:
         # The memory is full: samples taken now must be sent from here.
-        speed, rate = _best_way(b.gain, model, drive, interest, energy_price, max(sample_price, standing / radio_hz))
+        speed, rate = _best_way(
+            b.gain, model, drive, interest, energy_multiplier, max(sample_multiplier, standing / radio_hz)
+        )
         stops = stops or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
     while not _fits(b, model, s, drive, speed):
         speed -= 1

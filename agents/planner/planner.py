@@ -102,7 +102,7 @@ class Planner(Policy):
         outwards = feature(observations, "outbound") if s["mission"] == PATROL else 1.0
         speed_mps, sensing_hz, stops = np.zeros((3, len(observations)))
         numbers = self._vehicle, self._model, self._known.shared
-        kernel.thriftiest(beliefs, *numbers, np.where(homebound, -1.0, outwards), speed_mps)
+        kernel.efficient_speeds(beliefs, *numbers, np.where(homebound, -1.0, outwards), speed_mps)
         if self._survey:
             out = ~homebound
             commands = np.empty((out.sum(), 3))
@@ -127,7 +127,8 @@ class Planner(Policy):
             beliefs["gain"] = beliefs["rolling"] = beliefs["weight"] = 1.0
         reserve = self.rule.deviations * outlook.deviation
         beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
-        beliefs["spare"] = self.rule.spare_by(outlook) if self._belief else np.inf  # patrols: the rule plans whole laps
+        # On patrols the rule plans whole laps.
+        beliefs["margin"] = self.rule.margin_above_reserve_by(outlook) if self._belief else np.inf
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]

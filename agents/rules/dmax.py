@@ -29,7 +29,7 @@ class DmaxRule(TurnBackRule):
         super().__init__(known, pace)
         self._reserve = reserve
 
-    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond the way home on the average grade and the reserve, see `TurnBackRule.spare`."""
+    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Energy beyond the way home on the average grade and the reserve, see `TurnBackRule.margin_above_reserve`."""
         needed = self.home_cost_on_average(observations) + self.cost_of_going_on(observations)
         return feature(observations, "metered") - needed - self._reserve

@@ -27,6 +27,6 @@ class MappedDmaxRule(TurnBackRule):
         super().__init__(known, pace)
         self._reserve = reserve
 
-    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond the way home over mapped ground and the reserve, see `TurnBackRule.spare`."""
+    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Energy beyond the way home over mapped ground and the reserve, see `TurnBackRule.margin_above_reserve`."""
         return feature(observations, "margin") - self.cost_of_going_on(observations) - self._reserve

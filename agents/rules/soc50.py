@@ -27,6 +27,6 @@ class StateOfChargeRule(TurnBackRule):
         super().__init__(known, pace)
         self._threshold = threshold
 
-    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Charge above the threshold, see `TurnBackRule.spare`."""
+    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Charge above the threshold, see `TurnBackRule.margin_above_reserve`."""
         return feature(observations, "energy") - self._threshold

@@ -74,7 +74,7 @@ class TurnBackRule(Policy):
         """Which missions head home, including those already returning, shape (n,). Arguments as in `act`."""
         s = self._known.shared[0]
         distance_m = feature(observations, "distance") * self._reach_m
-        turns = (self.spare(observations, begun) < 0.0) | self._late(observations, distance_m)
+        turns = (self.margin_above_reserve(observations, begun) < 0.0) | self._late(observations, distance_m)
         if self._sees_posts:
             turns &= self._may_turn(distance_m)
         elif not self._patrol:
@@ -94,7 +94,7 @@ class TurnBackRule(Policy):
         return np.asarray(distance_m <= 0.0)
 
     @abstractmethod
-    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Energy beyond that of going on to the next chance to turn and then home, shape (n,).
 
         As a share of the usable energy; the robot turns back when it is negative. Arguments as in `act`.
@@ -140,12 +140,12 @@ class BelievingRule(TurnBackRule):
         self.deviations = deviations
         self.outlook: Outlook
 
-    def spare(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond the estimated way home and the reserve, see `TurnBackRule.spare`."""
+    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Energy beyond the estimated way home and the reserve, see `TurnBackRule.margin_above_reserve`."""
         self.outlook = self.look(observations, begun)
-        return self.spare_by(self.outlook)
+        return self.margin_above_reserve_by(self.outlook)
 
-    def spare_by(self, outlook: Outlook) -> NDArray[np.float64]:
+    def margin_above_reserve_by(self, outlook: Outlook) -> NDArray[np.float64]:
         """The same, from an outlook."""
         return outlook.left - outlook.home - outlook.onwards - self.deviations * outlook.deviation
 

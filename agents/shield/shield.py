@@ -104,5 +104,5 @@ class Shield(Policy):
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         position_m = feature(observations, "distance") * s["reach_m"]
         ends_m = np.where(wanted.returns, position_m, position_m + wanted.driven_mps * s["decision_s"])
-        spare_s = max(_SPARE_DECISIONS, float(s["return_decisions"])) * s["decision_s"] + s["pit_stop_s"]
-        return np.asarray(left_s < ends_m / self._home_mps + spare_s)
+        reserve_s = max(_SPARE_DECISIONS, float(s["return_decisions"])) * s["decision_s"] + s["pit_stop_s"]
+        return np.asarray(left_s < ends_m / self._home_mps + reserve_s)

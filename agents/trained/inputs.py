@@ -118,18 +118,18 @@ class BeliefInputs:
         """Set another state of charge at the start of missions, 0 to 1; to be called after the first call."""
         self._belief.recharge(soc)
 
-    def _spare(self, observations: Observations, spare: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Energy to spare; less if time is short, nothing at the end of the route, and plenty between posts."""
+    def _margin(self, observations: Observations, margin: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A margin; less if time is short, negative at the end of the route, and 1 between posts."""
         s = self._known.shared[0]
         distance_m = feature(observations, "distance") * s["reach_m"]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         # A quarter more, because the nearest speed level may be below cruise.
         decisions_left = (left_s - 1.25 * (distance_m / s["cruise_mps"] + self._round_s)) / s["decision_s"]
-        spare = np.minimum(spare, 0.01 * decisions_left)
+        margin = np.minimum(margin, 0.01 * decisions_left)
         if self._sees_posts:
-            return np.where(distance_m <= 0.0, spare, 1.0)
+            return np.where(distance_m <= 0.0, margin, 1.0)
         ends = np.asarray(distance_m >= (1.0 - 1e-6) * s["length_m"]) & (not self._patrol)
-        return np.where(ends, -1.0, spare)
+        return np.where(ends, -1.0, margin)
 
     def _believed(self, observations: Observations, going: NDArray[np.bool_]) -> NDArray[np.float64]:
         s, belief = self._known.shared[0], self._belief
@@ -147,7 +147,7 @@ class BeliefInputs:
         threshold = max(self._pace.interest, _ANY)
         sent = np.maximum(self._sent * feature(observations, "link"), _ANY)
         columns = (
-            np.clip(30.0 * self._spare(observations, margin - self._deviations * deviation), -1.0, 1.0),
+            np.clip(30.0 * self._margin(observations, margin - self._deviations * deviation), -1.0, 1.0),
             margin,
             *(np.clip(gain * margin, -1.0, 1.0) for gain in GAINS),
             20.0 * deviation,

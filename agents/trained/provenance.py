@@ -101,8 +101,8 @@ def _said(value: Any) -> str:
 
 def _weather(weather: Any, difficulty: Any) -> bool:
     """Whether the weather changes."""
-    usual = DIFFICULTY.get(str(difficulty))
-    return weather != "still" and (usual is None or usual.weather_changes)
+    preset = DIFFICULTY.get(str(difficulty))
+    return weather != "still" and (preset is None or preset.weather_changes)
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

@@ -1,9 +1,9 @@
-"""What instruments and rough ground cost the planner at `uncertain` and `harsh`, and how far it is above the rules.
+"""Score that instruments and rough ground cost the planner at `uncertain` and `harsh`, and its gain over the rules.
 
-`python benchmarks/agents/conditions.py` prints its score with the instruments of the difficulty, also as a share of
-that with exact ones in the same weather, on the same episodes; and its gain on the rules at equal stranding: each rule
-is run with all reserves that it is tuned over and larger ones, and its score is read off the line through them, where
-no more strand than of the planner's.
+`python benchmarks/agents/conditions.py` prints the planner's score with the instruments of the difficulty, also
+relative to that with exact ones in the same weather, on the same episodes. It also prints the gain over the rules at
+equal stranding: each rule is run with all reserves of its tuning and larger ones, and its score is interpolated where
+its stranding rate equals the planner's.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Args:
     episodes: int = 2000
     """Episodes of each."""
     seed: int = 0
-    """Seed that the episodes follow from, as in evaluate.py."""
+    """Seed of the episodes, as in evaluate.py."""
     jobs: int = 1
     """Processes at once."""
 
@@ -94,18 +94,18 @@ def episodes_of(args: Args, options: Options, name: str, reserve: float | None) 
 
 
 def share_of(metered: Array, exact: Array, seed: int) -> str:
-    """Mean over mean of the same episodes, with its paired interval; "" where none scored."""
+    """Ratio of the mean scores of the same episodes, with its paired interval; "" where none scored."""
     if exact.mean() <= 0.0:
         return ""
     means = Bootstrap({"metered": metered[None], "exact": exact[None]}, seed).means()
-    some = means["exact"] > 0.0  # of very few episodes a resample may hold none that scored
+    some = means["exact"] > 0.0  # a resample of very few episodes may contain none that scored
     return span(metered.mean() / exact.mean(), interval(means["metered"][some] / means["exact"][some]), ".1%")
 
 
 def gains_of(args: Args, options: Options, planner: Episodes) -> dict[str, tuple[float | None, float | None, Ends]]:
-    """By rule its score where no more strand than of the planner's episodes, the planner's gain on it and its interval.
+    """For each rule its score at the planner's stranding rate, the planner's gain over it and the interval of the gain.
 
-    Score and gain are none where more strand with every reserve.
+    Score and gain are None where it strands more often with every reserve.
     """
     count, gains = len(planner.score), {}
     alike = np.full(count, 1.0 / count)
@@ -121,7 +121,7 @@ def gains_of(args: Args, options: Options, planner: Episodes) -> dict[str, tuple
 def gain_on(
     rule: Mapping[float, Episodes], planner: Episodes, weight: Array
 ) -> tuple[float | None, float | None]:  # fmt: skip
-    """Score of a rule, and the planner's gain on it, of episodes of so much weight each."""
+    """Score of a rule and the planner's gain over it, for weighted episodes."""
     scores, stranded = ([float(weight @ vars(one)[name]) for one in rule.values()] for name in ("score", "stranded"))
     equal = Curve(tuple(rule), tuple(scores), tuple(stranded)).at(float(weight @ planner.stranded))
     return equal, float(weight @ planner.score) / equal - 1.0 if equal else None

@@ -1,10 +1,10 @@
-"""How well a robot that estimates itself and the wind knows its way home: the tables of docs/estimation.md.
+"""Accuracy of the estimated energy of the way home, with robot and wind estimated: the tables of docs/estimation.md.
 
-`python benchmarks/agents/identification.py` drives missions out for some decisions, asks two for the distribution of
-the way home, and drives home to see what it consumes, as a share of a full battery: `belief`, from
-`homeward.agents.belief`, and `ratio`, from `dmax_adaptive`, which scales the map by measured over modelled consumption.
-Once they have answered, the battery is given more than the way home can take, so that the missions that would strand
-count as well.
+`python benchmarks/agents/identification.py` drives missions out for some decisions, gets the distribution of the energy
+of the way home from two estimators, and drives home to measure it, as a share of a full battery. The estimators are
+`belief`, from `homeward.agents.belief`, and `ratio`, from `dmax_adaptive`, which scales the map by measured over
+modelled consumption. After the estimate the battery gets more energy than the way home can consume, so that missions
+that would strand count as well.
 """
 
 from __future__ import annotations
@@ -57,15 +57,15 @@ class Args:
     difficulties: tuple[str, ...] = ("uncertain", "harsh")
     """Difficulties."""
     instruments: str | None = None
-    """exact, meter, gauge or a TOML file; by default what the difficulty has."""
+    """exact, meter, gauge or a TOML file; by default those of the difficulty."""
     weather: str | None = None
-    """still or changing; by default what the difficulty has."""
+    """still or changing; by default that of the difficulty."""
     decisions: tuple[int, ...] = (15, 30, 45)
     """Decisions of the way out."""
     missions: int = 2000
     """Missions of each."""
     seed: int = 0
-    """Seed that the missions follow from, as in evaluate.py."""
+    """Seed of the missions, as in evaluate.py."""
 
 
 class Mixture(NamedTuple):
@@ -108,12 +108,12 @@ def _expected_absolute(mean: Array, sd: Array) -> Array:
 
 @dataclass(frozen=True)
 class Forecasts:
-    """What was forecast and what came of it, of the missions that came home; shares are of a full battery.
+    """Estimated and measured energies of the missions that came home; shares are of a full battery.
 
     Attributes:
-        forecasts: Of the way home, as a share, by who made them.
-        home_share: What it consumed, shape (missions,).
-        wind_mps: Distance of the wind that is believed from the wind that blows, shape (missions,).
+        forecasts: Distribution of the energy of the way home, as a share, by estimator.
+        home_share: Measured energy of the way home, shape (missions,).
+        wind_mps: Distance of the estimated wind from the true wind, shape (missions,).
         below: Whether the margin was below its quantile, shape (missions,).
         update_us: Mean time of an update of one mission, microseconds.
     """
@@ -126,7 +126,7 @@ class Forecasts:
 
 
 def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
-    """Drive out for some decisions, looking back as the planner does, ask for the way home, and drive home.
+    """Drive out for some decisions with the planner's excitation steps, estimate the way home, and drive home.
 
     Args:
         options: Keyword arguments of the environment.
@@ -182,7 +182,7 @@ def _step(batch: Batch, actions: NDArray[np.int64], observations: Observations) 
 
 
 def top_up(batch: Batch) -> None:
-    """Give missions more energy than any way home consumes. What a descent can give back is as much as before."""
+    """Give missions more energy than any way home consumes; descents regenerate as much as before."""
     m = batch.records
     more_j = _BATTERIES * m["capacity_j"]
     m["energy_j"] += more_j
@@ -190,10 +190,10 @@ def top_up(batch: Batch) -> None:
 
 
 def way_home(belief: Belief, plans: NDArray[np.void]) -> Mixture:
-    """Distribution of what plans take, as a share of a full battery: a component for each hypothesis about the wind.
+    """Distribution of the energy of plans, as a share of a full battery: a component for each hypothesis of the wind.
 
     Args:
-        belief: What is believed.
+        belief: Estimates of robot and wind.
         plans: `homeward.estimation.PLAN_DTYPE`, shape (missions,).
     """
     hypotheses = belief.estimator.state["hypotheses"]

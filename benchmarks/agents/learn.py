@@ -1,10 +1,9 @@
-"""Does it learn? Train over missions, starts and seeds, and compare: the tables of docs/learning.md.
+"""Train policies for all missions, starts and seeds, and compare them: the tables of docs/learning.md.
 
-`python benchmarks/agents/learn.py` trains as train.py does, for as long as each mission needs, and prints how the first
-policy, the last one and the best one of the learning curve, greedy and sampled, do on unseen episodes, beside rules and
-the planner.
-Finished runs and driven episodes are kept, and a killed run goes on from its last checkpoint. OUT/learn.json holds the
-figures; `evaluate.py --agents ppo=OUT/RUN` draws a run's learning curve.
+`python benchmarks/agents/learn.py` trains as train.py does, for as long as each mission needs. It prints the scores of
+the first, the last and the best policy of the learning curve, greedy and sampled, on unseen episodes, and those of
+rules and planner. Finished runs and episodes are stored, and an interrupted run continues from its last checkpoint.
+OUT/learn.json contains the figures; `evaluate.py --agents ppo=OUT/RUN` plots a run's learning curve.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ STEPS = {"OutAndBack": 2_000_000, "Survey": 3_000_000, "Patrol": 1_000_000}
 
 @dataclass(frozen=True)
 class Args:
-    """What to train and on how many episodes to compare."""
+    """Training and comparison."""
 
     out: Path = Path("runs/learn")
     """Folder of the runs and the results."""
@@ -76,7 +75,7 @@ class Driven:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of one mission and start: the first policy, best and last of each seed, others on the same episodes."""
+    """Results of a mission and start: first policy, best and last of each seed, other agents on the same episodes."""
 
     mission: str
     start: str
@@ -94,11 +93,11 @@ class Result:
 
 @final
 class Sampled(Policy):
-    """Draws each choice with its probability, as in training.
+    """Samples each action from the policy's distribution, as in training.
 
     Args:
-        policy: In a discrete space.
-        seed: Of the draws.
+        policy: Policy with a discrete action space.
+        seed: Seed of the samples.
     """
 
     def __init__(self, policy: NetworkPolicy, seed: int) -> None:
@@ -106,9 +105,9 @@ class Sampled(Policy):
         self._policy, self._rng = policy, np.random.default_rng(seed)
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         logits = self._policy.outputs(self._policy.seen(observations, begun))
-        # The largest of logits with Gumbel noise is drawn with its probability.
+        # Gumbel-max trick: the largest logit with Gumbel noise is a sample.
         return self._policy.choose((logits + self._rng.gumbel(size=logits.shape)).astype(np.float32))
 
 
@@ -121,7 +120,7 @@ def main(args: Args) -> list[Result]:
     """
     if args.seeds < 1 or args.episodes < 2:
         raise TrainingError(f"--seeds {args.seeds} --episodes {args.episodes}: give at least 1 seed and 2 episodes")
-    numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
+    numba.set_num_threads(1)  # steps are short: several threads would be slower
     results = [compare(args, mission, start) for mission in args.missions for start in args.starts]
     rows = [summary(result) for result in results]
     write_whole(args.out / "learn.json", json.dumps(rows, indent=2) + "\n")
@@ -151,7 +150,7 @@ def compare(args: Args, mission: str, start: str) -> Result:
 
 
 def stacked(of_seeds: list[dict[str, Driven]]) -> dict[str, Driven]:
-    """The same episodes of several seeds as rows of one."""
+    """Results of several seeds on the same episodes, stacked: one row per seed."""
     return {
         how: Driven(np.stack([one[how].score for one in of_seeds]), np.stack([one[how].stranded for one in of_seeds]))
         for how in of_seeds[0]
@@ -159,7 +158,7 @@ def stacked(of_seeds: list[dict[str, Driven]]) -> dict[str, Driven]:
 
 
 def trained(args: Args, mission: str, start: str, seed: int) -> Path:
-    """Train one policy, or find it trained, and return its folder."""
+    """Train a policy unless it is already trained, and return its folder."""
     name = f"{mission}-{start}-{seed}"
     Console(stderr=True).print(f"{name}: training", markup=False, highlight=False)
     steps = args.steps or STEPS[mission]
@@ -172,17 +171,17 @@ def trained(args: Args, mission: str, start: str, seed: int) -> Path:
 
 
 def driven(args: Args, options: Options, policy: Policy, key: bytes, seeds: Sequence[int]) -> Driven:
-    """Drive a policy on episodes, or find them driven.
+    """Drive a policy on episodes, or load the stored results.
 
     Args:
-        args: With the folder where what was driven is kept.
-        options: Of the environment.
-        policy: What drives.
-        key: Of what it is made from, beside the code.
-        seeds: Of the episodes.
+        args: Contains the folder of stored results.
+        options: Options of the environment.
+        policy: The policy.
+        key: Identity of the policy beside the code.
+        seeds: Seeds of the episodes.
     """
-    told = json.dumps([vars(options), made_with(options), [str(seed) for seed in seeds]], default=str).encode()
-    file = args.out / "driven" / f"{hashlib.sha256(key + told).hexdigest()[:24]}.npz"
+    inputs = json.dumps([vars(options), made_with(options), [str(seed) for seed in seeds]], default=str).encode()
+    file = args.out / "driven" / f"{hashlib.sha256(key + inputs).hexdigest()[:24]}.npz"
     if not file.is_file():
         episodes = run_episodes(policy, options, seeds).episodes
         content = io.BytesIO()
@@ -222,7 +221,7 @@ def summary(result: Result) -> dict[str, Any]:
 
 
 def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
-    """One line a mission and start."""
+    """One line for each mission and start."""
     title = (
         f"PPO on {args.episodes} unseen episodes, {args.seeds} training seeds; differences of the greedy policy, paired"
     )

@@ -1,9 +1,9 @@
-"""How far plain PPO comes: stable-baselines3 with its defaults, on the observation alone, from nothing.
+"""Baseline: stable-baselines3's PPO with its defaults, on the observation alone, without a pretrained policy.
 
 `python benchmarks/agents/plain_ppo.py` trains `PPO("MlpPolicy")` with five seeds on 16 missions of OutAndBack side by
-side, with all its defaults but the discount factor, which is that of the shaping, and prints what comes of 2,000 unseen
-missions, those of evaluate.py with seed 0, by the most probable action (greedy) and by one that is drawn (sampled).
-Finished seeds are kept in OUT, so that a run that was killed goes on.
+side, with all its defaults but the discount factor, which is that of the shaping. It prints the results of 2,000 unseen
+missions, those of evaluate.py with seed 0, with the most probable action (greedy) and with sampled ones.
+Finished seeds are stored in OUT, so that an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SIDE_BY_SIDE = 16
 
 @dataclass(frozen=True)
 class Args:
-    """What to train and on how many episodes to compare."""
+    """Training and evaluation."""
 
     seeds: int = 5
     """Training seeds: 0, 1, ..."""
@@ -60,18 +60,18 @@ class Args:
 
 @final
 class Learned(Policy):
-    """What was learned.
+    """A trained PPO model as a policy.
 
     Args:
-        model: Trained.
-        greedy: Whether it takes the most probable action; else it draws one.
+        model: The model.
+        greedy: Whether it takes the most probable action; otherwise it samples one.
     """
 
     def __init__(self, model: PPO, greedy: bool) -> None:
         self._model, self._greedy = model, greedy
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         return self._model.predict(observations, deterministic=self._greedy)[0]
 
 
@@ -79,30 +79,30 @@ def make_model(options: Options, seed: int) -> PPO:
     """PPO with all defaults but the discount factor.
 
     Args:
-        options: Of the environment; its discount factor is the learner's.
-        seed: Of network, draws and missions; no two seeds share a mission.
+        options: Options of the environment; its discount factor is the learner's.
+        seed: Seed of network, samples and missions; no two seeds share a mission.
     """
     env = SB3Adapter(HomewardVectorEnv(SIDE_BY_SIDE, autoreset_mode="SameStep", **vars(options)))
     model = PPO("MlpPolicy", env, gamma=options.discount, seed=seed, device="cpu")
-    env.seed(seed * SIDE_BY_SIDE)  # the model has seeded it with numbers that the next seed would have too
+    env.seed(seed * SIDE_BY_SIDE)  # the model has given it seeds that overlap with those of the next seed
     return model
 
 
 def run_seed(task: tuple[int, int, list[int]]) -> dict[str, Any]:
-    """Train with a seed for so many decisions, and run the unseen episodes."""
-    numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
+    """Train with a seed for a number of decisions, and run the unseen episodes."""
+    numba.set_num_threads(1)  # steps are short: several threads would be slower
     training_seed, steps, episodes = task
     start = time.perf_counter()
     with one_thread():
         model = make_model(OPTIONS, training_seed).learn(steps)
         trained_s = time.perf_counter() - start
-        torch.manual_seed(training_seed)  # of what is drawn in evaluation
+        torch.manual_seed(training_seed)  # seed of the samples in evaluation
         found = {how: figures(Learned(model, how == "greedy"), episodes) for how in ("greedy", "sampled")}
     return {**found, "trained_s": trained_s}
 
 
 def figures(policy: Policy, seeds: list[int]) -> dict[str, Any]:
-    """Share of the missions that a policy comes home from, how many strand, and the mean score."""
+    """Share of missions that get home, number of stranded ones, and mean score of a policy."""
     episodes = run_episodes(policy, OPTIONS, seeds).episodes
     return {
         "home_rate": float(episodes.home.mean()),
@@ -112,7 +112,7 @@ def figures(policy: Policy, seeds: list[int]) -> dict[str, Any]:
 
 
 def main(args: Args) -> None:
-    """Train what is missing, keep it, and print the table.
+    """Train and store the missing seeds, and print the table.
 
     Raises:
         TrainingError, ClusterError, TaskError: An argument cannot be used, or a training failed.

@@ -1,6 +1,6 @@
-"""What stresses the shield, for `evaluate.py`: a policy that draws speed, sensing and stops, and never turns back.
+"""A stress test of the shield, for `evaluate.py`: a policy with random speed, sensing and stops that never turns back.
 
-docs/evaluation.md has the command. `homeward.agents.shield.reckless.Onward`, which never turns either, needs no help.
+docs/evaluation.md has the command. `homeward.agents.shield.reckless.Onward` never turns either.
 """
 
 from __future__ import annotations
@@ -13,5 +13,5 @@ from homeward.envs.options import Known
 
 
 def wanderer(known: Known) -> Policy:
-    """The policy, which draws alike with and without a shield."""
+    """The policy; its random numbers are the same with and without a shield."""
     return Wanderer(known, np.random.default_rng(0))

@@ -1,7 +1,7 @@
-"""Ship the policies that `benchmarks/agents/learn.py` trained: `python benchmarks/agents/ship.py` after it.
+"""Copy the policies that `benchmarks/agents/learn.py` trained into the package: `python benchmarks/agents/ship.py`.
 
-For each mission and start, the policy of the seed that did best on the episodes of the learning curve goes into
-agents/policies, with its curve and a card. Nothing is chosen by the episodes that the card reports.
+For each mission and start, the policy of the best seed on the episodes of the learning curve is copied to
+agents/policies, with its curve and a model card. The episodes that the card reports are not used for the choice.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SEEN = {
 
 @dataclass(frozen=True)
 class Args:
-    """Which runs to ship, and where to."""
+    """Runs and destination."""
 
     runs: Path = Path("runs/learn")
     """Folder that learn.py wrote."""
@@ -82,7 +82,7 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
         "dmax_belief": "`dmax_belief`", "planner": "`planner`",
     }  # fmt: skip
     rates = {name: row[f"{name}_stranded_rate"] for name in names if name != "score"} | {"score": row["stranded_rate"]}
-    compared = "\n".join(f"| {told} | {row[name]:.4g} | {rates[name]:.2%} |" for name, told in names.items())
+    compared = "\n".join(f"| {heading} | {row[name]:.4g} | {rates[name]:.2%} |" for name, heading in names.items())
     against = {"first": "first policy", "rule": f"best d_max rule, `{row['rule']}`", "planner": "planner"}
     gains = {f"minus the {words}": f"minus_{name}" for name, words in against.items()}
     gains |= {f"last minus the {against[name]}": f"last_minus_{name}" for name in ("first", "rule")}

@@ -1,17 +1,18 @@
-"""Tune rules, planner and shield, each with as many trials: the numbers of `reserves.py` and of the shield.
+"""Tune the parameters of rules, planner and shield: the numbers of `reserves.py` and of the shield.
 
-`python benchmarks/agents/tune.py` prints the tables and the numbers. Missions have seeds of their own, which neither
-training nor evaluation meets; the robot is the default one, and who strands scores 0.
+`python benchmarks/agents/tune.py` prints the tables and the numbers. All agents get the same number of trials. The
+seeds of the missions occur neither in training nor in evaluation; the robot is the default one, and stranded robots
+score 0.
 
-* A rule has the reserve with the highest mean score at `uncertain`. The pace that all rules share has the highest sum
-  of scores of those that believe the least, each relative to the pace in use; one is found for the other in turn.
-* The planner has one reserve for OutAndBack and Survey: that with the highest sum of scores at `uncertain` and `harsh`,
-  each relative to the best there, of those with which at most 0.3 % strand at `uncertain`; and, found in the same way,
-  another for Patrol, where it goes by another rule.
-* The shield has the risk of a decision with which a robot that never turns back scores most on OutAndBack, of those
-  with which at most 0.05 % of its missions strand, at `uncertain` and `harsh`, in forecast and in hidden winds.
+* Each rule gets the reserve with the highest mean score at `uncertain`. The pace, which all rules share, maximises the
+  sum of scores of `PACED_BY`, each relative to the pace in use. Reserves and pace are tuned in turn.
+* The planner gets one reserve for OutAndBack and Survey: of those with at most 0.3 % stranded at `uncertain`, that with
+  the highest sum of scores at `uncertain` and `harsh`, each relative to the best there. In the same way it gets another
+  for Patrol, where another rule decides when to turn.
+* The shield gets the risk per decision with which a policy that never turns back has the highest score on OutAndBack,
+  of those with at most 0.05 % stranded at `uncertain` and `harsh`, in forecast and in hidden winds.
 
-Finished trials are kept in OUT/tune.json, so that a run that was killed goes on.
+Finished trials are stored in OUT/tune.json, so that an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -94,18 +95,18 @@ class Scored(NamedTuple):
 
 
 Grid = dict[float, Scored]
-"""What came of each number."""
+"""Result for each value of a parameter."""
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """An agent with its number in an environment.
+    """An agent with a value of its parameter in an environment.
 
     Attributes:
         name: A rule, `planner` or `shield`.
-        options: Of the environment.
-        number: Reserve; of the shield the risk.
-        pace: Of rules.
+        options: Options of the environment.
+        number: Value: the reserve, or the risk of the shield.
+        pace: Pace of rules.
     """
 
     name: str
@@ -127,13 +128,13 @@ class Attempt:
 def run_trial(task: tuple[Attempt, range]) -> Scored:
     """Mean score and strandings of a trial."""
     trial, seeds = task
-    numba.set_num_threads(1)  # missions are short: threads that wait for each other cost more than they give
+    numba.set_num_threads(1)  # steps are short: several threads would be slower
     episodes = run_episodes(trial.policy(known_of(trial.options)), trial.options, seeds).episodes
     return Scored(float(episodes.score.mean()), int(episodes.stranded.sum()))
 
 
 class Tuner:
-    """Runs trials, keeps what came of them, and chooses by that."""
+    """Runs trials, stores their results, and chooses the best."""
 
     def __init__(self, args: Args) -> None:
         first = _FIRST_SEED + args.seed * _SEEDS_APART
@@ -146,18 +147,18 @@ class Tuner:
         self._console.print(text, highlight=False, soft_wrap=True)
 
     def run(self, trials: Iterable[Attempt]) -> list[Scored]:
-        """Outcomes of trials, in their order."""
+        """Results of trials, in their order."""
         named = {repr(trial): (trial, self._seeds) for trial in trials}
         run_tasks(run_trial, self._kept.missing(named), jobs=self._jobs, keep=self._kept.keep, title="trials")
         return [Scored(*self._kept.results[name]) for name in named]
 
     def grid(self, name: str, options: Options, pace: Pace = NO_SENSING) -> Grid:
-        """Run an agent with each of its numbers."""
+        """Run an agent with each value of its parameter."""
         outcomes = self.run(Attempt(name, options, one, pace) for one in NUMBERS[name])
         return dict(zip(NUMBERS[name], outcomes, strict=True))
 
     def chosen(self, grids: Mapping[str, Grid], most: float = 1.0, asked: str = "") -> float:
-        """Print what came of an agent's numbers by setting, and the one that is best, in bold: see `best_number`."""
+        """Print the results of an agent's values by environment, the best in bold, see `best_number`."""
         found = best_number(grids, len(self._seeds), most, asked)
         shown = table("", ("",), ("number", "score", "stranded (95 %)"))
         for name, grid in grids.items():
@@ -193,25 +194,25 @@ class Tuner:
 
 
 def best_number(grids: Mapping[str, Grid], episodes: int, most: float = 1.0, asked: str = "") -> float:
-    """The number with the highest sum of scores over settings, each relative to the best there.
+    """The value with the highest sum of scores over environments, each relative to the best there.
 
     Args:
-        grids: What came of each number, by setting.
-        episodes: Of each trial.
-        most: Share that may strand in every setting that is asked; where more do with all numbers, the least of them.
-        asked: Part of the names of those settings.
+        grids: Result for each value, by environment.
+        episodes: Episodes of each trial.
+        most: Share that may strand in each constrained environment; if all exceed it, the lowest rate is allowed.
+        asked: Part of the names of the constrained environments.
     """
     strict = [grid for name, grid in grids.items() if asked in name]
     stranded = {one: max(grid[one].stranded for grid in strict) / episodes for one in strict[0]}
     allowed = [one for one, share in stranded.items() if share <= max(most, min(stranded.values()))]
-    # Where nothing is scored, as by a survey that senses nothing, there is nothing to compare.
+    # Environments without any score, such as a survey without sensing, are not compared.
     scored = [grid for grid in grids.values() if any(outcome.score > 0.0 for outcome in grid.values())]
     scales = [max(outcome.score for outcome in grid.values()) for grid in scored]
     return max(allowed, key=lambda one: sum(g[one].score / scale for g, scale in zip(scored, scales, strict=True)))
 
 
 def main(args: Args) -> None:
-    """Tune, and print what belongs into `agents/rules/reserves.py` and `agents/shield/shield.py`.
+    """Tune, and print the numbers for `agents/rules/reserves.py` and `agents/shield/shield.py`.
 
     Raises:
         OptionError, ClusterError: An argument cannot be used.

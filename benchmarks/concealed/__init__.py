@@ -1,1 +1,1 @@
-"""Physics concealed in plants of our own, and how often the diagnosis finds it."""
+"""Benchmark of the diagnosis: recordings of simulated plants with concealed physics, and how often it is identified."""

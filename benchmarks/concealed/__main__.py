@@ -1,7 +1,7 @@
-"""Recordings with concealed physics, the tool's answers, and how many of them are right.
+"""Diagnose recordings with concealed physics, and count the correct diagnoses.
 
 `python -m benchmarks.concealed --seed 1 --part all --cases 78 --workers 2 --out runs/concealed` writes
-DIR/concealed.json (every outcome) and DIR/concealed.md (the tables), and keeps what the tool wrote a case.
+DIR/concealed.json (every outcome), DIR/concealed.md (the tables), and the outputs of the diagnosis of each case.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ class Args:
     part: Literal["singles", "pairs", "controls", "outside", "later", "coverage", "rover", "cell", "all"] = "all"
     """Part of the benchmark; later: singles and pairs, of which half the cases are each; all: those installed."""
     cases: int = 78
-    """Cases a part. Every kind comes once in 78 singles, 26 pairs, 30 controls, 17 outside, 16 of coverage, 85 of the
-    rover and 51 of the cell."""
+    """Cases of each part. Every kind occurs once in 78 singles, 26 pairs, 30 controls, 17 outside, 16 of coverage, 85
+    of the rover and 51 of the cell."""
     workers: int = 2
     """Processes."""
     out: Path = Path("runs/concealed")
-    """Folder for concealed.json, concealed.md and what the tool wrote."""
+    """Folder for concealed.json, concealed.md and the diagnoses."""
 
 
 def main(args: Args) -> list[Outcome]:
-    """Make the cases, ask the tool, print and write the tables."""
+    """Make the cases, diagnose them, print and write the tables."""
     os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # it would ask on the terminal
     args.out.mkdir(parents=True, exist_ok=True)
     tasks = {f"{part} {number}": (part, args.seed, number, args.out) for part, number in _wanted(args)}

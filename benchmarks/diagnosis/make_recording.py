@@ -1,9 +1,9 @@
-"""Make the recording that ships with the project. It is synthetic, and says so in its name.
+"""Make the synthetic recording that ships with the project.
 
 `python benchmarks/diagnosis/make_recording.py` writes homeward/recordings/synthetic_husky.csv.gz: eight minutes of a
-Husky that is not quite the preset `husky`. Its rolling resistance is 15 % higher and it scrubs its wheels when it
-turns, which the preset leaves out. The physics is the project's own kernel; the noise is drawn apart: a slow drift of
-the load, a ripple of the current, and the noise and resolution of the sensors.
+Husky that differs from the preset `husky`: its rolling resistance is 15 % higher, and its wheels scrub in turns, which
+the preset omits. The physics is the project's own kernel; the noise is separate: a slow drift of the load, a ripple of
+the current, and the noise and resolution of the sensors.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TARGET = Path(__file__).parents[2] / "homeward" / "recordings" / "synthetic_husk
 
 
 def true_robot() -> Robot:
-    """The robot that was driven: the preset with more rolling resistance and with turning scrub."""
+    """The true robot: the preset with more rolling resistance and with turning scrub."""
     husky = load_robot("husky")
     return dataclasses.replace(
         husky, rolling_resistance=1.15 * husky.rolling_resistance, effects={"turning": {"scrub": 0.3}}
@@ -29,7 +29,7 @@ def true_robot() -> Robot:
 
 
 def packed(table: pd.DataFrame) -> bytes:
-    """The table as a gzip file that is the same each time it is made."""
+    """The table as a reproducible gzip file."""
     return gzip.compress(table.to_csv(index=False).encode(), mtime=0)
 
 

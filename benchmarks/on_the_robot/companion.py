@@ -1,4 +1,4 @@
-"""A policy that turns when the companion says so: how many of its missions strand, and how far they get.
+"""A policy that turns when the companion advises it, to measure its stranding rate and distances.
 
 `homeward evaluate` compares it with the shield of a policy that never turns (docs/on_the_robot.md has the command).
 """
@@ -23,9 +23,9 @@ RISK = 1e-3
 
 @final
 class Advised(Policy):
-    """Drives on at cruise, and home as soon as its companion says so; now and then it looks back, as it is advised to.
+    """Drives out at cruise, and home when its companion advises it; it also makes the advised excitation steps.
 
-    The companion gets readings in SI units, and knows nothing of the environment: its robot's file, and no forecast.
+    The companion gets readings in SI units and the robot's file, but no forecast or other constants of the environment.
 
     Args:
         known: Constants of the environment.
@@ -39,7 +39,7 @@ class Advised(Policy):
         self._companions: list[Companion] = []
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action a mission, see `Policy.act`."""
+        """Choose one action for each mission, see `Policy.act`."""
         if begun.all():  # all missions of a batch begin together
             window_s = float(self._known.shared["decision_s"][0])
             self._companions = [Companion(self._known.robot, risk=RISK, window_s=window_s) for _ in begun]

@@ -1,9 +1,9 @@
-"""What a policy on a robot loses by what it is not told: forecasts, a map, the temperature; and by heeding `turn_now`.
+"""What a policy on a robot loses without forecasts, a map or the temperature, and by following `turn_now`.
 
 `python benchmarks/on_the_robot/onboard.py` drives missions of an environment by a policy that ships, asked through
-`homeward.companion.Companion(policy=...)` with what the environment's instruments read: told all that the environment
-tells its agents, the forecast of the wind alone, nothing beforehand, and nothing while it heeds `turn_now`. It prints
-what docs/on_the_robot.md quotes.
+`homeward.companion.Companion(policy=...)` with what the environment's instruments read. Beforehand it is given all that
+the environment's agents know, the forecast of the wind alone, or nothing, and nothing while it follows `turn_now`. It
+prints what docs/on_the_robot.md quotes.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from homeward.envs.options import OptionError
 from homeward.envs.state import RETURN
 from tests.envs.reading import ReadRobot
 
-TOLD = ("all", "the wind", "nothing", "nothing, and heeds turn_now")
-"""What the policy is told."""
+GIVEN = ("all", "the wind", "nothing", "nothing, and heeds turn_now")
+"""What the policy is given beforehand."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ class Args:
     """Seed of the first mission; nothing was trained or tuned on these."""
 
 
-def driven(args: Args, told: str) -> Iterator[tuple[float, bool]]:
+def driven(args: Args, given: str) -> Iterator[tuple[float, bool]]:
     """Score of each mission, and whether the robot stranded."""
     for seed in range(args.seed, args.seed + args.missions):
         robot = ReadRobot(args.env, seed)
         known, over = robot.env.batch.known, False
-        route, wind_mps, mean_grade = robot.told()
+        route, wind_mps, mean_grade = robot.prior_knowledge()
         policy = load_policy(shipped(args.env, DMAX), known)
-        knows_wind, knows_all = told in ("all", "the wind"), told == "all"
+        knows_wind, knows_all = given in ("all", "the wind"), given == "all"
         onboard = Onboard(
             policy, known, route if knows_all else None, wind_mps if knows_wind else None,
             mean_grade if knows_all else None,
@@ -69,7 +69,7 @@ def driven(args: Args, told: str) -> Iterator[tuple[float, bool]]:
                 reads |= {"temperature_c": None, "interest": None}
             advice = companion.update(robot.time_s, **reads)
             action = home
-            if advice.action is not None and not (told.endswith("turn_now") and advice.turn_now):
+            if advice.action is not None and not (given.endswith("turn_now") and advice.turn_now):
                 speed_mps, sensing_hz, mode = advice.action
                 action = encode_actions(known, speed_mps, sensing_hz, MODES.index(mode))[0]
             over = robot.drive(action)
@@ -86,11 +86,11 @@ def main(args: Args) -> None:
     if args.env not in IDS or args.missions < 1:
         raise OptionError(f"give --env of {', '.join(IDS)}, and at least 1 of --missions")
     title = f"{args.missions} missions of {args.env}, uncertain, seeds from {args.seed}"
-    shown = table(title, ("told",), ("mean score", "stranded (95 %)"))
-    for told in TOLD:
-        scores, stranded = np.array(list(driven(args, told))).T
+    shown = table(title, ("given",), ("mean score", "stranded (95 %)"))
+    for given in GIVEN:
+        scores, stranded = np.array(list(driven(args, given))).T
         count = int(stranded.sum())
-        shown.add_row(told, f"{scores.mean():.5g}", f"{count}, {rate(count, args.missions, '.1%')}")
+        shown.add_row(given, f"{scores.mean():.5g}", f"{count}, {rate(count, args.missions, '.1%')}")
     cli.Terminal().show(shown)
 
 

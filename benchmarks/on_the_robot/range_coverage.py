@@ -1,11 +1,11 @@
-"""How often the 90 % interval of a corrected file holds what the rest of a drive consumes, on drives held out.
+"""Coverage of the 90 % interval of a corrected file for the energy of the rest of a drive, on held-out drives.
 
-`python benchmarks/on_the_robot/range_coverage.py --out runs/range_coverage` goes the way that a user goes: recordings
-are diagnosed, `corrected.toml` is written with its table `[uncertainty]`, and `homeward.watch` predicts from that file,
-as if live, what the rest of other drives consumes. It prints, by part, how often the interval held the truth,
-with an interval of that by what is independent of each other (robots, blocks or runs, drawn anew), bias, half the
-interval and CRPS, beside that of plain d_max (Tiwari et al., Eq. 8, on the flat at the drive's mean speed and duty
-cycle), as the file was given and as it was corrected. `range_drives.py` says what is driven. Finished sites are kept.
+`python benchmarks/on_the_robot/range_coverage.py --out runs/range_coverage` does what a user does: it diagnoses
+recordings, writes `corrected.toml` with its table `[uncertainty]`, and predicts from that file with `homeward.watch`,
+as if live, the energy of the rest of other drives. It prints, by part, the coverage with its interval (bootstrap over
+independent robots, blocks or runs), bias, half width and CRPS. For comparison it prints the error of d_max alone
+(Tiwari et al., Eq. 8, on level ground at the drive's mean speed and duty cycle), for the given and the corrected file.
+`range_drives.py` defines the drives. Finished sites are stored.
 """
 
 from __future__ import annotations
@@ -80,16 +80,16 @@ def crps(mean: Array, scale: Array, truth: Array) -> Array:
 
 
 def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array]) -> dict[str, Any]:
-    """Scores of one held-out drive or window: sums over its moments, over the sum of what the rest consumed.
+    """Scores of one held-out drive or window: sums over its moments, over the sum of the measured energies of the rest.
 
-    `bias` is the sum of predictions over that of what came, less 1; `width` half the interval; `nominal` and
-    `corrected` the absolute error of plain d_max by the two files.
+    `bias` is the sum of predictions over that of measured values, less 1; `width` half the interval; `nominal` and
+    `corrected` the absolute error of d_max alone with the two files.
 
     Args:
-        site: Of which robot or ground.
-        run: Which run.
-        watched: What was predicted, and what came.
-        plain: What plain d_max says at its moments, by the nominal and by the corrected file.
+        site: The site.
+        run: Name of the run.
+        watched: Predictions and measured values.
+        plain: Predictions of d_max alone at its moments, with the nominal and with the corrected file.
     """
     total_j = float(watched.took_j.sum())
     half_j = 0.5 * (watched.high_j - watched.low_j)
@@ -104,10 +104,10 @@ def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array])
 
 
 def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
-    """What the paper's model says of the rest at each moment, shape (moments,).
+    """Energy of the rest at each moment by the paper's model, shape (moments,).
 
-    Energy is that of d_max on the flat at the drive's mean speed while moving and its duty cycle. Motor currents have
-    none: of them it is the charge by rolling, drag and slope.
+    It is that of d_max on level ground at the drive's mean speed while moving and its duty cycle. For motor currents it
+    is the charge by rolling, drag and slope.
     """
     robot = dataclasses.replace(robot, effects={}) if watched.unit == "A s" else robot
     run = signals(recording, robot)
@@ -123,7 +123,7 @@ def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
 
 
 def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
-    """Diagnose a site's training drives, and watch those held out with the file that this writes."""
+    """Diagnose a site's training drives, and predict the held-out ones with the corrected file."""
     site = make()
     analysis = analyse(list(site.training), site.nominal, site.columns)
     write_outputs(analysis, folder / "diagnosis")
@@ -133,7 +133,7 @@ def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
         recording = read_recording(path, site.columns)
         try:
             watched = watch(recording, robot)
-        except CompanionError:  # turning on the spot, of which a file without scrub says nothing
+        except CompanionError:  # turning on the spot, which a file without scrub cannot predict
             left_out += 1
             continue
         plain = plain_of(nominal, recording, watched), plain_of(robot, recording, watched)
@@ -142,7 +142,7 @@ def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
 
 
 def coverage(scores: list[dict[str, Any]], by: tuple[str, ...], name: str, seed: int) -> tuple[float, float, float]:
-    """Mean of a score over what is independent, and its 95 % interval by drawing that anew."""
+    """Mean of a score over independent units, and its 95 % bootstrap interval."""
     groups = dict[tuple[str, ...], list[float]]()
     for one in scores:
         groups.setdefault(tuple(one[field] for field in by), []).append(float(one[name]))
@@ -154,10 +154,10 @@ def coverage(scores: list[dict[str, Any]], by: tuple[str, ...], name: str, seed:
 
 
 def main(args: Args) -> dict[str, list[dict[str, Any]]]:
-    """Drive, diagnose and watch what is missing, keep it, and print.
+    """Compute the missing sites, store them, and print the table.
 
     Raises:
-        CoverageError, DatasetError: An argument cannot be used, or recordings cannot be had.
+        CoverageError, DatasetError: An argument is invalid, or recordings are not available.
         OSError: The output folder cannot be written to.
     """
     unknown = [one for one in args.parts if one not in PARTS]
@@ -181,7 +181,7 @@ def main(args: Args) -> dict[str, list[dict[str, Any]]]:
 
 
 def table_of(args: Args, found: dict[str, list[dict[str, Any]]]) -> Table:
-    """What the drives of each part came to."""
+    """Results by part."""
     right = (
         "drives, of", "moments", "in the 90 % interval (95 %)", "before the start", "bias", "half interval", "CRPS",
         "d_max: corrected, given",

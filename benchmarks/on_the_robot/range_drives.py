@@ -1,7 +1,7 @@
-"""Drives for `range_coverage.py`: of each robot some to be diagnosed, and others that neither file nor tool has seen.
+"""Drives for `range_coverage.py`: for each robot some for the diagnosis, and others held out.
 
-Robots of MuJoCo and batteries of PyBaMM are drawn from [seed, part, number]; every drive of a robot is drawn alike, so
-that those held out come from where the others come from. Of real recordings the seed decides which are held out.
+Robots of MuJoCo and batteries of PyBaMM are drawn from [seed, part, number]; all drives of a robot have the same
+distribution. For real recordings the seed determines which are held out.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ GROUNDS = ("ASPHALT", "FLOORING", "ICE", "SNOW")
 
 @dataclass(frozen=True)
 class Site:
-    """One diagnosis, and what its file is put to the proof on.
+    """A diagnosis, and the held-out recordings that test its file.
 
     Attributes:
-        name: Of the robot and what it is asked to do.
+        name: Name of the robot and its task.
         nominal: Robot file that the diagnosis begins with.
         columns: Mapping for foreign files.
         training: Recordings that are diagnosed.
         held_out: Recordings that are not.
-        runs: Which run each of those is of.
+        runs: Run of each of those.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Site:
 
 
 def sites(part: str, seed: int, robots: int, folder: Path) -> list[partial[Site]]:
-    """What makes each site of a part; `robots` is how many are simulated."""
+    """Functions that make the sites of a part; `robots` is the number of simulated robots."""
     if part in ("rover", "cell"):
         make = rover_site if part == "rover" else cell_site
         return [partial(make, seed, number, folder / f"{part}_{number}") for number in range(robots)]
@@ -68,7 +68,7 @@ def sites(part: str, seed: int, robots: int, folder: Path) -> list[partial[Site]
 
 
 def rover_site(seed: int, number: int, folder: Path) -> Site:
-    """A rover of MuJoCo: tours and stop and go on the level, known hills, or loads that differ and are not recorded."""
+    """A rover of MuJoCo: tours and stop and go on the level, known hills, or different unrecorded loads."""
     from benchmarks.concealed.plants import rover, rover_drives
     from benchmarks.concealed.plants import rover_scenarios as scenarios
     from benchmarks.concealed.plants.rover_engine import World
@@ -102,7 +102,7 @@ def rover_site(seed: int, number: int, folder: Path) -> Site:
 
 
 def cell_site(seed: int, number: int, folder: Path) -> Site:
-    """A vehicle on a battery of PyBaMM: resistance of tabs, or cold, or next to no losses; by gauge or at terminals."""
+    """A vehicle on a battery of PyBaMM: resistance of tabs, cold, or negligible losses; by gauge or at terminals."""
     from benchmarks.concealed.plants import cell
     from benchmarks.concealed.plants.cell_electrochemistry import ExhaustedError
 

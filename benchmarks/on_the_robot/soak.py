@@ -1,9 +1,9 @@
-"""Listen to a robot on ROS 2 for an hour, and see whether memory stays flat and updates are on time.
+"""Soak test: advise a simulated robot on ROS 2 for an hour, and measure memory and update times.
 
 `python benchmarks/on_the_robot/soak.py --minutes 60` starts a simulated robot in another process, which publishes
-battery state, odometry and IMU at 20 Hz on the loopback interface alone, and listens to it as `homeward watch --ros2`
-does. It prints what docs/ros2.md quotes: resident memory after a tenth, half and all of the time, messages,
-time of a step.
+battery state, odometry and IMU at 20 Hz on the loopback interface alone, and subscribes as `homeward watch --ros2`
+does. It prints the figures of docs/ros2.md: resident memory after a tenth, half and all of the time, number of
+messages, and time of a step.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _WARMS_UP = 0.1
 
 @dataclass(frozen=True)
 class Args:
-    """How long, and how fast."""
+    """Duration and rate."""
 
     minutes: float = 60.0
     """Duration."""
@@ -42,16 +42,16 @@ class Args:
 
 
 def resident_mb() -> float:
-    """Memory of this process that lies in RAM, MB."""
+    """Resident memory of this process, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
 
 
 def main(args: Args) -> None:
-    """Listen, and print.
+    """Run the test, and print.
 
     Raises:
-        CompanionError: An argument cannot be used, the extra is not installed, or nothing was heard.
+        CompanionError: An argument is invalid, the extra is not installed, or no message was received.
     """
     if args.minutes <= 0.0 or args.hz <= 0.0:
         raise CompanionError("give --minutes and --hz above 0")

@@ -93,9 +93,9 @@ DRAWN = ("health", "rolling", "payload", "surface")
 
 @inline
 def draw(rng: Any, p: Any, base: Any, m: Any, hidden: Any) -> None:
-    """Draw the true robot of a mission around a base, usually the robot of the file.
+    """Draw the true robot of a mission around a base, by default the robot of the file.
 
-    Every difficulty consumes the same random numbers, so that a seed gives the same conditions.
+    At every difficulty the same random numbers are drawn, so that a seed gives the same conditions.
     """
     drawn = hidden.drawn
     health, rolling, payload, surface = rng.random(), rng.random(), rng.random(), rng.random()

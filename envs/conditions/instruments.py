@@ -120,7 +120,7 @@ def load_instruments(given: str | Path | Instruments) -> Instruments:
 
 @inline
 def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
-    """Begin to read: no energy is metered yet, and the state of charge is 1.
+    """Reset the readings: no energy is metered yet, and the state of charge is 1.
 
     Args:
         m: Mission record.
@@ -163,9 +163,9 @@ def read(m: Any, shared: Any, used_j: float) -> None:
 def meter(m: Any, shared: Any) -> None:
     """Estimate the state of charge by the power meter, from its readings and those of the state of charge.
 
-    The metered state of charge changes evenly between the steps of the gauge. It is the energy by the meter over the
-    energy of a full battery by the same meter. Regularised least squares estimate the latter from all readings of the
-    gauge, with the robot's file as the prior. Each reading is compared with the meter with the lag of the gauge.
+    This estimate also changes between the steps of the state-of-charge reading. It is the metered energy over the
+    metered energy of a full battery. Regularised least squares estimate the latter from all state-of-charge readings,
+    with the robot's file as the prior. Each is compared with the metered energy at the same lag.
     """
     m.metered_j += m.read_w * shared.decision_s
     if not shared.inexact:

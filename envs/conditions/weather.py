@@ -29,7 +29,7 @@ _COLDEST_C, _HOTTEST_C, _ = LIMITS["temperature_c"]
 def begin(m: Any, rng: Any, shared: Any, hidden: Any) -> None:
     """Begin the weather of a mission whose mean wind and temperature are in its record.
 
-    Every setting consumes the same random numbers.
+    With any options the same random numbers are drawn, so that a seed gives the same conditions.
     """
     wanders, warms = rng.random(), rng.random()
     gust_east, gust_north = rng.standard_normal(), rng.standard_normal()

@@ -106,5 +106,5 @@ def _draw_legend(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]
     canvas.text((left, y), "by the robot's own model:", 11, palette.FAINT)
     y += step - 1.0
     row("way home", scene.home_j, palette.DARK_GREEN, hatched=_HATCHED_GREEN)
-    spare = scene.spare_j
-    row("to spare" if spare >= 0.0 else "short of home", spare, palette.GREEN if spare >= 0.0 else palette.RED)
+    margin_j = scene.margin_j
+    row("to spare" if margin_j >= 0.0 else "short of home", margin_j, palette.GREEN if margin_j >= 0.0 else palette.RED)

@@ -34,7 +34,7 @@ class PointOfNoReturn:
             self._j_per_m = np.minimum(s["usable_j"] / range_m, _HOPELESS_J_PER_M)
         self._pit_stops_j = 2.0 * float(s["pit_stop_s"] * ancillary_power(known.robot, 0.0))
 
-    def no_return_m(self, m: Any, places: NDArray[np.void], spare_j: float) -> float | None:
+    def no_return_m(self, m: Any, places: NDArray[np.void], margin_j: float) -> float | None:
         """Furthest point from which the robot, driving on and turning there, still gets home.
 
         Behind the robot, where it should have turned, if the energy is not enough any more.
@@ -42,7 +42,7 @@ class PointOfNoReturn:
         Args:
             m: Mission record.
             places: Its route, `PLACE_DTYPE`, shape (places,).
-            spare_j: Energy by the power meter beyond what the way home consumes, J.
+            margin_j: Energy by the power meter beyond what the way home consumes, J.
 
         Returns:
             Distance along the route, m; None if it lies beyond the end of the route.
@@ -51,28 +51,28 @@ class PointOfNoReturn:
         there_and_back = self._cost(self._known_sines(m, places)) + self._cost(-self._known_sines(m, places))
         edges = np.arange(len(places) + 1) * float(s["place_m"])
         needed = np.concatenate(([0.0], np.cumsum(there_and_back * float(s["place_m"]))))
-        found = float(np.interp(m["position_m"], edges, needed)) + spare_j
+        found = float(np.interp(m["position_m"], edges, needed)) + margin_j
         return None if found >= needed[-1] else float(np.interp(found, needed, edges))
 
-    def runs_out_m(self, m: Any, places: NDArray[np.void], spare_j: float) -> float | None:
+    def runs_out_m(self, m: Any, places: NDArray[np.void], margin_j: float) -> float | None:
         """Place on the way home where the battery will be empty, by the robot's own model; None if it gets home.
 
         Arguments as in `no_return_m`.
         """
-        if spare_j >= 0.0:
+        if margin_j >= 0.0:
             return None
         driven = places[: int(m["mapped"])]
         edges = np.arange(len(driven) + 1) * float(self._known.shared[0]["place_m"])
         last = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
         # The uncovered part is the distance left when the battery is empty.
-        return float(np.interp(-spare_j, np.append(driven["home_cost_j"], last), edges))
+        return float(np.interp(-margin_j, np.append(driven["home_cost_j"], last), edges))
 
-    def laps_left(self, m: Any, places: NDArray[np.void], spare_j: float) -> float:
-        """Laps of a patrol for which the spare energy is enough; arguments as in `no_return_m`."""
+    def laps_left(self, m: Any, places: NDArray[np.void], margin_j: float) -> float:
+        """Laps of a patrol for which the margin is enough; arguments as in `no_return_m`."""
         s = self._known.shared[0]
         sines = self._known_sines(m, places)
         lap_j = float((self._cost(sines) + self._cost(-sines)).sum() * s["place_m"]) + self._pit_stops_j
-        return max(spare_j, 0.0) / lap_j
+        return max(margin_j, 0.0) / lap_j
 
     def is_patrol(self) -> bool:
         """Whether the mission goes to and fro, so that there is no point of no return."""

@@ -66,7 +66,7 @@ class Scene:
         left_j: Energy left, J.
         gauge_j: Energy left by the state-of-charge reading, J.
         home_j: Energy of the way home by the robot's own model, J.
-        spare_j: Energy by the power meter beyond that, J: the d_max margin.
+        margin_j: Energy by the power meter beyond that, J: the d_max margin.
         read_w: Mean power over the last decision by the power meter, W.
         used_j: Energy used, J, by the names of `GROUPS`.
         power_w: Mean power over the last decision, W.
@@ -109,7 +109,7 @@ class Scene:
     left_j: float
     gauge_j: float
     home_j: float
-    spare_j: float
+    margin_j: float
     read_w: float
     used_j: Mapping[str, float]
     power_w: float
@@ -148,7 +148,7 @@ def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, ind
     known, hidden = batch.known, batch.hidden
     robot = batch.robots[index] if hidden.record["own_robots"][0] else known.robot.record()[0]
     gauge_j, home_j = float(m.soc * s.usable_j), float(home_cost(m, s))
-    spare_j = float(m.metered * s.usable_j) - home_j
+    margin_j = float(m.metered * s.usable_j) - home_j
     state = _state(m)
     direction = -1.0 if m.asked > 0 else float(m.direction)  # a return heads home before it is final
     going = not m.over and not limit.is_patrol()
@@ -169,15 +169,15 @@ def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, ind
         position_m=float(m.position_m),
         furthest_m=float(m.furthest_m),
         direction=direction,
-        no_return_m=limit.no_return_m(m, places, spare_j) if going and not m.returning else None,
-        runs_out_m=limit.runs_out_m(m, places, spare_j) if going and m.returning else None,
-        laps_left=limit.laps_left(m, places, spare_j) if limit.is_patrol() else None,
+        no_return_m=limit.no_return_m(m, places, margin_j) if going and not m.returning else None,
+        runs_out_m=limit.runs_out_m(m, places, margin_j) if going and m.returning else None,
+        laps_left=limit.laps_left(m, places, margin_j) if limit.is_patrol() else None,
         full_j=float(s.usable_j),
         worn_j=max(float(s.usable_j - m.capacity_j), 0.0),
         left_j=float(m.energy_j),
         gauge_j=gauge_j,
         home_j=home_j,
-        spare_j=spare_j,
+        margin_j=margin_j,
         used_j={name: float(m.ledger_j[columns].sum()) for name, columns in _COLUMNS.items()},
         read_w=float(m.read_w),
         power_w=_power(states),

@@ -69,7 +69,7 @@ class Args:
     namespace: str = ""
     """With --ros2: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
     home: tuple[float, float] | None = None
-    """With --ros2: home in the frame of the odometry, m; by default where the robot is first heard."""
+    """With --ros2: home in the frame of the odometry, m; by default the first position received."""
     state: Path | None = None
     """With --ros2: file of the state: read if it exists, and written every minute and at the end."""
 

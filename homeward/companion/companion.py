@@ -1,6 +1,6 @@
 """The companion: from a robot's readings to advice on its way home.
 
-It feeds `homeward.estimation`, which the planner and the shield use too, with readings in SI units as they arrive.
+Readings in SI units go to `homeward.estimation`, the estimator that the planner and the shield use too.
 """
 
 from __future__ import annotations
@@ -303,7 +303,7 @@ class Companion:
     def _flush(self) -> None:
         """Pass the readings so far to the estimator."""
         if self._window.time_s > 0.0:
-            self._estimator.take_in(self._window, self._way.position_m)
+            self._estimator.add_window(self._window, self._way.position_m)
             if self._cutoff is not None:
                 self._cutoff.see(*self._window.electric, self._estimator.used)
             self._check_charge(self._window.soc)

@@ -206,19 +206,19 @@ class HomeEstimator:
         kept = self._estimator.state.copy()
         try:
             if window.time_s > 0.0:
-                self._take_in(window, position_m)
+                self._update(window, position_m)
             yield
         finally:
             self._estimator.state[:] = kept
 
-    def take_in(self, window: Window, position_m: float) -> None:
+    def add_window(self, window: Window, position_m: float) -> None:
         """Process a finished window, and note its ground and pace.
 
         Args:
             window: A window of positive length.
             position_m: Way home at its end, m.
         """
-        self._take_in(window, position_m)
+        self._update(window, position_m)
         self.windows += 1
         place_m, here = self.vehicle.place_m, self._place_at(position_m)
         self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
@@ -228,7 +228,7 @@ class HomeEstimator:
             share = min(window.way_m / place_m, 1.0)
             self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
 
-    def _take_in(self, window: Window, position_m: float) -> None:
+    def _update(self, window: Window, position_m: float) -> None:
         """Update the estimator with a window."""
         robot = self._estimator.state["robot"][0]
         change_m = position_m - float(robot["position_m"])

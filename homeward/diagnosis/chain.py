@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY, find_effects
 from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
@@ -18,7 +19,6 @@ from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
-from homeward.diagnosis.explain.witnesses import USABLE_ENERGY, witnesses
 from homeward.diagnosis.fit.channel_errors import tilt_error
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import cut_folds
@@ -97,7 +97,7 @@ def analyse(
         untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
     with threadpool_limits(1):  # busy waiting between threads slows many small products
-        evidence, fit = _weigh(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
+        evidence, fit = _gather(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
     verdict, off = _conclude(evidence)
     choice = choose_file(robot, verdict, evidence, seed)
     if choice.held_out is not None:
@@ -132,7 +132,7 @@ def analyse(
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
 
 
-def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evidence, Fit]:
+def _gather(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evidence, Fit]:
     progress("refitting")
     fitted = refit(runs, robot)
     blocks = independent_blocks(fitted, runs)
@@ -146,7 +146,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     if corrected is not None and any(one.term.axis == "time" for one in explanation.naming.named):
         # A change at one moment of a run does not predict other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
-    capacity, shown = witnesses(fitted, _without_meter_faults(runs, corrected), block, seed) if enough else (None, ())
+    capacity, shown = find_effects(fitted, _fault_free(runs, corrected), block, seed) if enough else (None, ())
     progress("proving")
     # A group that is held because an effect compensates for it is confounded with the effect.
     named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
@@ -176,7 +176,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
         explanation.empirical,
         capacity,
         shown,
-        explanation.remains,
+        explanation.remaining,
         together,
         joint(corrected or plain, runs, block),
     )
@@ -184,7 +184,7 @@ def _weigh(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evi
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
-def _without_meter_faults(runs: Runs, corrected: Corrected | None) -> Runs:
+def _fault_free(runs: Runs, corrected: Corrected | None) -> Runs:
     """The runs corrected for named faults of the meter."""
     if corrected is None:
         return runs
@@ -243,7 +243,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
         off = (*off, usable)
     if evidence.blocks < rules.FEWEST_BLOCKS:
         return "not_testable", ()
-    if evidence.naming.named or evidence.witnessed:
+    if evidence.naming.named or evidence.channel_effects:
         return "missing_physics", off
     if evidence.location is not None:
         return "unknown_physics", off
@@ -253,12 +253,12 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     if nominal is None:
         return "no_mismatch", ()
     observed = evidence.runs.observed
-    missed, left = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
+    before, after = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
     # A gain below the instruments' own errors, or below that required of an effect, is no wrong parameter.
-    least = max(rules.SMALLEST_GAIN * missed, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
+    least = max(rules.SMALLEST_GAIN * before, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
     least = max(least, (_CLEAR_OF_TILT * tilt_error(evidence.fitted, evidence.runs)) ** 2)
     p_value = better(refitted, nominal, observed, evidence.block)
-    if p_value > rules.FALSE_ALARM_RATE or missed - left < least:
+    if p_value > rules.FALSE_ALARM_RATE or before - after < least:
         other_capacity = capacity is not None and capacity.off
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
     if any(one.status == "at bound" for one in evidence.estimates):

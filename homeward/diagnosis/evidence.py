@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from homeward.diagnosis.explain.explanation import Remains
+from homeward.diagnosis.explain.channel_effects import Capacity, ChannelEffect
+from homeward.diagnosis.explain.explanation import RemainingDependence
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.explain.uncertainty import Joint
-from homeward.diagnosis.explain.witnesses import Capacity, Witnessed
 from homeward.diagnosis.fit.held_out import range_accuracy_pct
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
@@ -43,8 +43,8 @@ class Evidence:
     corrected: Corrected | None  # the fitted model, where effects were named
     empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
     capacity: Capacity | None  # of the battery, where its state of charge was recorded
-    witnessed: tuple[Witnessed, ...]  # effects that other channels than power show
-    remains: Remains | None  # the residual of the named effects, where it still depends on a channel
+    channel_effects: tuple[ChannelEffect, ...]  # effects that other channels than power show
+    remaining: RemainingDependence | None  # the residual of the named effects, where it still depends on a channel
     products: tuple[Product, ...]  # identifiable although their factors are not
     joint: Joint  # covariance of everything that was fitted together
 
@@ -82,10 +82,10 @@ class Evidence:
     def contributions(self) -> tuple[Array, ...]:
         """Power or current that each named effect adds, in the order of the diagnosis, shape (windows,) each."""
         found = () if self.corrected is None else self.corrected.contribution
-        return (*found, *(one.contribution for one in self.witnessed))
+        return (*found, *(one.contribution for one in self.channel_effects))
 
     @property
-    def left(self) -> Array:
+    def residual(self) -> Array:
         """Residual of the model with the named effects or, where there are none, of the refit; shape (windows,)."""
         model = self.fitted if self.corrected is None else self.corrected
         return self.runs.observed - model.predicted

@@ -137,7 +137,7 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
     else:
         part[ROLLING], part[ROLLED], part[CLIMB] = 0.0, s.rolled * roll, -misread_climb(prior, x) * s.climb_share
     energy += part[ROLLING] * x[ROLLING] + part[ROLLED] * x[ROLLED] + part[CLIMB] * x[CLIMB]
-    share, left = 1.0, 0.0
+    share, residual_variance = 1.0, 0.0
     if energy < _SURELY * roll:
         variance = 0.0
         for a in range(_DRIVING):
@@ -150,14 +150,14 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
         share = 0.5 * math.erfc(-z / math.sqrt(2.0))
         density = sd * math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
         mean = energy * share + density
-        left = max(energy * mean + variance * share - mean * mean - share * share * variance, 0.0)
+        residual_variance = max(energy * mean + variance * share - mean * mean - share * share * variance, 0.0)
         energy = mean
     for a in range(_DRIVING):
         slope[a] += share * part[a]
     bend[0] += share * second * s.east * s.east
     bend[1] += share * second * s.east * s.north
     bend[2] += share * second * s.north * s.north
-    return energy, left
+    return energy, residual_variance
 
 
 @inline

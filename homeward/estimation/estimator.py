@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.estimation.drive import Vehicle
 from homeward.estimation.filter import HYPOTHESIS_DTYPE, PLACE_DTYPE, ROBOT_DTYPE, update
-from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, WAY_DTYPE, judge
+from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, WAY_DTYPE, compute_margins
 from homeward.estimation.prior import HYPOTHESES, PER_CAPACITY, USED, Prior, first_hypotheses
 from homeward.estimation.relocation import relocate
 
@@ -169,7 +169,7 @@ class Estimator:
         """
         s = self.state
         total, each = np.zeros(len(s), MARGIN_DTYPE), np.zeros((len(s), HYPOTHESES, 4))
-        judge(
+        compute_margins(
             self.vehicle, self.prior, plans, ways, risk, s["robot"], s["hypotheses"], s["places"], s["rollings"], total,
             each,
         )  # fmt: skip

@@ -1,9 +1,9 @@
 """An extended Kalman filter for each of several hypotheses about the wind, weighted by their likelihood.
 
-Energy is linear in all states but the wind, for which the second order is included. The energy that the ground between
-home and here consumes is a state of its own, `ROLLED`. It contains rough ground as it was met, and the way home crosses
-the same ground; its covariance with the wind tells how much of it may have been wind. The reading is of rolling and
-drag together, so an update of the wind follows a curve, not a tangent: `bend`.
+Energy is linear in all states but the wind, for which the second order is included. The rolling energy of the ground
+between home and here is a state of its own, `ROLLED`, as estimated on the way out; the way home crosses the same
+ground. Its covariance with the wind states how much of it may be due to wind. A power reading measures rolling and drag
+together: states with the same reading lie on a curve, and an update follows it (`bend`), not its tangent.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from homeward.estimation.drive import Stretch, climbing, misread_climb, modelled_driving, predict, rolling
-from homeward.estimation.kalman import add_to_used, bend_along, carry, spread, take_in
+from homeward.estimation.kalman import add_to_used, bend_along, carry, kalman_update, spread
 from homeward.estimation.prior import (
     CLIMB,
     EAST,
@@ -135,10 +135,10 @@ def update(
                     bend,
                     coasts,
                 )
-        _weigh(hypotheses[i])
+        _normalise(hypotheses[i])
         used = mean_of(hypotheses[i], USED)
-        _charge(prior, robot, reading.soc, dt_s, used, used_before, hypotheses[i])
-        _weigh(hypotheses[i])
+        _update_with_charge(prior, robot, reading.soc, dt_s, used, used_before, hypotheses[i])
+        _normalise(hypotheses[i])
         _remember(v, robot, reading, places[i])
 
 
@@ -160,7 +160,7 @@ def mean_of(hypotheses: Any, state: int) -> float:
 
 @inline
 def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
-    """Note slope and direction here on the way out, also for the places that were passed without a reading."""
+    """Store slope and direction here on the way out, also for the places that were passed without a reading."""
     here = place_of(v, reading.position_m, places)
     if reading.position_m < robot.position_m or not np.isfinite(reading.sine + reading.east + reading.north):
         return
@@ -188,13 +188,13 @@ def _drive(
 ) -> int:  # fmt: skip
     """Predict a hypothesis to a reading, and update it with the power that was read.
 
-    Returns `coasts`: whether the robot coasted, as the likeliest hypothesis, which comes first, has found. `slope` is
+    Returns `coasts`: whether the robot coasted, which the likeliest hypothesis, updated first, determines. `slope` is
     the derivative of the energy by the states before, `shared` the covariance of the reading with the states.
     """
     x, p = h.mean, h.covariance
-    _blow(prior, dt_s, h)
+    _predict_gusts(prior, dt_s, h)
     outwards, way_m = reading.position_m >= robot.position_m, abs(reading.position_m - robot.position_m)
-    drive, other, left, rolls, kept, climb_variance = _way(
+    drive, other, residual_variance, rolls, kept, climb_variance = _way(
         v, prior, robot, reading, dt_s, h, places, rollings, slope, bend, jump
     )
     mean_bend, bend_variance, _ = curvature(bend, covariance_of_wind(p, 1.0, 0.0))
@@ -225,7 +225,7 @@ def _drive(
 
     # Slopes that were misread: they raise the energy and, on the way out, recur on the way home.
     weight = misread_climb(prior, x)
-    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + left + bend_variance
+    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + residual_variance + bend_variance
     p[USED, USED] += noise
     shared[USED] += noise
     variance += noise
@@ -257,12 +257,12 @@ def _drive(
         h.bend_here[0, a] += bend[a] if outwards else 0.0
         h.bend_here[1, a] = fades * h.bend_here[1, a] + (bend[a] if outwards else 0.0)
     h.rolls_here += rolls if outwards else 0.0
-    coasts = _learn(
+    coasts = _update_with_power(
         prior,
         reading.power_w * dt_s / v.full_j,
         took + x[OFFSET] * dt_s,
         variance,
-        left,
+        residual_variance,
         drive,
         rolls,
         h,
@@ -276,12 +276,12 @@ def _drive(
 
 
 @inline
-def _learn(
+def _update_with_power(
     prior: Any,
     read: float,
     predicted: float,
     variance: float,
-    left: float,
+    residual_variance: float,
     drive: float,
     rolls: float,
     h: Any,
@@ -290,7 +290,7 @@ def _learn(
     change: float,
     coasts: int,
 ) -> int:
-    """Update with an energy that was read, over the file's usable energy; returns `coasts`."""
+    """Update with a reading of energy, over the file's usable energy; returns `coasts`."""
     x, p = h.mean, h.covariance
     if not np.isfinite(read):
         spread(p, jump, change * prior.patch_sd**2)
@@ -299,22 +299,22 @@ def _learn(
     if coasts == _UNKNOWN:
         coasts = int(read - predicted + drive < _ROLLS * rolls and rolls > 0.0)
     if coasts:
-        # All hypotheses decide the same about coasting: a density of one would outweigh the probability of another.
+        # All hypotheses use the same decision, as the density of one and the probability of another cannot be compared.
         may = 0.5 * math.erfc((drive - _ROLLS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
         h.log_weight += _TEMPER * np.log(max(may, _LEAST_CHANCE))
-        if left > 0.0:
-            # Its possibility was known: nothing is learned again at every reading.
+        if residual_variance > 0.0:
+            # The prediction includes that it may coast: the other states keep their estimates.
             x[USED] += read - predicted
             for a in range(STATES):
                 if a != USED:
                     p[USED, a], p[a, USED] = 0.0, 0.0
             return coasts
     east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
-    log_likelihood, misfit = take_in(x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read)
+    log_likelihood, nis = kalman_update(x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read)
     if not coasts:
         h.log_weight += _TEMPER * log_likelihood
-    # Larger errors than expected mean gusts that change faster.
-    gust_s = h.gust_s * np.exp(-_ADAPT * (min(misfit, _DOUBT) - 1.0))
+    # A normalised innovation squared above 1 indicates gusts that change faster.
+    gust_s = h.gust_s * np.exp(-_ADAPT * (min(nis, _DOUBT) - 1.0))
     h.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
     by_mean_mps = x[EAST] - east_mps, x[NORTH] - north_mps
     by_gust_mps = x[GUST_EAST] - gust_east_mps, x[GUST_NORTH] - gust_north_mps
@@ -329,7 +329,7 @@ def _learn(
 
 
 @inline
-def _blow(prior: Any, dt_s: float, h: Any) -> None:
+def _predict_gusts(prior: Any, dt_s: float, h: Any) -> None:
     """Predict the gusts."""
     x, p, kept = h.mean, h.covariance, np.exp(-dt_s / h.gust_s)
     variance = gust_variance(prior, x, p)
@@ -370,10 +370,10 @@ def _way(
         again = -1.0 if outwards else rollings[k] * per_rolled
         home_share = way_m / max(robot.position_m, 1e-9)
         stretch = Stretch(way_m, sine, ahead * place.east, ahead * place.north, speed_mps, again, home_share, 1.0)
-        energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+        energy, residual_variance = predict(v, prior, x, p, stretch, slope, bend, part)
         own += modelled_driving(v, sine, speed_mps) * way_m / v.full_j
         took += energy
-        variance += left
+        variance += residual_variance
         rolls += roll
         met += rollings[k] * roll * per_rolled
         slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + prior.slope_within_place**2
@@ -388,7 +388,7 @@ def _way(
 
 @inline
 def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, rolls: float) -> None:
-    """Note the ground as it was met on the way out."""
+    """Store the rolling resistance by place, as estimated on the way out."""
     if reading.position_m < robot.position_m:
         kept_m = reading.position_m
         total = 0.0
@@ -409,7 +409,7 @@ def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, r
 
 @inline
 def _remember(v: Any, robot: Any, reading: Any, places: Any) -> None:
-    """Note the robot's place, and the slopes that were used for its way out."""
+    """Store the robot's place, and the slopes that were used for its way out."""
     reached_m = robot.position_m
     k = place_of(v, reached_m, places)
     while reached_m < reading.position_m:
@@ -422,7 +422,9 @@ def _remember(v: Any, robot: Any, reading: Any, places: Any) -> None:
 
 
 @compiled
-def _charge(prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_before: float, hypotheses: Any) -> None:
+def _update_with_charge(
+    prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_before: float, hypotheses: Any
+) -> None:
     """Update with a state of charge: energy used over the capacity.
 
     Args:
@@ -444,7 +446,7 @@ def _charge(prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_b
         robot.soc, robot.soc_since = soc, used
     elif used - robot.soc_since > _STUCK_STEPS * prior.soc_step + _STUCK_NOISE * prior.soc_noise + _STUCK:
         return
-    # Rounding errors are the same again until noise or use moves the charge by a step.
+    # Rounding errors repeat until noise or consumption changes the reading by a step.
     step, noise = max(prior.soc_step, 1e-9), prior.soc_noise
     alike = np.exp(-((2.0 * np.pi * noise / step) ** 2)) * max(1.0 - abs(used - robot.soc_taken) / step, 0.0)
     robot.soc_taken = used
@@ -454,22 +456,22 @@ def _charge(prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_b
         if h.log_weight > -np.inf:
             x, p = h.mean, h.covariance
             spent, per_capacity = x[USED] - robot.lag, x[PER_CAPACITY]
-            surprise = robot.soc_start - soc - per_capacity * spent
+            innovation = robot.soc_start - soc - per_capacity * spent
             variance = error
             gain = np.empty(STATES)
             for a in range(STATES):
                 gain[a] = spent * p[a, PER_CAPACITY] + per_capacity * p[a, USED]
             variance += spent * gain[PER_CAPACITY] + per_capacity * gain[USED]
-            variance = max(variance, surprise * surprise / _DOUBT)
+            variance = max(variance, innovation * innovation / _DOUBT)
             for a in range(STATES):
-                x[a] += gain[a] * surprise / variance
+                x[a] += gain[a] * innovation / variance
                 for b in range(STATES):
                     p[a, b] -= gain[a] * gain[b] / variance
-            h.log_weight -= 0.5 * (surprise * surprise / variance + np.log(variance))
+            h.log_weight -= 0.5 * (innovation * innovation / variance + np.log(variance))
 
 
 @inline
-def _weigh(hypotheses: Any) -> None:
+def _normalise(hypotheses: Any) -> None:
     """Normalise the weights to a sum of one, with a lower limit for each."""
     most, total = -np.inf, 0.0
     for k in range(len(hypotheses)):

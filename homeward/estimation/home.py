@@ -34,9 +34,9 @@ def modelled_power(
     """
     p, s = robots[0], states[0]
     cosine = np.sqrt(max(1.0 - sine * sine, 0.0))
-    usual = p.surface_usual
+    rough = p.surface_usual
     power_w = demand(
-        p, s, Conditions(speed_mps, sensing_hz, accel_mps2, sine, cosine, yaw_rate_radps, usual, 0.0, 20.0, 0.0, ahead)
+        p, s, Conditions(speed_mps, sensing_hz, accel_mps2, sine, cosine, yaw_rate_radps, rough, 0.0, 20.0, 0.0, ahead)
     )
     s.speed_mps = speed_mps
     return power_w, s.drive_w, modelled_driving(v, sine, speed_mps) * speed_mps

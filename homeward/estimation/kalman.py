@@ -67,10 +67,10 @@ def spread(p: Any, direction: Any, variance: float) -> None:
 
 
 @compiled
-def take_in(
+def kalman_update(
     x: Any,
     p: Any,
-    surprise: float,
+    innovation: float,
     variance: float,
     shared: Any,
     jump: Any,
@@ -78,12 +78,12 @@ def take_in(
     change_sd: float,
     read: float,
 ) -> tuple[float, float]:
-    """Kalman update, averaged over three explanations: as before, the ground has changed, the reading is an outlier.
+    """Kalman update, averaged over three hypotheses: nothing changed, the ground changed, the reading is an outlier.
 
     Args:
         x: Mean, shape (STATES,).
         p: Covariance.
-        surprise: Reading less prediction.
+        innovation: Reading less prediction.
         variance: Its variance, if the ground is as before.
         shared: Covariance of the reading with the states, if so.
         jump: Derivative of the states by a change of the rolling resistance; the energy's is that of `USED`.
@@ -92,15 +92,15 @@ def take_in(
         read: The reading.
 
     Returns:
-        Log likelihood; squared surprise over its variance.
+        Log likelihood; normalised innovation squared.
     """
     q = change_sd * change_sd
     rise = jump[USED]
     variance, changed = max(variance, 1e-18), max(variance, 1e-18) + q * rise * rise
-    square = surprise * surprise
+    square = innovation * innovation
     same = (1.0 - change) * np.exp(-0.5 * square / variance) / np.sqrt(2.0 * np.pi * variance)
     other = change * np.exp(-0.5 * square / changed) / np.sqrt(2.0 * np.pi * changed)
-    nothing = _OUTLIER / max(abs(read), abs(read - surprise), 1e-9)
+    nothing = _OUTLIER / max(abs(read), abs(read - innovation), 1e-9)
     total = same + other + nothing
     same, other = same / total, other / total
     weight_0, weight_1 = same * (square - variance), other * (square - changed)
@@ -113,5 +113,5 @@ def take_in(
             l_a = same * l_0 + other * l_1
             p[a, b] += q_mean * jump[a] * jump[b] + weight_0 * k_0 * l_0 + weight_1 * k_1 * l_1 - square * k_a * l_a
             p[b, a] = p[a, b]
-        x[a] += k_a * surprise
+        x[a] += k_a * innovation
     return float(np.log(total)), same * square / variance + other * square / changed

@@ -26,7 +26,7 @@ PLAN_DTYPE = np.dtype(
     [
         ("onwards_m", np.float64),  # to drive on before heading home, negative to drive towards home
         ("speed_mps", np.float64),  # of that
-        ("onwards_j", np.float64),  # all but driving meanwhile, by the robot's own model
+        ("onwards_j", np.float64),  # energy of all but driving meanwhile, by the robot's own model
         ("onwards_s", np.float64),  # duration of that
         ("home_mps", np.float64),  # speed home
         ("home_cost_j", np.float64),  # from here home by the robot's own model at cruise
@@ -52,7 +52,7 @@ _LEAST_SKEWNESS = 1e-3  # below which a distribution counts as normal
 
 
 @compiled
-def judge(
+def compute_margins(
     v: Any, prior: Any, plans: Any, ways: Any, risk: float, robots: Any, hypotheses: Any, places: Any, rollings: Any,
     margins: Any, each: Any,
 ) -> None:  # fmt: skip
@@ -268,9 +268,9 @@ def _cost(
             if way_m > 0.0:
                 sine, east, north = -place.sine_driven, -place.east, -place.north
                 stretch = Stretch(way_m, sine, east, north, speed_mps, met, way_m / here_m, stays)
-                energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+                energy, residual_variance = predict(v, prior, x, p, stretch, slope, bend, part)
                 cost += energy
-                variance += left
+                variance += residual_variance
     # The rolling of the ground depends on the wind as the way home does: on average the two cancel.
     home_share = min(turn_m / max(here_m, 1e-9), 1.0) if plan.elsewhere == 0.0 else 0.0
     new_m = 0.0
@@ -278,9 +278,9 @@ def _cost(
         for way in ways:
             own += modelled_driving(v, way.sine, v.cruise_mps) * way.way_m
             stretch = Stretch(way.way_m, way.sine, way.east, way.north, way.speed_mps, -1.0, 0.0, stays)
-            energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+            energy, residual_variance = predict(v, prior, x, p, stretch, slope, bend, part)
             cost += energy
-            variance += left
+            variance += residual_variance
             new_m += 0.5 * way.way_m
     k, reached_m = last, here_m
     while reached_m < turn_m:
@@ -291,9 +291,9 @@ def _cost(
         sine = plan.sine if plan.knows_ahead == 0.0 and np.isfinite(plan.sine) else place.sine
         for ahead, speed_mps in ((1.0, plan.speed_mps), (-1.0, plan.home_mps)):
             stretch = Stretch(way_m, ahead * sine, ahead * place.east, ahead * place.north, speed_mps, -1.0, 0.0, stays)
-            energy, left = predict(v, prior, x, p, stretch, slope, bend, part)
+            energy, residual_variance = predict(v, prior, x, p, stretch, slope, bend, part)
             cost += energy
-            variance += left
+            variance += residual_variance
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
     new_m += max(turn_m - here_m, 0.0)
     if new_m > 0.0:

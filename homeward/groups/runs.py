@@ -60,7 +60,7 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     for one in (one for one in estimated if one.status in _OPEN):
         others = f"; confounded with a difference in {', '.join(one.mixed_with)}" if one.mixed_with else ""
         remarks.append(f"{one.group.symbol}: not compared, {why_open(one)}{others}")
-    if analysis.diagnosis.verdict == "unknown_physics" or evidence.remains is not None:
+    if analysis.diagnosis.verdict == "unknown_physics" or evidence.remaining is not None:
         remarks.append("no known effect explains the residual: it may be confounded with a difference between groups")
     return comparison_of("driving", recordings, labels, values, levels, differences, remarks)
 
@@ -82,9 +82,9 @@ def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
     per_step = np.append(per_step, np.ones(len(effects)))
     sizes = np.maximum(np.abs(centres / per_step), 1.0)
     table = np.column_stack([*fit.jacobian[:, index].T, *effects.values()])
-    left = runs.observed - fit.predicted
+    residual = runs.observed - fit.predicted
     steps = np.array([
-        _steps(table[runs.run == run], left[runs.run == run], evidence.block[runs.run == run], sizes)
+        _steps(table[runs.run == run], residual[runs.run == run], evidence.block[runs.run == run], sizes)
         for run in range(len(runs.signals))
     ])  # fmt: skip
     return {one: centres[j] + steps[:, j] * per_step[j] for j, one in enumerate(quantities)}
@@ -101,18 +101,18 @@ def _steady_effects(evidence: Evidence) -> dict[str, Array]:
     return found
 
 
-def _steps(columns: Array, left: Array, block: Index, sizes: Array) -> Array:
+def _steps(columns: Array, residual: Array, block: Index, sizes: Array) -> Array:
     """Least-squares step of each column in one run, NaN where it is confounded or too uncertain, shape (columns,)."""
     steps = np.full(columns.shape[1], np.nan)
     total = np.einsum("ij,ij->j", columns, columns)
     moving = np.flatnonzero(total > 0.0)
-    if len(moving) == 0 or len(left) <= 2 * len(moving):
+    if len(moving) == 0 or len(residual) <= 2 * len(moving):
         return steps
     inverse = np.linalg.pinv(columns[:, moving].T @ columns[:, moving], rcond=1e-12)
     own = 1.0 / np.maximum(np.diag(inverse) * total[moving], 1e-12)
-    found = inverse @ columns[:, moving].T @ left
+    found = inverse @ columns[:, moving].T @ residual
     number_of_block = np.unique(block, return_inverse=True)[1]
-    errors = standard_errors(columns[:, moving], left - columns[:, moving] @ found, number_of_block)
+    errors = standard_errors(columns[:, moving], residual - columns[:, moving] @ found, number_of_block)
     clear = (own > _OWN) & (errors < _TOO_UNCERTAIN * sizes[moving])
     steps[moving[clear]] = found[clear]
     return steps

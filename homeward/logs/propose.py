@@ -244,14 +244,14 @@ def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offe
     """Guesses by the unit alone, for channels and columns of which nothing else says anything."""
     known = {one.channel for one in offered} | {one.column for one in offered}
     found = []
-    for channel, told in _BY_UNIT.items():
+    for channel, of_channel in _BY_UNIT.items():
         columns = {name: units.get(name) or _bracket(name) for name in header if name not in known}
-        having = [name for name, unit in columns.items() if unit in told and not _words(name)[0] & _OF_OTHERS]
+        having = [name for name, unit in columns.items() if unit in of_channel and not _words(name)[0] & _OF_OTHERS]
         if channel in known or len(having) != 1:
             continue
         (name,) = having
         unit = columns[name]
-        values, factor = numeric(table[name]).to_numpy(np.float64, na_value=np.nan), _UNITS[told[0]][unit.lower()]
+        values, factor = numeric(table[name]).to_numpy(np.float64, na_value=np.nan), _UNITS[of_channel[0]][unit.lower()]
         if np.isfinite(values).any() and _possible(channel, values * factor):
             found.append(_signed(Guess(name, channel, factor, 0.0, 2, f"only its unit, {unit}, says so"), values))
     return found

@@ -79,7 +79,7 @@ def opened(path: Path) -> io.BufferedReader:
 
 @dataclass(frozen=True)
 class TextTable:
-    """How a text table is written.
+    """Format of a text table.
 
     Attributes:
         path: The file.

@@ -1,4 +1,4 @@
-"""What values are allowed: intervals, and the check of arguments against them."""
+"""Intervals of allowed values, and the check of arguments against them."""
 
 from __future__ import annotations
 

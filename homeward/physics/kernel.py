@@ -307,7 +307,7 @@ _book_drive, _book_ancillary, _book_battery = _booking(("drive",)), _booking(("a
 
 @inline
 def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
-    """Book the effects' part, and update effects that have a memory."""
+    """Add the effects' part of the energy to the ledger, and update effects that have a state."""
     if s.traction_n > 0.0:
         _book_forces(p.effects, s, passed_s)
     _book_drive(p.effects, s, passed_s)

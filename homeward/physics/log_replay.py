@@ -1,4 +1,4 @@
-"""Replay of a recorded drive through the kernel: what the model says the battery delivered."""
+"""Replay of a recorded drive through the kernel: the battery power that the model predicts."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from homeward.physics.robot import Robot
 
 @dataclass(frozen=True)
 class Replay:
-    """What the model says of a drive; arrays of shape (n,), one value per sample, for the step that starts there."""
+    """The model's prediction of a drive; arrays of shape (n,), one value per sample, for the step that starts there."""
 
     power_w: NDArray[np.float64]  # battery power
     drive_w: NDArray[np.float64]  # electrical power into the drive
     traction_n: NDArray[np.float64]  # force at the wheels along the way, negative where the robot brakes
-    wheel_force_n: NDArray[np.float64]  # what the motors push with: traction that is not negative, and scrub in turns
+    wheel_force_n: NDArray[np.float64]  # force of the motors: traction that is not negative, and scrub in turns
     energy_j: dict[str, float]  # battery energy by cause over the whole drive
 
 
@@ -55,7 +55,7 @@ def replay(
         accel_mps2: Acceleration along the direction of forward travel, m/s^2; central differences of the speed if left
             out: their work sums to the change of kinetic energy, where one-sided ones would gain or lose some.
         headwind_mps: Wind against the direction of travel, m/s.
-        roughness: Surface roughness, 0 where C_rr was measured; the robot file's usual roughness if left out.
+        roughness: Surface roughness, 0 where C_rr was measured; the robot file's typical roughness if left out.
         temperature_c: Air temperature, C.
         sensing_hz: Sensing rate, Hz.
         base_distance_m: Distance from base, m.
@@ -98,7 +98,7 @@ def replay(
         row[:] = values
     output = np.empty((4, len(time_s)))
     state = full_charge(robot, np.inf)
-    state["speed_mps"] = abs(samples[0, 0])  # what moves when the recording starts did not start then
+    state["speed_mps"] = abs(samples[0, 0])  # a robot that moves at the first sample does not start there
     _replay(record, state, time_s, samples, output)
     power_w, drive_w, traction_n, wheel_force_n = output
     energy_j = dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True))
@@ -126,7 +126,7 @@ def _direction(given: Any, base_distance_m: Any, speed_mps: Any, time_s: NDArray
     changing = growth != 0.0
     if not changing.any():
         return np.where(speed_mps < 0.0, -1.0, 1.0)
-    # Where the distance stands still the robot is on its way as before or, at the start, as after.
+    # Where the distance is constant, the direction is that before or, at the start, that after.
     last = np.maximum.accumulate(np.where(changing, np.arange(len(time_s)), changing.argmax()))
     return np.sign(growth[last])
 

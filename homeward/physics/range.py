@@ -156,9 +156,9 @@ def _range_by_kernel(
     speed, grade, share, rate, energy = np.broadcast_arrays(speed_mps, grade_rad, duty, sensing_hz, energy_j)
     distance_m = np.empty(speed.shape)
     record = robot.record()
-    usual = float(record["surface_usual"][0])
+    roughness = float(record["surface_usual"][0])
     for place in np.ndindex(speed.shape):
-        driving = _steady(float(speed[place]), float(rate[place]), float(grade[place]), usual)
+        driving = _steady(float(speed[place]), float(rate[place]), float(grade[place]), roughness)
         standing = driving._replace(speed_mps=0.0)
         state = full_charge(robot, float(energy[place]))
         distance_m[place] = _drive_until_empty(record, state, driving, standing, float(share[place]))

@@ -96,7 +96,7 @@ def figure(runs: Sequence[Watched]) -> Markup:
 
 
 def moments(run: Watched) -> list[tuple[float, float, float, float, float]]:
-    """Some moments of a run for a table: way left, m, then in kJ or kA s what was predicted, its ends, what came."""
+    """Rows of a run's table: way left, m; predicted mean, ends of its interval, and measured value, kJ or kA s."""
     rows = np.unique(np.linspace(0, len(run.left_m) - 1, _ROWS).astype(int))
     columns = (run.mean_j, run.low_j, run.high_j, run.took_j)
     return [(float(run.left_m[i]), *(float(one[i]) / 1000.0 for one in columns)) for i in rows]  # type: ignore[misc]

@@ -30,7 +30,7 @@ def compare(mission: str, start: str, seed: int = SEED) -> tuple[list[str], int,
     robot = ReadRobot(mission, seed)
     known = robot.env.batch.known
     inside, outside = (load_policy(shipped(mission, start), known) for _ in range(2))
-    onboard = Onboard(outside, known, *robot.told())
+    onboard = Onboard(outside, known, *robot.prior_knowledge())
     companion = Companion(known.robot, policy=onboard)
     over, modes, differ, worst = False, list[str](), 0, 0.0
     for seen in robot.seen_ahead():
@@ -157,7 +157,7 @@ def test_a_restart_goes_on_as_if_nothing_had_been() -> None:
 
 
 def test_without_a_forecast_any_wind_is_possible() -> None:
-    calm, unknown = (load_onboard("ppo", "OutAndBack", forecast_mps=told) for told in ((0.0, 0.0), None))
+    calm, unknown = (load_onboard("ppo", "OutAndBack", forecast_mps=forecast) for forecast in ((0.0, 0.0), None))
     for onboard in (calm, unknown):
         onboard.update(0.0, 0.0)
     beliefs: list[Any] = [one._beliefs for one in (calm, unknown)]

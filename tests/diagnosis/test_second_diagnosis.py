@@ -10,7 +10,7 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse, diagnose
-from tests.diagnosis.explain.test_witnesses import at_terminals
+from tests.diagnosis.explain.test_channel_effects import at_terminals
 
 Drive = Callable[..., list[Recording]]
 
@@ -20,13 +20,14 @@ INERTIA: Mapping[str, Mapping[str, float]] = {"inertia": {"mass_factor": 1.0}}
 
 def with_radio(runs: list[Recording]) -> list[Recording]:
     """The runs of a robot that drives away and back, with a radio of 200 W/km^2."""
-    told = []
+    extended = []
     for number, run in enumerate(runs):
         way_m = np.cumsum(np.abs(run.channels["speed_mps"])) * 0.1
         away_m = 100.0 * (1 + number) + 4.0 * np.minimum(way_m, way_m[-1] - way_m)
         power_w = run.channels["power_w"] + 200.0 * (1e-3 * away_m) ** 2
-        told.append(dataclasses.replace(run, channels={**run.channels, "base_distance_m": away_m, "power_w": power_w}))
-    return told
+        channels = {**run.channels, "base_distance_m": away_m, "power_w": power_w}
+        extended.append(dataclasses.replace(run, channels=channels))
+    return extended
 
 
 RECORDED: Mapping[str, Callable[[Drive, Robot], list[Recording]]] = {

@@ -43,8 +43,8 @@ class ReadRobot:
         nothing = np.zeros(len(places))
         return Route(float(self.shared["place_m"]), np.arcsin(sines), nothing, interests, nothing)
 
-    def told(self) -> tuple[Route, tuple[float, float], float]:
-        """What it is told beforehand: the route and the wind as they are forecast, and the route's mean slope."""
+    def prior_knowledge(self) -> tuple[Route, tuple[float, float], float]:
+        """The route and the wind as they are forecast, and the mean slope of the route."""
         m = self.env.batch.records[0]
         wind = float(m["forecast_east_mps"]), float(m["forecast_north_mps"])
         return self.forecast(), wind, float(m["mean_grade"])

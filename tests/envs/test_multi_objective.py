@@ -34,12 +34,12 @@ def test_objectives_sum_to_what_the_mission_told(mission: str) -> None:
     for seed in range(12):
         actions = random_actions(np.random.default_rng(seed), "discrete", 60)
         rewards, info, decisions = totals(env, seed, actions)
-        told = dict(zip(OBJECTIVES, rewards.tolist(), strict=True))
+        totalled = dict(zip(OBJECTIVES, rewards.tolist(), strict=True))
         home_score = info["score"] if info["home"] else 0.0
-        assert told["reward"] == pytest.approx(home_score / shared["score_scale"], rel=1e-5)
-        assert told["stranding"] == -float(info["stranded"])
-        assert told["energy"] * shared["usable_j"] == pytest.approx(-info["energy_j"].total(), rel=1e-5)
-        assert told["time"] * shared["max_decisions"] == pytest.approx(-decisions, rel=1e-5)
+        assert totalled["reward"] == pytest.approx(home_score / shared["score_scale"], rel=1e-5)
+        assert totalled["stranding"] == -float(info["stranded"])
+        assert totalled["energy"] * shared["usable_j"] == pytest.approx(-info["energy_j"].total(), rel=1e-5)
+        assert totalled["time"] * shared["max_decisions"] == pytest.approx(-decisions, rel=1e-5)
         ends.add((info["home"], info["stranded"]))
     assert {(True, False), (False, True)} <= ends
 
@@ -50,9 +50,9 @@ def test_rewards_are_those_of_the_environment_with_one(shaping: str) -> None:
     vector.reset(seed=3)
     scalar.reset(seed=3)
     for action in random_actions(np.random.default_rng(3), "discrete", 60):
-        (seen, rewards, *ended, told), (other, reward, *also, info) = vector.step(action), scalar.step(action)
+        (seen, rewards, *ended, objective_info), (other, reward, *also, info) = vector.step(action), scalar.step(action)
         np.testing.assert_array_equal(seen, other)
-        assert (rewards[0], ended, told["score"]) == (np.float32(reward), also, info["score"])
+        assert (rewards[0], ended, objective_info["score"]) == (np.float32(reward), also, info["score"])
         assert rewards.dtype == np.float32 and vector.reward_space.contains(rewards)
         if any(ended):
             break

@@ -46,13 +46,13 @@ def test_it_makes_the_observations_of_the_environment(mission: str, options: dic
     lengths = []
     for seed in range(4):
         robot = ReadRobot(mission, 8_100_001 + seed, **options)
-        lengths.append(follow(robot, Observer(robot.env.batch.known, *robot.told()), seed))
+        lengths.append(follow(robot, Observer(robot.env.batch.known, *robot.prior_knowledge()), seed))
     assert max(lengths) > 20
 
 
 def test_a_restored_one_goes_on_alike_and_refuses_what_is_of_another() -> None:
     robot = ReadRobot("Survey")
-    one, other = (Observer(robot.env.batch.known, *robot.told()) for _ in range(2))
+    one, other = (Observer(robot.env.batch.known, *robot.prior_knowledge()) for _ in range(2))
     follow(robot, one, 0, most=10)
     other.restore(one.state())
     action, read = np.array([[2, 2, 1]]), Read(50.0, 9.0, 0.98, 0.5, 10.0)

@@ -58,7 +58,7 @@ def drive(missions: int, load: Load, steps: int) -> tuple[float, float, float]:
     for one, many in (next(costs) for _ in range(steps)):
         took_s = ONE_S[missions] * (many if threads.number > 1 else one)
         several += threads.number > 1
-        threads.took(took_s)
+        threads.record(took_s)
         chosen_s, one_s = chosen_s + took_s, one_s + ONE_S[missions] * one
     return chosen_s, one_s, several / steps
 
@@ -100,7 +100,7 @@ def test_a_machine_of_many_cores_gives_no_more_threads_than_a_batch_is_worth(
     monkeypatch.setattr(numba, "get_num_threads", lambda: 16)
     threads = Threads(missions)
     while threads.number == 1:
-        threads.took(1e-4)
+        threads.record(1e-4)
     assert threads.number == most
 
 
@@ -108,7 +108,7 @@ def test_one_thread_is_all_there_is_where_numba_has_no_more(monkeypatch: pytest.
     monkeypatch.setattr(numba, "get_num_threads", lambda: 1)
     threads = Threads(4096)
     for _ in range(10_000):
-        threads.took(1e-3)
+        threads.record(1e-3)
         assert threads.number == 1
 
 

@@ -39,10 +39,10 @@ def missions(options: dict[str, Any]) -> tuple[HomewardEnv, list[Any]]:
 def test_a_robot_that_is_what_it_takes_itself_for_is_the_usual_one(mission_id: str, difficulty: str) -> None:
     options: dict[str, Any] = {"mission": mission_id, "difficulty": difficulty, "robot": BELIEVED}
     same = dataclasses.replace(BELIEVED, name="same")
-    _, usual = missions(options)
-    _, told = missions(options | {"true_robot": same, "scaled_for": same})
-    assert len(usual) == len(told) > 20
-    for one, other in zip(usual, told, strict=True):
+    _, alone = missions(options)
+    _, given = missions(options | {"true_robot": same, "scaled_for": same})
+    assert len(alone) == len(given) > 20
+    for one, other in zip(alone, given, strict=True):
         np.testing.assert_array_equal(one[0], other[0])
         assert one[1:] == other[1:]
 

@@ -237,7 +237,7 @@ def test_readings_are_shown_beside_the_truth(instruments: str, texts: list[Text]
         m = env.batch.records[0]
         assert (scene.left_j, scene.read_w) == (float(m["energy_j"]), float(m["read_w"]))
         assert scene.gauge_j == pytest.approx(float(m["soc"]) * scene.full_j)
-        assert scene.spare_j == pytest.approx(float(m["metered"]) * scene.full_j - scene.home_j)
+        assert scene.margin_j == pytest.approx(float(m["metered"]) * scene.full_j - scene.home_j)
         if scene.decision == 0 or scene.over:
             continue
         charge = scene.left_j / (scene.full_j - scene.worn_j)

@@ -33,7 +33,7 @@ def drive(world: World, estimator: Estimator, decisions: int, change: Any = None
         estimator.update(readings, np.ones(world.count, np.bool_))
 
 
-def surprise(world: World, estimator: Estimator) -> tuple[Array, Array, Array]:
+def home_error(world: World, estimator: Estimator) -> tuple[Array, Array, Array]:
     """Way home beyond what was believed, its standard deviation, and whether the margin is below its 1e-3 quantile."""
     home_j = world.way_home_j(99)
     total = estimator.margin(estimator.plans(world.home_cost_j), 1e-3).total
@@ -46,7 +46,7 @@ def test_intervals_hold_what_they_say_and_are_narrow(instruments: Instruments, r
     world = World(ROBOT, COUNT, 5, instruments, rough=rough)
     estimator = begin(world, rough)
     drive(world, estimator, 30)
-    error, deviation, below = surprise(world, estimator)
+    error, deviation, below = home_error(world, estimator)
     assert 0.83 < np.mean(np.abs(error) < 1.645 * deviation) < 0.97
     assert abs(np.mean(error)) < 0.003
     assert np.mean(deviation) < 0.02
@@ -60,7 +60,7 @@ def test_with_exact_instruments_and_nothing_hidden_it_knows() -> None:
     mean = estimator.estimate().mean
     assert np.median(np.abs(mean[:, ROLLING] - world.rolling * world.mass)) < 0.02
     assert np.median(np.abs(mean[:, WEIGHT] - world.mass)) < 0.03
-    error, _, _ = surprise(world, estimator)
+    error, _, _ = home_error(world, estimator)
     assert np.sqrt(np.mean(error**2)) < 0.003
 
 
@@ -80,7 +80,7 @@ def test_on_the_way_home_it_stays_sure() -> None:
     for _ in range(15):
         world.drive(-1.0, world.cruise_mps, 0.0)
         estimator.update(world.read(), np.ones(COUNT, np.bool_))
-    error, deviation, below = surprise(world, estimator)
+    error, deviation, below = home_error(world, estimator)
     assert np.mean(np.abs(error) < 1.645 * deviation) > 0.8
     assert np.sqrt(np.mean(error**2)) < 0.015
     assert np.mean(below) < 0.03
@@ -108,7 +108,7 @@ def test_bad_readings_do_not_fool_it(change: Any) -> None:
     world = World(ROBOT, COUNT, 9, METER)
     estimator = begin(world)
     drive(world, estimator, 30, change)
-    error, deviation, below = surprise(world, estimator)
+    error, deviation, below = home_error(world, estimator)
     assert np.mean(np.abs(error) < 1.645 * deviation) > 0.8
     assert np.mean(below) < 0.04
 
@@ -120,7 +120,7 @@ def test_a_forecast_that_is_wrong_by_far_strands_few(straight: bool) -> None:
     world.forecast = world.wind + 6.0 * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
     estimator = begin(world)
     drive(world, estimator, 30)
-    error, _, below = surprise(world, estimator)
+    error, _, below = home_error(world, estimator)
     assert np.sqrt(np.mean(error**2)) < 0.05
     assert np.mean(below) < 0.08
 
@@ -167,7 +167,7 @@ def test_standing_for_long_costs_what_it_costs() -> None:
     for _ in range(30):
         world.drive(1.0, 0.0, 0.0, 10.0 * world.decision_s)
         estimator.update(world.read(), np.ones(COUNT, np.bool_))
-    error, deviation, below = surprise(world, estimator)
+    error, deviation, below = home_error(world, estimator)
     assert np.mean(np.abs(error) < 1.645 * deviation) > 0.8
     assert np.mean(below) < 0.03
     assert np.abs(estimator.estimate().mean[:, GAIN] - 1.0).max() < 0.1
@@ -180,7 +180,7 @@ def test_irregular_times() -> None:
         lasts_s = world.decision_s * np.exp(world.rng.uniform(-0.8, 0.8))
         world.drive(1.0, world.rng.choice([0.55, 1.0]), 0.0, lasts_s)
         estimator.update(world.read(), np.ones(COUNT, np.bool_))
-    error, deviation, below = surprise(world, estimator)
+    error, deviation, below = home_error(world, estimator)
     assert np.mean(np.abs(error) < 1.645 * deviation) > 0.8
     assert np.mean(below) < 0.03
 

@@ -1,4 +1,4 @@
-"""The Lagrangian example prices stranding as it says, and runs from the command line."""
+"""The Lagrangian example subtracts the multiplier times the cost, and runs from the command line."""
 
 import subprocess
 import sys
@@ -19,23 +19,23 @@ def example(load_example: Callable[[str], Any]) -> Any:
 
 def test_a_stranding_costs_the_multiplier(example: Any) -> None:
     args = example.Args(n_envs=16)
-    bare, priced = example.missions(args, 3), example.PricedCost(example.missions(args, 3))
-    priced.multiplier = 7.0
+    bare, penalised = example.missions(args, 3), example.PenalisedReward(example.missions(args, 3))
+    penalised.multiplier = 7.0
     bare.reset()
-    priced.reset()
+    penalised.reset()
     onward, stranded = np.tile([4, 4, 1], (16, 1)), 0.0
     for _ in range(150):
         _, free, _, infos = bare.step(onward)
-        _, paid, _, _ = priced.step(onward)
+        _, paid, _, _ = penalised.step(onward)
         costs = np.array([info.get("cost", 0.0) for info in infos])
         np.testing.assert_allclose(free - paid, 7.0 * costs, atol=1e-5)
         stranded += costs.sum()
-    assert stranded == sum(priced.costs) >= 16.0
+    assert stranded == sum(penalised.costs) >= 16.0
 
 
 @pytest.mark.parametrize(("stranded", "rises"), [(1.0, True), (0.0, False)])
 def test_the_multiplier_follows_the_rate(stranded: float, rises: bool, example: Any) -> None:
-    env = example.PricedCost(example.missions(example.Args(n_envs=2), 0))
+    env = example.PenalisedReward(example.missions(example.Args(n_envs=2), 0))
     ascent = example.DualAscent(env, example.Args(limit=0.02, steps=10**9))
     before = env.multiplier
     ascent._on_rollout_end()

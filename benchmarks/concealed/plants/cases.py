@@ -1,4 +1,4 @@
-"""Cases: what a part of the benchmark asks, drawn from [seed, part, number] and nothing else."""
+"""Cases of the benchmark, drawn from [seed, part, number] alone."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NEEDS = {"rover": "mujoco", "cell": "pybamm"}  # parts on simulators of others, 
 ReadBy = Literal["gauge", "terminals"]
 Kind = TypeVar("Kind")
 Fit = Callable[[Plant, list[Motion], Generator], tuple[Plant, list[Motion]]]
-"""Gives a vehicle the battery for its drives, and the drives their weather."""
+"""Changes a vehicle's battery to suit its drives, and the weather of the drives."""
 
 COLD_C = {"heater": (-8.0, 3.0), "cold_battery": (-14.0, 2.0)}  # mean temperatures of the day, where it must be cold
 BATTERY_LAWS = ("internal_resistance", "rate_capacity", "cold_battery")  # at the terminals: in voltage and charge
@@ -37,7 +37,7 @@ VISIBLE_SHARE = 0.03  # of the mean power, which the best refit must miss for an
 
 @dataclass(frozen=True)
 class Later:
-    """A drive of the same plant that the tool never sees, with the energy that it truly took."""
+    """A later drive of the same plant that the diagnosis does not get, with its true energy."""
 
     kind: str  # "same conditions" or "new route"
     run: Motion
@@ -46,7 +46,7 @@ class Later:
 
 @dataclass(frozen=True)
 class Case:
-    """One question to the tool, with its answer."""
+    """Recordings for a diagnosis, with the correct answer."""
 
     part: Part
     number: int
@@ -64,7 +64,7 @@ class Case:
 
     @property
     def visible(self) -> dict[str, bool]:
-        """Whether each hidden effect shows in the recordings beyond what a refit takes up."""
+        """Whether each hidden effect is visible in the recordings beyond what a refit absorbs."""
         return {effect: share >= VISIBLE_SHARE for effect, share in self.refit_misses.items()}
 
 
@@ -74,13 +74,13 @@ def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
     Args:
         part: Part of the benchmark.
         seed: Seed of the benchmark.
-        number: Which case of the part; what is hidden goes round by it, so that every effect gets its share.
-        short: Few, short drives, for tests.
+        number: Number of the case in the part; effects are concealed in turn by it.
+        short: Whether drives are few and short, for tests.
     """
     rng = np.random.default_rng([seed, PARTS.index(part), number])
 
     def in_turn(kinds: Sequence[Kind]) -> Kind:
-        """Every kind once, in an order by the seed, before any comes again."""
+        """Every kind once in a random order before any repeats."""
         return kinds[int(np.random.default_rng([seed, PARTS.index(part)]).permutation(len(kinds))[number % len(kinds)])]
 
     if part == "singles":
@@ -96,11 +96,11 @@ def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
     if part == "outside":
         return _outside(number, in_turn(list(OUTSIDE)), rng, short)
     if part == "rover":
-        from benchmarks.concealed.plants import rover  # here, for MuJoCo is optional
+        from benchmarks.concealed.plants import rover  # here, because MuJoCo is optional
 
         return rover.make(number, *in_turn(rover.KINDS), rng, short)
     if part == "cell":
-        from benchmarks.concealed.plants import cell  # here, for PyBaMM is optional
+        from benchmarks.concealed.plants import cell  # here, because PyBaMM is optional
 
         return cell.make(number, *in_turn(cell.KINDS), rng, short)
     return _coverage(number, in_turn([*TRUTHS, "none", "none", "none"]), rng, short)
@@ -112,7 +112,7 @@ def _as_they_are(vehicle: Plant, runs: list[Motion], rng: Generator) -> tuple[Pl
 
 def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, rng: Generator, short: bool,
                 fit: Fit = _as_they_are, draws: Mapping[str, Draw] = EFFECTS) -> Case:  # fmt: skip
-    """A vehicle that hides effects, by what draws them."""
+    """A vehicle with concealed effects."""
     vehicle = _vehicle_for(effects, rng)
     routes, mean_c, runs = _drives(vehicle, effects, rng, short)
     vehicle, runs = fit(vehicle, runs, rng)
@@ -129,7 +129,7 @@ def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, r
         for one in mechanisms
     }
     elsewhere = {"ageing", "odometry_scale", *(BATTERY_LAWS if read_by == "terminals" else ())}
-    misses |= {name: 1.0 for name in elsewhere & set(effects)}  # they show in voltage, charge or distance
+    misses |= {name: 1.0 for name in elsewhere & set(effects)}  # visible in voltage, charge or distance
     later = [] if part == "cell" else _later(vehicle, routes, mean_c, len(runs), mechanisms, read_by, rng, short)
     return Case(part, number, robot.name, level, effects, robot, nominal, recordings, misses, refit=_refit(works),
                 later=later)  # fmt: skip
@@ -137,7 +137,7 @@ def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, r
 
 def control_case(number: int, exact: bool, fault: str, rng: Generator, short: bool, part: Part = "controls",
                  fit: Fit = _as_they_are, draws: Sequence[Draw] = ()) -> Case:  # fmt: skip
-    """A vehicle that hides nothing that matters; `draws` are of what it has without being missed."""
+    """A control: a vehicle without concealed physics that matters; `draws` are mechanisms that a refit absorbs."""
     vehicle = _pick([v for v in VEHICLES if fault not in NEEDS_ROOM or v not in (BURGER, RACER)], rng)
     vehicle, runs = fit(vehicle, _drives(vehicle, (), rng, short)[-1], rng)
     nominal = vehicle.robot if exact else misset(vehicle.robot, rng, 0.1, 0.4)
@@ -167,7 +167,7 @@ def _outside(number: int, name: str, rng: Generator, short: bool) -> Case:
 
 
 def _coverage(number: int, effect: str, rng: Generator, short: bool) -> Case:
-    """A plant in the catalogue's own form, whose true numbers are known."""
+    """A plant with the catalogue's own formulas, whose true parameters are known."""
     vehicle = _vehicle_for((effect,), rng)
     *_, runs = _drives(vehicle, (effect,), rng, short)
     truth = vehicle.robot
@@ -187,13 +187,13 @@ def _pick(vehicles: Sequence[Plant], rng: Generator) -> Plant:
 
 
 def _go_together(first: str, second: str) -> bool:
-    """Two effects of which at most one is an instrument's, and not both changes of the battery's law."""
+    """Whether at most one effect is an instrument's, and at most one a law of the battery."""
     both = {first, second}
     return first != second and not both <= set(INSTRUMENTS) and not both <= set(BATTERY_LAWS)
 
 
 def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Plant:
-    """A vehicle that can show the effects: weather needs the outdoors, recuperation hills that roll by themselves."""
+    """A vehicle that can show the effects: weather needs outdoor vehicles, recuperation slopes that need braking."""
     fit = list(VEHICLES)
     if set(effects) & {"wind", "heater", "cold_battery"}:
         fit = [vehicle for vehicle in fit if vehicle.outdoor]
@@ -205,7 +205,7 @@ def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Plant:
 def _drives(
     vehicle: Plant, effects: tuple[str, ...], rng: Generator, short: bool
 ) -> tuple[list[Course], float, list[Motion]]:
-    """Routes, mean temperature of the day, and drives."""
+    """Routes, mean air temperature, and drives."""
     routes = [_route(vehicle, effects, rng) for _ in range(int(rng.integers(1, 3)))]
     mean_c = rng.uniform(4.0, 24.0) if vehicle.outdoor else rng.uniform(17.0, 23.0)
     for effect in effects:
@@ -215,7 +215,7 @@ def _drives(
 
 
 def _route(vehicle: Plant, effects: tuple[str, ...], rng: Generator) -> Course:
-    """A route on which the effects can show: not a loop for a tilt, steep enough to roll down for recuperation."""
+    """A route on which the effects are visible: no loop for a tilt, and for recuperation slopes that need braking."""
     rolls_rad = 1.3 * vehicle.robot.rolling_resistance
     while True:
         route = make_route(vehicle, rng)
@@ -226,7 +226,7 @@ def _route(vehicle: Plant, effects: tuple[str, ...], rng: Generator) -> Course:
 
 
 def _read_by(effects: tuple[str, ...], rng: Generator) -> ReadBy:
-    """A charge gauge that knows what the cells lose, or a meter at the battery's terminals."""
+    """A charge gauge that includes losses in the cells, or a meter at the battery's terminals."""
     drawn: ReadBy = "gauge" if rng.random() < 0.6 else "terminals"
     return "terminals" if "ageing" in effects else drawn
 
@@ -242,7 +242,7 @@ def _logging(vehicle: Plant, effects: tuple[str, ...], rng: Generator) -> Loggin
 
 
 def misset(robot: Robot, rng: Generator, least: float, most: float) -> Robot:
-    """The robot with rolling resistance and up to two other parameters wrong by some share, up or down."""
+    """The robot with relative errors of rolling resistance and up to two other parameters."""
     others = ["controller_w", "sensing_j_per_sample", "mass_kg"]
     names = ["rolling_resistance", *rng.choice(others, size=int(rng.integers(0, 3)), replace=False).tolist()]
     wrong = {n: getattr(robot, n) * (1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(least, most)) for n in names}
@@ -271,12 +271,12 @@ def _later(vehicle: Plant, routes: list[Course], mean_c: float, before: int, mec
 
 
 def missed_share(works: Sequence[Work]) -> float:
-    """What the best refit misses of noise-free recordings: rms over 5 s as a share of the mean power."""
+    """Residual of the best refit of noise-free recordings: RMS over 5 s windows relative to the mean power."""
     return _fit(works)[1]
 
 
 def _refit(works: Sequence[Work]) -> Robot:
-    """The robot with the groups that fit noise-free recordings best."""
+    """The robot with the parameter groups that fit noise-free recordings best."""
     robot = works[0].vehicle.robot
     idle_w, sample_j, rolling, drag, grade = _fit(works)[0] * np.array([1.0, 1.0, *[robot.traction_efficiency] * 3])
     mass_kg = max(grade / GRAVITY_MPS2, 0.01 * robot.mass_kg)
@@ -288,10 +288,10 @@ def _refit(works: Sequence[Work]) -> Robot:
 
 
 def _fit(works: Sequence[Work]) -> tuple[Array, float]:
-    """Fit the model's own groups to noise-free recordings: the groups, and the share of the mean power they miss.
+    """Fit the model's own parameter groups to noise-free recordings: the groups, and the relative residual.
 
-    The groups are those of physics.md, trap 7: idle power, energy a sample, and C_rr m, c and m over Gamma, none of
-    them negative. Descents that draw nothing are left out of the groups, for there the model has a kink.
+    The groups are those that power identifies: idle power, energy per sample, and C_rr m, c and m over Gamma, none of
+    them negative. Descents without consumption are left out, because the model has a kink there.
     """
     robot = works[0].vehicle.robot
     columns, powers = [], []

@@ -1,4 +1,4 @@
-"""Plants in the catalogue's own form, for the coverage of intervals: the public replay with known numbers."""
+"""Plants with the catalogue's own formulas, for the coverage of intervals: the public replay with known parameters."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TRUTHS: dict[str, Truth] = {
         "power_w": rng.uniform(0.25, 0.5) * typical_power_w(vehicle), "base_share": rng.uniform(0.4, 0.8)
     },
     "radio": lambda vehicle, rng: {
-        # No file says more than 10 kW/km^2, which a truck that stays near its base would need.
+        # Robot files allow at most 10 kW/km^2, which a truck that stays near its base would need.
         "w_per_km2": min(rng.uniform(0.3, 0.6) * typical_power_w(vehicle) / (0.7e-3 * vehicle.leg_m) ** 2, 1e4)
     },
     "heater": lambda vehicle, rng: {
@@ -50,11 +50,11 @@ TRUTHS: dict[str, Truth] = {
     },
     "cold_battery": lambda vehicle, rng: {"per_k": rng.uniform(0.005, 0.012), "warm_c": rng.uniform(15.0, 22.0)},
 }  # fmt: skip
-"""Effects that a replay of recorded channels alone can drive, and how their true numbers are drawn."""
+"""Effects that a replay can compute from recorded channels alone, and how their true parameters are drawn."""
 
 
 def replayed_w(robot: Robot, run: Motion) -> Array:
-    """Power of the drive as the replay has it, W; shape (n,)."""
+    """Power of the drive by the replay, W; shape (n,)."""
     power_w = replay(
         robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
         temperature_c=run.temperature_c, sensing_hz=run.sensing_hz, base_distance_m=run.base_distance_m,
@@ -64,7 +64,7 @@ def replayed_w(robot: Robot, run: Motion) -> Array:
 
 
 def replayed(vehicle: Plant, truth: Robot, run: Motion) -> Work:
-    """The drive as the replay has it, ready to be recorded."""
+    """The drive by the replay, in the form that instruments record."""
     work = Work(run, vehicle, "gauge")
     work.power_w = work.chemical_w = work.seen_w = replayed_w(truth, run)
     work.soc = np.full(run.time_s.size, 0.95)

@@ -1,4 +1,4 @@
-"""Batteries of PyBaMM under the vehicles: cases in which the battery is what the nominal robot leaves out."""
+"""Vehicles with batteries of PyBaMM: cases in which the nominal robot lacks physics of the battery."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ENERGY_CELL, POWER_CELL = "OKane2022", "Ecker2015"
 
 @dataclass(frozen=True)
 class Pack:
-    """A pack and how it is in the first and in the last drive; in between, its state moves evenly."""
+    """A pack with its state in the first and in the last drive, linear in between."""
 
     cell: str
     peak_rate: float  # highest load over rated energy, per hour
@@ -37,7 +37,7 @@ class Pack:
     air_c: float | None = ROOM_C  # None: that of the drive
 
     def in_run(self, number: int, runs: int) -> Cell:
-        """The cell as it is in a drive."""
+        """State of the cell in a drive."""
         passed = float(number >= runs // 2) if self.loosens else number / (runs - 1)
         first, last = self.contact_ohm_ah
         contact = first + passed * (last - first)
@@ -59,20 +59,20 @@ PACKS: tuple[tuple[tuple[str, ...], Pack], ...] = (
     (("payload", "cold_battery"), Pack(POWER_CELL, 2.9, air_c=None)),
     (("standby", "cold_battery"), Pack(POWER_CELL, 1.9, air_c=None)),
 )
-"""What is hidden in which pack; with payload and standby, two effects."""
+"""Concealed effects and the pack; with payload and standby, two effects."""
 
 STRONG = Pack(POWER_CELL, 0.1)
-"""So much larger than its load that hardly anything is lost in it."""
+"""So large for its load that its losses are negligible."""
 
 KINDS = (
     *((truth, pack, level) for truth, pack in PACKS for level in NOISES),
     *(((), STRONG, label) for label in ("exact", "misset") for _ in range(6)),
 )
-"""What is hidden, the pack, and the noise or the kind of control."""
+"""Concealed effects, the pack, and the noise level or kind of control."""
 
 
 def make(number: int, truth: tuple[str, ...], pack: Pack, label: str, rng: Generator, short: bool) -> Case:
-    """One case, on a larger pack where the one given runs into its lowest voltage."""
+    """One case, with a larger pack if the given one reaches its cut-off voltage."""
     for _ in range(5):
         draws = copy.deepcopy(rng)
         draw, fit = partial(in_pack, pack, truth[-1] if truth else "none"), partial(fitted, pack)
@@ -86,7 +86,7 @@ def make(number: int, truth: tuple[str, ...], pack: Pack, label: str, rng: Gener
 
 
 def fitted(pack: Pack, vehicle: Plant, runs: list[Motion], rng: Generator) -> tuple[Plant, list[Motion]]:
-    """The vehicle with the pack's energy, by the highest load of its drives; some of them cold where cold matters."""
+    """The vehicle with the pack's energy, by the highest load of its drives; some drives are cold if that matters."""
     most_w = max(float(rollout(vehicle, run, [], np.random.default_rng(0)).power_w.max()) for run in runs)
     rated_j = most_w * 3600.0 / pack.peak_rate
     vehicle = dataclasses.replace(vehicle, robot=dataclasses.replace(vehicle.robot, rated_energy_j=rated_j))
@@ -100,7 +100,7 @@ def fitted(pack: Pack, vehicle: Plant, runs: list[Motion], rng: Generator) -> tu
 
 
 def in_pack(pack: Pack, effect: str, vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """What happens in the pack: so many cells as make up the vehicle's rated energy."""
+    """Mechanism of a pack with the vehicle's rated energy."""
 
     def change(work: Work, _: Generator) -> None:
         fresh, cell = Cell(pack.cell), pack.in_run(min(work.run.index, runs - 1), runs)

@@ -1,7 +1,7 @@
-"""Cells under load, by PyBaMM: sag, cold, lost lithium and the energy to be had at a rate emerge from a cell model.
+"""Cells under load, by PyBaMM: voltage sag, cold, lost lithium and rate-dependent energy follow from a cell model.
 
-The model is the single-particle model with electrolyte; a pack is so many of the same cell. Sources of the parameter
-sets: O'Kane et al. 2022 (LG M50, an energy cell) and Ecker et al. 2015 (Kokam, a power cell that suffers in the cold).
+The model is the single-particle model with electrolyte; a pack consists of equal cells. Sources of the parameter
+sets: O'Kane et al. 2022 (LG M50, an energy cell) and Ecker et al. 2015 (Kokam, a power cell that is weak in the cold).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RATES = (0.05, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 
 
 class ExhaustedError(RuntimeError):
-    """A load that a cell cannot deliver for as long as it is asked to."""
+    """A load that a cell cannot deliver for its duration."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Cell:
 
     parameters: str  # name of PyBaMM's parameter set
     contact_ohm_ah: float = 0.0  # resistance of tabs and connectors times capacity, the same for large cells and small
-    lithium_lost: float = 0.0  # share of what cycles between the electrodes
+    lithium_lost: float = 0.0  # share of the cyclable lithium
 
 
 @dataclass(frozen=True)
 class Discharge:
-    """What happens in one cell under a load; arrays of shape (n,)."""
+    """Results of one cell under a load; arrays of shape (n,)."""
 
     current_a: Array
     rest_v: Array  # open-circuit voltage at the mean state of charge
@@ -61,12 +61,12 @@ def _values(cell: Cell, extra: Mapping[str, Any]) -> Any:
 
 
 def capacity_ah(cell: Cell) -> float:
-    """Capacity that the maker states, A h."""
+    """Rated capacity, A h."""
     return float(pybamm.ParameterValues(cell.parameters)["Nominal cell capacity [A.h]"])
 
 
 def _solve(cell: Cell, mode: str, extra: Mapping[str, Any], soc: float, stops_s: Array) -> Any:
-    """Solution of the cell model; the solver stops where the load bends, lest it steps across."""
+    """Solution of the cell model; the solver stops at kinks of the load, so that it does not step across."""
     model = pybamm.lithium_ion.SPMe({"thermal": "lumped", "operating mode": mode, "contact resistance": "true"})
     solver = pybamm.IDAKLUSolver(rtol=1e-4, atol=1e-6)
     simulation = pybamm.Simulation(model, parameter_values=_values(cell, extra), solver=solver)
@@ -80,11 +80,11 @@ def discharge(cell: Cell, time_s: Array, load_w: Array, air_c: Array, soc: float
         cell: The cell.
         time_s: From 0, shape (n,).
         load_w: Power at the terminals, shape (n,).
-        air_c: Temperature around it, shape (n,); it starts as warm as that.
+        air_c: Ambient temperature, C, shape (n,); the cell starts at it.
         soc: State of charge at the start, 0 to 1.
 
     Raises:
-        ExhaustedError: The cell cannot deliver the load for so long.
+        ExhaustedError: The cell cannot deliver the load for its duration.
     """
     extra = {
         "Power function [W]": pybamm.Interpolant(time_s, load_w, pybamm.t),
@@ -94,7 +94,7 @@ def discharge(cell: Cell, time_s: Array, load_w: Array, air_c: Array, soc: float
     asked = f"{cell} at {soc:.0%} charge cannot deliver {load_w.max():.3g} W"
     try:
         solution = _solve(cell, "power", extra, soc, time_s)
-    except pybamm.SolverError as error:  # there is no current at which it would
+    except pybamm.SolverError as error:  # no current delivers the load
         raise ExhaustedError(f"{asked}: {error}") from error
     if solution.t[-1] < time_s[-1]:
         raise ExhaustedError(f"{asked}: {solution.termination}")
@@ -122,9 +122,9 @@ def rated_energy_j(cell: Cell) -> float:
 
 
 def counted_w(cell: Cell, load_w: Array, temperature_c: float) -> Array:
-    """Rate at which a gauge that allows for the discharge rate counts down the rated energy, W; shape (n,).
+    """Rate at which a charge gauge that corrects for the discharge rate counts down the rated energy, W; shape (n,).
 
-    At a power at which only a part of the energy can be had, each joule delivered uses up so much more of the charge.
+    At a power at which only a share of the energy is available, each joule delivered counts as its inverse.
     """
     power_w, energy_j = np.array([energy_to_be_had(cell, temperature_c, rate) for rate in RATES]).T
     to_be_had = PchipInterpolator(power_w, energy_j / energy_j[0])(np.clip(load_w, power_w[0], power_w[-1]))

@@ -1,6 +1,6 @@
-"""From a drive to the power that leaves the battery, stage by stage; hidden mechanisms change a stage on its way.
+"""From a drive to the power that leaves the battery, stage by stage; hidden mechanisms change one stage each.
 
-The chain without any mechanism is the paper's model (Tiwari et al., IROS 2018, Eq. 3 and 5): what the robot file says.
+The chain without any mechanism is the paper's model (Tiwari et al., IROS 2018, Eq. 3 and 5), as the robot file has it.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ Stage = Literal["ground", "wheel", "motor", "load", "battery", "instrument"]
 
 @dataclass
 class Work:
-    """A drive and everything that is computed of it, shape (n,) each; a mechanism changes what its stage may change."""
+    """A drive and all quantities computed from it, shape (n,) each; a mechanism changes those of its stage."""
 
     run: Motion
     vehicle: Plant
     read_by: Literal["gauge", "terminals"]
-    # ground: what the wheels must push against
+    # ground: forces against the wheels
     mass_kg: Array = field(init=False)
     rolling: Array = field(init=False)
     grade_rad: Array = field(init=False)
@@ -35,7 +35,7 @@ class Work:
     # wheel: force and the speed of the tread
     force_n: Array = field(init=False)
     tread_mps: Array = field(init=False)
-    returned_w: Array = field(init=False)  # electrical power that comes back from braking
+    returned_w: Array = field(init=False)  # electrical power recovered by braking
     # motor
     drive_w: Array = field(init=False)
     # load
@@ -43,11 +43,11 @@ class Work:
     # battery
     power_w: Array = field(init=False)  # at the terminals
     voltage_v: Array = field(init=False)
-    chemical_w: Array = field(init=False)  # what the cells lose
+    chemical_w: Array = field(init=False)  # power that the cells lose
     capacity_share: float = 1.0
     soc: Array = field(init=False)
-    seen_w: Array = field(init=False)  # what an ideal meter at the chosen place reads
-    # instrument: what faulty instruments take the true values for
+    seen_w: Array = field(init=False)  # reading of an ideal power meter at its place
+    # instrument: readings of faulty instruments
     read_gain: Array = field(init=False)
     read_offset_w: Array = field(init=False)
     read_lag_s: float = 0.0
@@ -71,7 +71,7 @@ Change = Callable[[Work, Generator], None]
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Something that the nominal robot does not know: where in the chain it acts and what it changes there."""
+    """Physics that the nominal robot lacks: the stage of the chain where it acts, and its change there."""
 
     effect: str
     stage: Stage
@@ -88,14 +88,14 @@ def resistance_law(work: Work) -> Array:
 
 
 def charge_left(work: Work) -> Array:
-    """State of charge with what the cells lost since the drive began at 95 %."""
+    """State of charge by the energy that the cells lost; the drive begins at 95 %."""
     capacity_j = work.capacity_share * work.vehicle.robot.rated_energy_j
     return 0.95 - np.cumsum(work.chemical_w) * work.run.dt_s / capacity_j
 
 
 def rollout(vehicle: Plant, run: Motion, mechanisms: Sequence[Mechanism], rng: Generator,
             read_by: Literal["gauge", "terminals"] = "gauge") -> Work:  # fmt: skip
-    """Compute the drive's power with the mechanisms at work."""
+    """Compute the power of a drive with the mechanisms."""
     work = Work(run, vehicle, read_by)
     robot = vehicle.robot
 

@@ -1,8 +1,8 @@
-"""The effects of the catalogue as they are in nature: other functional forms than a linear textbook term.
+"""The effects of the catalogue with realistic functional forms, other than the catalogue's textbook terms.
 
-Each function draws the numbers of one mechanism for a vehicle. Powers are sized by what the vehicle usually draws, for
-a mechanism that nobody could see would test nothing. `runs` is how many drives the case has: what changes once changes
-in one of them and stays.
+Each function draws the parameters of one mechanism for a vehicle. Powers are relative to the vehicle's typical power,
+because a mechanism too small to be observed would test nothing. `runs` is the number of drives of the case: a permanent
+change happens in one of them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def first_order(signal: Array, dt_s: float, time_constant_s: float, initial: flo
 
 
 def ornstein_uhlenbeck(rng: Generator, n: int, dt_s: float, deviation: float, time_constant_s: float) -> Array:
-    """Noise with a memory: mean 0, the given standard deviation and correlation time, shape (n,)."""
+    """Autocorrelated noise: mean 0, the given standard deviation and correlation time, shape (n,)."""
     keep = float(np.exp(-dt_s / time_constant_s))
     kicks = rng.normal(size=n) * deviation * np.sqrt(1.0 - keep**2)
     kicks[0] = rng.normal() * deviation
@@ -47,12 +47,12 @@ def ornstein_uhlenbeck(rng: Generator, n: int, dt_s: float, deviation: float, ti
 
 
 def since(run: Motion, drive: int, share: float) -> NDArray[np.bool_]:
-    """Whether the change has happened that comes in one drive after this share of it, shape (n,)."""
+    """Whether a permanent change, which happens in one drive after this share of it, has happened, shape (n,)."""
     return np.where(run.index == drive, run.time_s >= share * run.time_s[-1], run.index > drive)
 
 
 def since_start_m(run: Motion) -> Array:
-    """Way since the vehicle last stood, m."""
+    """Distance since the vehicle last stood, m."""
     standing = np.where(run.speed_mps > 0.0, 0.0, run.distance_m)
     return run.distance_m - np.maximum.accumulate(standing)
 
@@ -67,7 +67,7 @@ def turning(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     robot = vehicle.robot
     weight_n = robot.mass_kg * GRAVITY_MPS2
     friction = rng.uniform(0.35, 0.7) if vehicle.steering == "skid" else rng.uniform(0.25, 0.4)
-    icr_m = robot.track_m / 2.0 * rng.uniform(1.3, 1.9)  # farther out than the tread: wheels slip along too
+    icr_m = robot.track_m / 2.0 * rng.uniform(1.3, 1.9)  # farther out than the tread: wheels also slip longitudinally
     viscous_s_per_m = rng.uniform(0.3, 1.0)
     stiffness_n_per_rad = weight_n * rng.uniform(3.0, 6.0)  # of tyres on loose ground; hard ground has about 9 per rad
 
@@ -83,7 +83,7 @@ def turning(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def inertia(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Work of speeding up, with the turning parts as extra mass; friction brakes keep nothing (Gillespie, ch. 2)."""
+    """Work of acceleration, with rotating parts as extra mass; friction brakes recover nothing (Gillespie, ch. 2)."""
     factor = rng.uniform(1.04, 1.6)  # 1 + 0.04 + 0.0025 N^2, N the gear ratio: road cars in high to low gear
 
     def change(work: Work, _: Generator) -> None:
@@ -93,9 +93,9 @@ def inertia(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def breakaway(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Stiction of wheels that have settled: Stribeck's fall in speed and a fall along the first way.
+    """Stiction of wheels that have sunk in while standing: it falls with speed (Stribeck) and along the first metres.
 
-    Armstrong-Helouvry, Dupont and Canudas de Wit 1994 (Automatica 30(7)); settling: Wong, Theory of Ground Vehicles.
+    Armstrong-Helouvry, Dupont and Canudas de Wit 1994 (Automatica 30(7)); sinkage: Wong, Theory of Ground Vehicles.
     """
     excess = rng.uniform(1.5, 4.0)
     stribeck_mps = vehicle.robot.max_speed_mps * rng.uniform(0.05, 0.12)
@@ -110,7 +110,7 @@ def breakaway(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def viscous(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Churning of grease that thins as it warms with the way driven (Harris, Rolling Bearing Analysis, ch. 10)."""
+    """Churning of grease that thins as it warms with the distance driven (Harris, Rolling Bearing Analysis, ch. 10)."""
     robot = vehicle.robot
     at_top_n = robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2 * rng.uniform(0.6, 1.2)
     exponent = rng.uniform(0.8, 1.1)
@@ -155,7 +155,7 @@ def surface(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def payload(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A load picked up on the way; tyres roll a little worse under it, C_rr ~ load^0.1 (SAE J2452's form)."""
+    """A load picked up on the way, under which C_rr rises a little, as load^0.1 (form of SAE J2452)."""
     share, drive, at = rng.uniform(0.2, 0.5), int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
 
     def change(work: Work, _: Generator) -> None:
@@ -167,7 +167,7 @@ def payload(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def hidden_grade(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A tilt of the ground that the map leaves out, uneven along the way: surveys lose long, gentle slopes."""
+    """A slope that the map lacks, uneven along the way: surveys miss long, gentle slopes."""
     slope = rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.5) * vehicle.robot.rolling_resistance
     wave, phase = rng.uniform(1.0, 3.0), rng.uniform(0.0, 2.0 * np.pi)
 
@@ -197,7 +197,7 @@ def slip(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def regeneration(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Recuperation that fades out at low speed and is capped by what the battery may take.
+    """Recuperation that fades out at low speed and is limited by the battery's charging power.
 
     Ehsani, Gao and Emadi, Modern Electric, Hybrid Electric and Fuel Cell Vehicles, ch. 13.
     """
@@ -215,7 +215,7 @@ def regeneration(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def copper_loss(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """I^2 R of a motor whose iron saturates, so that thrust asks for ever more current (Hughes, Electric Motors)."""
+    """I^2 R of a motor whose iron saturates, so that current rises faster than thrust (Hughes, Electric Motors)."""
     rolling_n = vehicle.robot.rolling_resistance * vehicle.robot.mass_kg * GRAVITY_MPS2
     at_rolling_w = rolling_power_w(vehicle) * rng.uniform(0.1, 0.25)
     saturation = rng.uniform(4.0, 8.0)
@@ -262,7 +262,7 @@ def motor_heating(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def _discharge(work: Work, series_ohm: Array, slow_ohm: float, slow_s: float) -> None:
-    """Solve the Thevenin circuit with one RC pair for the current that gives the power asked for (Plett, vol. 1)."""
+    """Solve the Thevenin circuit with one RC pair for the current that delivers the required power (Plett, vol. 1)."""
     open_v = work.voltage_v
     slow_v = np.zeros_like(open_v)
     current_a = np.zeros_like(open_v)
@@ -299,7 +299,7 @@ def rate_capacity(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def ageing(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Capacity lost, 15 to 35 %: the charge gauge, which counts against what is left, falls faster (Plett, vol. 2)."""
+    """Capacity lost, 15 to 35 %: the state of charge, a share of the capacity, falls faster (Plett, vol. 2)."""
     left = 1.0 - rng.uniform(0.15, 0.35)
 
     def change(work: Work, _: Generator) -> None:
@@ -327,7 +327,7 @@ def cold_battery(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def standby(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Something left switched on from some time on: a lamp or amplifier that draws a third more while cold."""
+    """A load that stays on after some time: a lamp or amplifier that draws a third more while cold."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.12, 0.3)
     drive, at = int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
 
@@ -365,7 +365,7 @@ def radio(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     rates_mbps = np.array([54.0, 48.0, 36.0, 24.0, 18.0, 12.0, 9.0, 6.0])
     needs_dbm = np.array([-65.0, -66.0, -70.0, -74.0, -77.0, -79.0, -81.0, -82.0])
     exponent = rng.uniform(2.4, 3.5)
-    edge_m = vehicle.leg_m * rng.uniform(0.6, 1.0)  # where the slowest rate just holds
+    edge_m = vehicle.leg_m * rng.uniform(0.6, 1.0)  # range of the slowest rate
 
     def change(work: Work, fading: Generator) -> None:
         distance_m = np.maximum(work.run.base_distance_m, 0.01 * vehicle.leg_m)
@@ -397,7 +397,7 @@ def heater(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def intermittent_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A compressor that comes and goes in its own rhythm, never quite on time, with an inrush at each start."""
+    """A compressor that switches periodically with jitter, with an inrush at each start."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
     period_s, duty = rng.uniform(30.0, 80.0), rng.uniform(0.25, 0.5)
 
@@ -415,7 +415,7 @@ def intermittent_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def sensor_offset(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Remanence of a Hall current sensor: after an overload it reads too much or too little (LEM application note)."""
+    """Remanence of a Hall current sensor: an offset after an overload (LEM application note)."""
     size_w = rng.choice([-1.0, 1.0]) * typical_power_w(vehicle) * rng.uniform(0.1, 0.25)
     drive, at = int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
 
@@ -426,7 +426,7 @@ def sensor_offset(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def sensor_gain(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A shunt whose contact works loose: the reading is too large by a share from some time on, creeping up to it."""
+    """A shunt whose contact loosens: from some time on a gain error that grows gradually."""
     share = rng.uniform(0.12, 0.3)
     drive, at = int(rng.integers(0, runs)), rng.uniform(0.2, 0.5)
 
@@ -466,6 +466,6 @@ EFFECTS: dict[str, Draw] = {
         heater, intermittent_load, sensor_offset, sensor_gain, clock_lag, odometry_scale,
     )
 }  # fmt: skip
-"""Every id of the vocabulary and what draws its mechanism."""
+"""Every effect id, with the function that draws its mechanism."""
 
 INSTRUMENTS = ("sensor_offset", "sensor_gain", "clock_lag", "odometry_scale")

@@ -1,4 +1,4 @@
-"""What the instruments write down: noise at three levels, channels as real logs have them, and ordinary faults."""
+"""Instruments: noise at three levels, the channels of real logs, and common faults."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchmarks.concealed.plants.vehicles import typical_power_w
 class NoiseLevel:
     """Standard deviations of one sample."""
 
-    power_share: float  # of the usual power
+    power_share: float  # of the typical power
     voltage_share: float  # of the nominal voltage
     speed_share: float  # of the top speed, while moving
     grade_rad: float
@@ -43,7 +43,7 @@ NOISES = {
 
 @dataclass(frozen=True)
 class Logging:
-    """Which columns a log has."""
+    """Columns of a log."""
 
     wheels: bool = False
     elevation: bool = False
@@ -53,7 +53,7 @@ class Logging:
 
 
 def record(work: Work, noise: NoiseLevel, logging: Logging, rng: Generator) -> pd.DataFrame:
-    """Write down a drive as its instruments see it, with the columns of a homeward recording."""
+    """Record a drive with its instruments, with the columns of a homeward recording."""
     run, robot = work.run, work.vehicle.robot
     n = run.time_s.size
 
@@ -79,7 +79,7 @@ def record(work: Work, noise: NoiseLevel, logging: Logging, rng: Generator) -> p
     frame["heading_rad"] = np.mod(noisy(run.heading_rad, noise.heading_rad), 2.0 * np.pi)
     frame["sensing_hz"] = run.sensing_hz
     frame["temperature_c"] = noisy(run.temperature_c, noise.temperature_c)
-    position_m = min(noise.position_m, 0.01 * work.vehicle.leg_m)  # indoors a lidar's map takes the satellites' place
+    position_m = min(noise.position_m, 0.01 * work.vehicle.leg_m)  # indoors by lidar instead of satellites
     frame["base_distance_m"] = np.maximum(noisy(run.base_distance_m, position_m), 0.0)
     power_w = read_power(work) + noise.power_share * typical_power_w(work.vehicle) * rng.normal(size=n)
     if work.read_by == "terminals":
@@ -94,7 +94,7 @@ def record(work: Work, noise: NoiseLevel, logging: Logging, rng: Generator) -> p
 
 
 def read_power(work: Work) -> Array:
-    """What the power meter shows before its noise, W: the true power through the case's instrument effects."""
+    """Reading of the power meter before noise, W: the true power with the case's instrument effects."""
     seen_w = work.seen_w
     if work.read_smooth_s > 0.0:
         seen_w = first_order(seen_w, work.run.dt_s, work.read_smooth_s, float(seen_w[0]))
@@ -102,8 +102,8 @@ def read_power(work: Work) -> Array:
     return np.asarray(late_w * work.read_gain + work.read_offset_w, dtype=np.float64)
 
 
-# An ordinary fault, no physics of the vehicle: it takes the clean recording of a drive, how bad it is in all drives of
-# the case (0 to 1), and chance.
+# A common fault of instruments. Arguments: clean recording of a drive, the drive, severity in all drives of the case
+# (0 to 1), and random numbers.
 Fault = Callable[[pd.DataFrame, Work, float, Generator], pd.DataFrame]
 
 
@@ -122,7 +122,7 @@ def stepped_elevation(frame: pd.DataFrame, work: Work, level: float, rng: Genera
 
 
 def late_elevation(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """Elevation that comes 10 s late instead of the grade (a filtered barometer)."""
+    """Elevation with a delay of 10 s instead of the grade (a filtered barometer)."""
     late_m = np.interp(work.run.time_s - 10.0, work.run.time_s, work.run.elevation_m)
     return _elevation(frame, late_m + 0.05 * rng.normal(size=len(frame)))
 
@@ -134,13 +134,13 @@ def noisy_grade(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -
 
 
 def pitched_imu(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """A constant pitch of the IMU of 0.5 to 2 degrees, the same in all drives: how it is mounted."""
+    """A constant pitch error of the IMU of 0.5 to 2 degrees, the same in all drives, due to its mounting."""
     pitch_rad = np.radians(0.5 + 1.5 * level)
     return frame.drop(columns="elevation_m", errors="ignore").assign(grade_rad=work.run.grade_rad + pitch_rad)
 
 
 def no_grade(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """Hills, and no channel that shows them."""
+    """Hills without a channel that measures them."""
     return frame.drop(columns=["grade_rad", "elevation_m"], errors="ignore")
 
 
@@ -172,7 +172,7 @@ def drifting_clock(frame: pd.DataFrame, work: Work, level: float, rng: Generator
 
 
 def charging(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """The log goes on while the vehicle stands at its charger: constant current, then falling."""
+    """The log continues while the vehicle stands at its charger: constant current, then falling."""
     n = round(rng.uniform(60.0, 150.0) / work.run.dt_s)
     tail = pd.concat([frame.tail(1)] * n, ignore_index=True)
     since_s = np.arange(1, n + 1) * work.run.dt_s
@@ -191,7 +191,7 @@ def charging(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> p
 
 
 def wrong_sign(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """Power or current counted negative while discharging (ROS BatteryState counts so)."""
+    """Power or current negative while discharging (as in ROS BatteryState)."""
     name = "power_w" if "power_w" in frame else "current_a"
     return frame.assign(**{name: -frame[name]})
 
@@ -204,7 +204,7 @@ def spikes(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.
 
 
 def gaps(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """Stretches of 2 to 30 s that were never written."""
+    """Missing stretches of 2 to 30 s."""
     keep = np.ones(len(frame), dtype=bool)
     for _ in range(int(rng.integers(1, 4))):
         start = int(rng.integers(0, len(frame)))
@@ -213,7 +213,7 @@ def gaps(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.Da
 
 
 def resets(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """Sensors that restart: the odometer from 0, the power meter silent (0) for a second or two."""
+    """Restarted sensors: the odometer from 0, the power meter at 0 W for a second or two."""
     out = frame.copy()
     power = [name for name in ("power_w", "current_a") if name in frame]
     at = int(rng.integers(len(frame) // 4, 3 * len(frame) // 4))
@@ -232,7 +232,7 @@ FAULTS: dict[str, Fault] = {
         held_values, drifting_clock, charging, wrong_sign, spikes, gaps, resets,
     )
 }  # fmt: skip
-"""Every ordinary fault and what does it to a clean recording of one drive."""
+"""Every common fault, with the function that applies it to a clean recording."""
 
 NEEDS_ROOM = ("noisy_elevation", "stepped_elevation", "late_elevation")
-"""Faults that only make sense where hills are metres high."""
+"""Faults for vehicles with hills that are metres high."""

@@ -1,4 +1,4 @@
-"""What a vehicle did: routes with hills and bends, speeds, stops, turns, sensing rates, the day's temperature."""
+"""Motion of a vehicle: routes with hills and bends, speeds, stops, turns, sensing rates, and air temperature."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _POINTS = 2000  # of a route
 
 @dataclass(frozen=True)
 class Course:
-    """A way that is driven out and back, or round and round: elevation and heading by place along it."""
+    """A route driven out and back, or in a loop: elevation and heading by place along it."""
 
     length_m: float
     loop: bool
@@ -29,7 +29,7 @@ class Course:
 
 @dataclass
 class Motion:
-    """One drive as it truly was, shape (n,) each."""
+    """True motion of one drive, shape (n,) each."""
 
     time_s: Array
     speed_mps: Array
@@ -41,10 +41,10 @@ class Motion:
     direction: Array  # 1 on the way out, -1 on the way home
     distance_m: Array  # travelled
     elevation_m: Array
-    base_distance_m: Array  # straight line to where the drive began
+    base_distance_m: Array  # straight line to the start of the drive
     sensing_hz: Array
     temperature_c: Array
-    day_s: float  # when the drive began, since the first one
+    day_s: float  # start of the drive since the first one
     index: int  # of the drive within its case
 
     @property
@@ -54,7 +54,7 @@ class Motion:
 
 
 def make_route(vehicle: Plant, rng: Generator) -> Course:
-    """Draw a route: hills as a periodic spline, steepest as the vehicle's ground is; bends as another spline."""
+    """Draw a route: hills as a periodic spline with the steepest slope of the vehicle; bends as another spline."""
     loop = bool(rng.random() < 0.4)
     length_m = vehicle.leg_m * rng.uniform(0.7, 1.4) * (2.0 if loop else 1.0)
     knots = int(rng.integers(4, 10))
@@ -84,7 +84,7 @@ def _levels(rng: Generator, duration_s: float, dt_s: float, values: Array, least
 
 
 def _speeds(vehicle: Plant, rng: Generator, duration_s: float, dt_s: float) -> Array:
-    """Speeds with stops, changed at no more than a drawn acceleration, standing first and last, m/s."""
+    """Speeds with stops, with a random limit of acceleration, at standstill first and last, m/s."""
     top_mps = vehicle.robot.max_speed_mps
     wanted = _levels(rng, duration_s, dt_s, top_mps * np.array([0.25, 0.4, 0.55, 0.7, 0.85, 1.0]), 15.0, 50.0)
     for start_s in np.arange(rng.uniform(30.0, 60.0), duration_s, rng.uniform(60.0, 120.0)):
@@ -101,7 +101,7 @@ def _speeds(vehicle: Plant, rng: Generator, duration_s: float, dt_s: float) -> A
 
 def drive(vehicle: Plant, route: Course, rng: Generator, index: int, day_s: float, mean_c: float, dt_s: float,
           duration_s: float) -> Motion:  # fmt: skip
-    """Drive along a route for a while; turn round on the spot (or in a U-turn) at its ends."""
+    """Drive along a route for some time, with turns on the spot (or U-turns) at its ends."""
     speed = _speeds(vehicle, rng, duration_s, dt_s)
     n = speed.size
     time = np.arange(n, dtype=np.float64) * dt_s
@@ -112,7 +112,7 @@ def drive(vehicle: Plant, route: Course, rng: Generator, index: int, day_s: floa
     place = np.where(home, route.length_m - into, into)
     grade = np.arcsin(route.elevation(place, 1)) * direction
     yaw = route.curvature_per_m(place) * speed * direction
-    if not route.loop:  # the half turn at an end takes some seconds; those who can turn on the spot do it standing
+    if not route.loop:  # the half turn at an end takes some seconds; vehicles that can turn on the spot do
         for end in np.flatnonzero(np.diff(lap)):
             turn_s = max(np.pi / (0.7 * vehicle.max_turn_radps), 2.0 * dt_s)
             turn = slice(end, min(n, end + round(turn_s / dt_s)))

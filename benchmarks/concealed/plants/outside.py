@@ -1,4 +1,4 @@
-"""Mechanisms that no effect of the catalogue describes, and which effects would still be a fair description, if any."""
+"""Mechanisms outside the catalogue, and the effects, if any, that would be an acceptable description of each."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DrawOutside = Callable[[Plant, Generator, int], tuple[Stage, Change, Fair]]
 
 
 def furrows(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """Ploughed ground: rolling is harder across the furrows than along them, the same there and back."""
+    """Ploughed ground: more rolling resistance across the furrows than along them, the same there and back."""
     along_rad, gain = rng.uniform(0.0, np.pi), rng.uniform(0.4, 1.0)
 
     def change(work: Work, _: Generator) -> None:
@@ -40,7 +40,7 @@ def squealing_bearing(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage,
 
 
 def speed_coupled_pump(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A spray pump whose duty cycle follows the speed, with a fixed stroke: pulses come with the way driven."""
+    """A spray pump with a fixed stroke, whose rate follows the speed: pulses occur per distance driven."""
     size_w, stroke_m = typical_power_w(vehicle) * rng.uniform(0.3, 0.6), vehicle.leg_m * rng.uniform(0.15, 0.3)
 
     def change(work: Work, _: Generator) -> None:
@@ -51,7 +51,7 @@ def speed_coupled_pump(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage
 
 
 def hiccup_converter(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A converter that falls out of its efficient mode above a load, for some seconds at least."""
+    """A converter that leaves its efficient mode above a load, for some seconds at least."""
     limit, loss = rng.uniform(0.9, 1.3), rng.uniform(0.15, 0.3)
 
     def change(work: Work, _: Generator) -> None:
@@ -63,7 +63,7 @@ def hiccup_converter(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, 
 
 
 def cold_tyres(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """Tyres roll worse until they are warm and cool while standing (SAE J2452 warms them for half an hour)."""
+    """Tyres with more rolling resistance until warm; they cool while standing (SAE J2452: half an hour)."""
     gain, warm_s = rng.uniform(0.5, 1.0), rng.uniform(100.0, 250.0)
 
     def change(work: Work, _: Generator) -> None:
@@ -74,7 +74,7 @@ def cold_tyres(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change
 
 
 def clinging_mud(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """Mud clings with the way and falls off whenever the vehicle stands."""
+    """Mud that accumulates with distance and falls off whenever the vehicle stands."""
     gain, way_m = rng.uniform(0.6, 1.2), vehicle.robot.max_speed_mps * rng.uniform(15.0, 35.0)
 
     def change(work: Work, _: Generator) -> None:
@@ -84,7 +84,7 @@ def clinging_mud(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Chan
 
 
 def slow_puncture(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """Air leaks out in one of the drives; rolling resistance goes with pressure^-0.4 (Clark, Mechanics of Tires)."""
+    """A tyre that leaks in one drive; rolling resistance varies as pressure^-0.4 (Clark, Mechanics of Tires)."""
     drive, leak_s = int(rng.integers(0, runs)), rng.uniform(60.0, 120.0)
 
     def change(work: Work, _: Generator) -> None:
@@ -96,7 +96,7 @@ def slow_puncture(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Cha
 
 
 def sticking_brake(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A brake lets go only slowly after a stop longer than some seconds, not after a short one."""
+    """A brake that releases slowly after a stop longer than some seconds, but not after a short one."""
     gain, free_s = rng.uniform(1.5, 3.0), rng.uniform(6.0, 15.0)
 
     def change(work: Work, _: Generator) -> None:
@@ -135,7 +135,7 @@ def washboard(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change,
 
 
 def damaged_steering(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A bent linkage costs power while turning left, nothing while turning right."""
+    """A bent linkage that consumes power while turning left, but not while turning right."""
     gain = rng.uniform(0.8, 1.6)
 
     def change(work: Work, _: Generator) -> None:
@@ -146,7 +146,7 @@ def damaged_steering(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, 
 
 
 def cooling_fan(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A fan comes on when the motor is hot and runs on until it is cool."""
+    """A fan that switches on when the motor is hot and off when it is cool."""
     size_w, heat_s = typical_power_w(vehicle) * rng.uniform(0.25, 0.5), rng.uniform(40.0, 100.0)
 
     def change(work: Work, _: Generator) -> None:
@@ -231,10 +231,10 @@ OUTSIDE: dict[str, DrawOutside] = {
         growing_bursts, shower, speed_memory,
     )
 }  # fmt: skip
-"""Every mechanism outside the catalogue and what draws it."""
+"""Every mechanism outside the catalogue, with the function that draws it."""
 
 
 def make_outside(name: str, vehicle: Plant, rng: Generator, runs: int) -> tuple[Mechanism, Fair]:
-    """Draw the mechanism of a name, and the effects that would describe it fairly."""
+    """Draw a mechanism by name, and the effects that would be an acceptable description."""
     stage, change, fair = OUTSIDE[name](vehicle, rng, runs)
     return Mechanism(name, stage, change), fair

@@ -1,4 +1,4 @@
-"""Cases of a skid-steered rover in MuJoCo, where what the paper leaves out comes out of contact."""
+"""Cases of a skid-steered rover in MuJoCo, where the omitted physics follows from contact dynamics."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LISTED: tuple[tuple[Build, int, tuple[str, ...]], ...] = (
     (hidden.constant_payload, 1, ("low",)), (hidden.constant_surface, 1, ("low",)),
     (hidden.level, 4, tuple(NOISES)), (hidden.hilly, 2, tuple(NOISES)),
 )  # fmt: skip
-"""Scenarios, how often each comes, and at which noise."""
+"""Scenarios, with their multiplicity and noise level."""
 
 KINDS = tuple((build, level) for build, times, levels in LISTED for level in levels for _ in range(times))
 OUTSIDE = ("stuck_brake", "chatter")
@@ -44,15 +44,15 @@ IN_TORQUE = {"turning", "inertia", "surface", "payload", "hidden_grade"}
 
 
 def make(number: int, build: Build, level: str, rng: Generator, short: bool) -> Case:
-    """Drive one scenario and write down what its instruments see."""
+    """Simulate one scenario and record it."""
     scenario = build(rng)
-    if scenario.truth != ("slip",):  # which only shows in power beside the speed over ground
+    if scenario.truth != ("slip",):  # slip is observable only in power with the speed over ground
         torque = set(scenario.truth) <= IN_TORQUE and bool(rng.random() < 1 / 3)
         scenario = dataclasses.replace(scenario, torque=torque, wheels=scenario.wheels or bool(rng.random() < 0.5))
     trips = [cut(trip) for trip in scenario.trips[:2]] if short else scenario.trips
     vehicle = vehicle_of(calibrated(scenario))
     robot = vehicle.robot
-    exact = scenario.torque or bool(rng.random() < 0.5)  # most of the file has no say in currents
+    exact = scenario.torque or bool(rng.random() < 0.5)  # most parameters of the file do not affect currents
     wrong = (0.03, 0.1) if scenario.truth else (0.1, 0.4)
     works, recordings = recorded(vehicle, scenario, trips, level, rng)
     label = level if scenario.truth else "exact" if exact else "misset"
@@ -64,14 +64,14 @@ def make(number: int, build: Build, level: str, rng: Generator, short: bool) -> 
 def recorded(
     vehicle: Plant, scenario: Scenario, trips: Sequence[Trip], level: str, rng: Generator
 ) -> tuple[list[Work], list[pd.DataFrame]]:
-    """Drive trips: what happened, and what instruments of a noise saw of it."""
+    """Simulate trips: the true quantities, and the recordings at a noise level."""
     logs = [drive(scenario.rover, trip, scenario.brake) for trip in trips]
     works = [work_of(vehicle, scenario, log, index) for index, log in enumerate(logs)]
     return works, [_record(work, log, scenario, NOISES[level], rng) for work, log in zip(works, logs, strict=True)]
 
 
 def calibrated(scenario: Scenario) -> Robot:
-    """Robot file that fits steady drives straight on over the rover's own level ground, by least squares."""
+    """Robot file fitted by least squares to steady straight drives over the rover's own level ground."""
     rover = scenario.rover
     speeds, powers = [], []
     for speed_mps in CALIBRATION_MPS:
@@ -85,9 +85,9 @@ def calibrated(scenario: Scenario) -> Robot:
 
 
 def work_of(vehicle: Plant, scenario: Scenario, log: Log, index: int) -> Work:
-    """What happened, as far as it is recorded, in the form that instruments read."""
+    """The true quantities that are recorded, in the form that instruments read."""
     speed = _speed(scenario, log)
-    speed = np.where(np.abs(speed) > 0.005, speed, 0.0)  # encoders show nothing below
+    speed = np.where(np.abs(speed) > 0.005, speed, 0.0)  # below the resolution of encoders
     zeros = np.zeros(speed.size)
     run = Motion(
         time_s=log.time_s, speed_mps=speed, accel_mps2=np.gradient(speed, STEP_S),

@@ -1,4 +1,4 @@
-"""What rovers are asked to do: cruises, stop and go, tours with bends, turns on the spot."""
+"""Commands of the rover's drives: cruises, stop and go, tours with bends, turns on the spot."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Command = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Leg:
-    """A speed and a yaw rate to be held, or to be swung between its two signs with a period."""
+    """A speed and a yaw rate, constant or alternating between its two signs with a period."""
 
     seconds: float
     speed_mps: float
@@ -25,7 +25,7 @@ class Leg:
 
 
 def command(legs: list[Leg], seconds: float, acceleration_mps2: float) -> Command:
-    """Legs one after the other, the last for as long as it takes, with limited change of speed and yaw rate."""
+    """Legs in sequence, the last until the end, with limited acceleration and yaw acceleration."""
     speed, yaw = [], []
     for leg in [*legs, Leg(seconds, legs[-1].speed_mps)]:
         time_s = np.arange(round(leg.seconds * TICKS_PER_S)) / TICKS_PER_S
@@ -37,12 +37,12 @@ def command(legs: list[Leg], seconds: float, acceleration_mps2: float) -> Comman
 
 
 def cruise(speeds_mps: list[float], seconds: float, acceleration_mps2: float = 0.001) -> Command:
-    """Straight on, each speed for its part of the time, changing so slowly that inertia is next to nothing."""
+    """Straight on, each speed for the same time, changing so slowly that inertia is negligible."""
     return command([Leg(seconds / len(speeds_mps), speed) for speed in speeds_mps], seconds, acceleration_mps2)
 
 
 def stop_and_go(rng: np.random.Generator, seconds: float) -> Command:
-    """Straight on in hurried starts and stops, with some cruising in between."""
+    """Straight on with fast starts and stops, and some cruising in between."""
     legs: list[Leg] = []
     while sum(leg.seconds for leg in legs) < seconds:
         high, low = rng.uniform(0.6, 1.0), rng.choice((0.0, 0.0, 0.3))
@@ -68,7 +68,7 @@ def tour(rng: np.random.Generator, seconds: float, speed_mps: float) -> Command:
 
 
 def on_the_spot(rng: np.random.Generator, seconds: float) -> Command:
-    """Turns on the spot with rests between them."""
+    """Turns on the spot with pauses."""
     legs = [Leg(4.0, 0.0)]
     while sum(leg.seconds for leg in legs) < seconds:
         yaw = rng.choice((-1.0, 1.0)) * rng.uniform(0.2, 0.6)

@@ -1,7 +1,7 @@
-"""A rover in MuJoCo: motors turn wheels, wheels push on ground; no formula for what a robot's power depends on.
+"""A rover in MuJoCo: motors drive wheels on ground, without formulas for the effects.
 
-Scrub in turns, slip, inertia, and what payload, slope and soft ground cost come out of contact and of the motors'
-torques. Left wheels come before right ones.
+Scrub in turns, slip, inertia, and the power of payload, slope and soft ground follow from contact and motor torques.
+Left wheels come before right ones.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Brake = Callable[[Array, float], Array]
 
 @dataclass(frozen=True)
 class Ground:
-    """What the wheels stand on."""
+    """Ground under the wheels."""
 
     sliding: float  # coefficient of friction
     rolling: float  # rolling friction over the wheel's radius
@@ -41,7 +41,7 @@ class Ground:
 
 @dataclass(frozen=True)
 class World:
-    """Ground along x: other ground on patches, and the slope, upwards in the direction of x, between knots."""
+    """Ground along x: patches of other ground, and the slope, positive upwards along x, linear between knots."""
 
     ground: Ground
     patches: tuple[tuple[float, float, Ground], ...] = ()  # from and to, m
@@ -54,7 +54,7 @@ class World:
 
 @dataclass(frozen=True)
 class Rover:
-    """What differs between rovers of this kind."""
+    """Parameters of a rover."""
 
     mass_kg: float  # without payload
     efficiency: float  # of the motors and gears
@@ -64,7 +64,7 @@ class Rover:
 
 @dataclass(frozen=True)
 class Trip:
-    """What a rover is to do in one run; arrays of shape (n,) at 50 Hz, where the first values hold before the start."""
+    """Commands of one run; arrays of shape (n,) at 50 Hz, where the first values also hold before the start."""
 
     speed_mps: Array
     yaw_radps: Array
@@ -76,7 +76,7 @@ class Trip:
 
 @dataclass(frozen=True)
 class Log:
-    """What happened in one run, without noise; arrays of shape (n,), means over a tenth of a second."""
+    """Noise-free measurements of one run; arrays of shape (n,), means over a tenth of a second."""
 
     speed_mps: Array
     wheel_left_mps: Array
@@ -96,7 +96,7 @@ class Log:
 
 
 def drive(rover: Rover, trip: Trip, brake: Brake | None = None) -> Log:
-    """Drive one run; the recording starts when the rover goes steadily at the speed asked for first."""
+    """Simulate one run; the recording starts when the rover drives steadily at the first commanded speed."""
     cart = _Cart(rover, trip, brake)
     gentle = np.linspace(0.0, 1.0, round(_SETTLING_S / _TICK_S / 2))
     for share in (*gentle, *np.ones(gentle.size)):
@@ -124,7 +124,7 @@ class _Cart:
         self.place(trip.start_m, trip.heading_rad)
 
     def place(self, start_m: float, heading_rad: float) -> None:
-        """Put the rover somewhere, in the motion and with the tilt that it has."""
+        """Move the rover to a place and heading, with its velocity and tilt unchanged."""
         turn = heading_rad - self.heading_rad
         q, v = self.data.qpos, self.data.qvel
         q[:3] = start_m, 0.0, q[2]
@@ -135,7 +135,7 @@ class _Cart:
         self.data.qacc_warmstart[:] = 0.0
 
     def tick(self, speed_mps: float, yaw_radps: float, payload_kg: float) -> tuple[float, ...]:
-        """Ask for a speed and a yaw rate, go on by a fiftieth of a second and tell what `Log` has, in its order."""
+        """Command a speed and a yaw rate, simulate a fiftieth of a second, and return the values of `Log`."""
         if payload_kg != self.payload_kg:
             self._load("payload", payload_kg)
             self.payload_kg = payload_kg
@@ -144,12 +144,12 @@ class _Cart:
         steps = round(_TICK_S / self.model.opt.timestep)
         change = (asked - self.data.ctrl) / steps
         for _ in range(steps):
-            self.data.ctrl += change  # in steps so small that the torque at the end stands for the whole of it
+            self.data.ctrl += change  # in steps so small that the torque at the end is representative
             mujoco.mj_step(self.model, self.data)
         return self._read(grade_rad)
 
     def _steer(self, speed_mps: float, yaw_radps: float) -> Array:
-        """Speeds that the wheels are to turn at, rad/s; array of shape (4,)."""
+        """Commanded speeds of the wheels, rad/s, shape (4,)."""
         standing = abs(speed_mps) < 1e-3 and abs(yaw_radps) < 1e-3
         self.wanted_rad += yaw_radps * _TICK_S
         astray = 0.0 if standing else self.wanted_rad - self.heading_rad
@@ -159,10 +159,10 @@ class _Cart:
         return np.array([speed_mps - half_mps] * 2 + [speed_mps + half_mps] * 2) / WHEEL_RADIUS_M
 
     def _stand(self) -> float:
-        """Put under each wheel the ground that lies there, and under the robot the slope: gravity is what tilts.
+        """Set the ground under each wheel, and the slope under the robot by tilting gravity.
 
         Returns:
-            Slope in the direction that it heads for, rad.
+            Slope in the direction of its heading, rad.
         """
         grounds = [self.world.below(float(self.data.geom_xpos[2 + wheel, 0])) for wheel in range(4)]
         for friction, ground in zip(self.model.pair_friction, grounds, strict=True):
@@ -175,7 +175,7 @@ class _Cart:
     def _read(self, grade_rad: float) -> tuple[float, ...]:
         w, x, y, z = self.data.qpos[3:7]
         turned = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) - self.heading_rad
-        self.heading_rad += (turned + np.pi) % (2 * np.pi) - np.pi  # goes on beyond half a turn
+        self.heading_rad += (turned + np.pi) % (2 * np.pi) - np.pi  # continuous beyond half a turn
         east, north = self.data.qvel[:2]
         forward = east * np.cos(self.heading_rad) + north * np.sin(self.heading_rad)
         torque, wheels = self.data.actuator_force, self.data.qvel[6:]
@@ -191,7 +191,7 @@ class _Cart:
         )  # fmt: skip
 
     def _load(self, body: str, mass_kg: float) -> None:
-        """Give a body another mass; its inertia goes with it."""
+        """Set the mass of a body; its inertia scales with it."""
         number = self.model.body(body).id
         mass_kg = max(mass_kg, 1e-3)
         self.model.body_inertia[number] *= mass_kg / self.model.body_mass[number]

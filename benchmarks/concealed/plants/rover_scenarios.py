@@ -1,4 +1,4 @@
-"""What is hidden in drives of the rover: where it goes, on which ground, with what on board, and what is recorded."""
+"""Scenarios of the rover: drives, ground, load, concealed physics and recorded channels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _HILLS = ((6.0, 0.0), (12.0, 1.0), (22.0, 1.0), (28.0, 0.0), (30.0, 0.0), (36.0,
 
 @dataclass(frozen=True)
 class Scenario:
-    """What drives, what is hidden from the nominal file and which channels are recorded."""
+    """Rover, trips, physics concealed from the nominal file, and recorded channels."""
 
     truth: tuple[str, ...]
     rover: Rover
@@ -36,7 +36,7 @@ class Scenario:
 
     @property
     def ground(self) -> Ground:
-        """What the robot file was made on."""
+        """Ground of the calibration of the robot file."""
         return self.trips[0].world.ground
 
 
@@ -52,7 +52,7 @@ def turning(rng: np.random.Generator) -> Scenario:
 
 
 def inertia(rng: np.random.Generator) -> Scenario:
-    """A heavy rover in hurried stop and go, and once steadily."""
+    """A heavy rover with fast starts and stops, and one steady drive."""
     world = World(replace(_hard(rng), sliding=0.85))
     drives = [stop_and_go(rng, RUN_S) for _ in range(3)] + [_steady(rng)]
     return Scenario(("inertia",), replace(_rover(rng), mass_kg=62.0), _trips(world, drives))
@@ -66,7 +66,7 @@ def slip(rng: np.random.Generator) -> Scenario:
 
 
 def surface(rng: np.random.Generator) -> Scenario:
-    """Straight over soft stretches, out and back, which sets them apart from slopes, and once on soft ground alone."""
+    """Straight over soft stretches, out and back to distinguish them from slopes, and once on soft ground alone."""
     hard = _hard(rng)
     soft = Ground(0.9 * hard.sliding, rng.uniform(1.6, 2.6) * hard.rolling)
     edges = np.cumsum(rng.uniform(6.0, 13.0, 4))
@@ -77,7 +77,7 @@ def surface(rng: np.random.Generator) -> Scenario:
 
 
 def payload(rng: np.random.Generator) -> Scenario:
-    """Sacks that are put on and taken off between runs, and during one."""
+    """Sacks loaded and unloaded between runs, and during one."""
     world, loads = World(_hard(rng)), rng.uniform(12.0, 28.0, 2)
     slow, fast, last = _steady(rng, 0.3, 0.5), _steady(rng, 0.6, 0.8), _steady(rng)
     trips = _loaded(_trips(world, [slow, slow, fast, fast, last]), (0.0, loads[0], 0.0, loads[1], 0.0))
@@ -86,7 +86,7 @@ def payload(rng: np.random.Generator) -> Scenario:
 
 
 def payload_on_hills(rng: np.random.Generator) -> Scenario:
-    """The same on known hills, where weight shows in another way than soft ground."""
+    """The same on known hills, which distinguish weight from soft ground."""
     plain = payload(rng)
     hills = _hills(rng.uniform(0.02, 0.03))
     trips = tuple(replace(trip, world=replace(trip.world, slope=hills)) for trip in plain.trips)
@@ -94,14 +94,14 @@ def payload_on_hills(rng: np.random.Generator) -> Scenario:
 
 
 def hidden_grade(rng: np.random.Generator) -> Scenario:
-    """Out over a hill and back again, with no record of the slope."""
+    """Out over a hill and back, without a recorded slope."""
     world = World(_hard(rng), slope=_hills(rng.uniform(0.025, 0.04)))
     trips = _there_and_back(world, [_steady(rng, 0.45) for _ in range(4)])
     return Scenario(("hidden_grade",), _rover(rng), trips, placed=True)
 
 
 def regeneration(rng: np.random.Generator) -> Scenario:
-    """Known hills that are steep enough to brake on, which charges the battery."""
+    """Known hills steep enough for braking, which charges the battery."""
     world = World(_hard(rng), slope=_hills(rng.uniform(0.11, 0.14)))
     trips = _there_and_back(world, [_steady(rng, 0.45) for _ in range(4)])
     rover = replace(_rover(rng), recovery=rng.uniform(0.5, 0.8))
@@ -109,7 +109,7 @@ def regeneration(rng: np.random.Generator) -> Scenario:
 
 
 def turning_and_surface(rng: np.random.Generator) -> Scenario:
-    """Tours of which some lead over soft ground."""
+    """Tours, some of them over soft ground."""
     hard, drives = _hard(rng), [tour(rng, RUN_S, speed) for speed in rng.uniform(0.45, 0.8, 4)]
     soft = World(hard, ((-999.0, 999.0, replace(hard, rolling=2.2 * hard.rolling)),))
     edge = World(hard, ((10.0, 999.0, replace(hard, rolling=2.2 * hard.rolling)),))
@@ -125,14 +125,14 @@ def turning_and_payload(rng: np.random.Generator) -> Scenario:
 
 
 def turning_and_inertia(rng: np.random.Generator) -> Scenario:
-    """Tours, and hurried stop and go straight on."""
+    """Tours, and straight drives with fast starts and stops."""
     drives = [tour(rng, RUN_S, speed) for speed in rng.uniform(0.45, 0.8, 2)]
     drives += [stop_and_go(rng, RUN_S), stop_and_go(rng, RUN_S)]
     return Scenario(("turning", "inertia"), _rover(rng), _trips(World(_hard(rng)), drives))
 
 
 def turning_and_hidden_grade(rng: np.random.Generator) -> Scenario:
-    """Out and back over a hill, and tours on level ground; no record of the slope."""
+    """Out and back over a hill, and tours on level ground, without a recorded slope."""
     ground = _hard(rng)
     trips = _there_and_back(World(ground, slope=_hills(0.035)), [_steady(rng, 0.45) for _ in range(3)])
     tours = [tour(rng, RUN_S, rng.uniform(0.45, 0.8)) for _ in range(2)]
@@ -146,14 +146,14 @@ def surface_and_payload(rng: np.random.Generator) -> Scenario:
 
 
 def inertia_and_payload(rng: np.random.Generator) -> Scenario:
-    """Hurried stop and go, and once steadily, with and without sacks."""
+    """Fast starts and stops, and one steady drive, with and without sacks."""
     drives = [*(stop_and_go(rng, RUN_S) for _ in range(3)), _steady(rng), _steady(rng)]
     trips = _loaded(_trips(World(replace(_hard(rng), sliding=0.85)), drives), (0.0, 25.0, 0.0, 20.0, 0.0))
     return Scenario(("inertia", "payload"), _rover(rng), trips)
 
 
 def inertia_and_regeneration(rng: np.random.Generator) -> Scenario:
-    """Hurried stop and go of a rover that gets energy back."""
+    """Fast starts and stops of a rover with regeneration."""
     plain = inertia(rng)
     return replace(
         plain,
@@ -163,7 +163,7 @@ def inertia_and_regeneration(rng: np.random.Generator) -> Scenario:
 
 
 def stuck_brake(rng: np.random.Generator) -> Scenario:
-    """Bends so wide that scrub is next to nothing; in those to the left a brake drags."""
+    """Bends so wide that scrub is negligible; in left bends a brake drags."""
     drives = []
     for speed in rng.uniform(0.4, 0.8, 4):
         sides = rng.permutation((1.0, 0.0, -1.0, 1.0, -1.0, 0.0))
@@ -187,13 +187,13 @@ def chatter(rng: np.random.Generator) -> Scenario:
 
 
 def constant_payload(rng: np.random.Generator) -> Scenario:
-    """The same sacks all the time, which only look like a wrong number in the file."""
+    """The same sacks in all drives, which is equivalent to a wrong mass in the file."""
     plain = level(rng)
     return replace(plain, truth=("payload",), trips=_loaded(plain.trips, (18.0,) * 4))
 
 
 def constant_surface(rng: np.random.Generator) -> Scenario:
-    """Soft ground all the time, which only looks like a wrong number in the file."""
+    """Soft ground in all drives, which is equivalent to a wrong rolling resistance in the file."""
     plain, ground = level(rng), _hard(rng)
     world = World(ground, ((-99.0, 999.0, replace(ground, rolling=1.7 * ground.rolling)),))
     trips = tuple(replace(trip, world=world) for trip in plain.trips)
@@ -229,7 +229,7 @@ def _hills(steepness_rad: float) -> tuple[tuple[float, float], ...]:
 def _steady(
     rng: np.random.Generator, least_mps: float = 0.3, most_mps: float = 0.9, change_mps: float = 0.1
 ) -> Command:
-    """One speed, or from one within a minute to another, so slowly that inertia is next to nothing."""
+    """One speed, or a change to another within a minute, so slow that inertia is negligible."""
     start = rng.uniform(least_mps, most_mps)
     end = np.clip(start + rng.choice((-change_mps, 0.0, change_mps)), 0.3, 0.9)
     return cruise([start, end], RUN_S, acceleration_mps2=change_mps / 60.0)
@@ -240,7 +240,7 @@ def _trips(world: World, drives: list[Command]) -> tuple[Trip, ...]:
 
 
 def _there_and_back(world: World, drives: list[Command]) -> tuple[Trip, ...]:
-    """Every other trip back from the far end; rovers are turned round off the record."""
+    """Every other trip back from the far end; the turns are not recorded."""
     trips = _trips(world, drives)
     return tuple(replace(t, start_m=56.0, heading_rad=np.pi) if i % 2 else t for i, t in enumerate(trips))
 

@@ -1,4 +1,4 @@
-"""Six real vehicles from 1 kg to 3 t: their nominal robot files, and what only the hidden mechanisms need to know."""
+"""Six real vehicles from 1 kg to 3 t: their nominal robot files, and further parameters for the hidden mechanisms."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ KELVIN = 273.15  # 0 °C in kelvin, by definition
 
 @dataclass(frozen=True)
 class Plant:
-    """A vehicle: its nominal robot, how it steers, where it drives and the parts that the nominal robot leaves out."""
+    """A vehicle: its nominal robot, steering, terrain, and parts that the nominal robot lacks."""
 
     robot: Robot
     steering: Literal["skid", "differential", "ackermann"]
     wheelbase_m: float
-    steepest_grade_rad: float  # of its usual ground
+    steepest_grade_rad: float  # of its typical ground
     max_accel_mps2: float
     max_turn_radps: float
-    leg_m: float  # usual length of one way
+    leg_m: float  # typical length of one way
     outdoor: bool
     source: str
 
 
 def rolling_power_w(vehicle: Plant) -> float:
-    """Electrical power that rolling resistance takes at 60 % of top speed, W: a yardstick for what is hidden."""
+    """Electrical power of rolling resistance at 60 % of top speed, W: the scale of concealed physics."""
     robot = vehicle.robot
     force_n = robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2
     return force_n * 0.6 * robot.max_speed_mps / robot.traction_efficiency
 
 
 def peak_power_w(vehicle: Plant) -> float:
-    """Electrical power at top speed up the steepest slope with everything on, W."""
+    """Electrical power at top speed up the steepest slope with all loads on, W."""
     robot = vehicle.robot
     steepness = robot.rolling_resistance + vehicle.steepest_grade_rad
     force_n = steepness * robot.mass_kg * GRAVITY_MPS2 + robot.drag_ns2_per_m2 * robot.max_speed_mps**2

@@ -1,1 +1,1 @@
-"""What asks the tool, and counts its answers."""
+"""Runs the diagnosis on cases, and counts correct answers."""

@@ -17,11 +17,11 @@ from homeward.agents.evaluation.statistics import wilson
 
 NAMES_GRADE = re.compile(r"grade|elevation|slope|altitude|hills?\b", re.IGNORECASE)
 NOT_SAID = ("wind", "intermittent_load")
-"""Effects that a robot file cannot say: weather, and a rhythm without its beat."""
+"""Effects that a robot file cannot contain: weather, and a periodic load of unknown phase."""
 
 
 def share(flags: Iterable[bool]) -> str:
-    """So many of so many, with the 95 % interval of the share.
+    """Count, total and share with its 95 % interval.
 
     >>> share([True, False, True, True])
     '3/4 = 75 % (30–95)'
@@ -49,41 +49,40 @@ class Table:
 
 
 def named(outcome: Outcome) -> list[list[str]]:
-    """Classes that were named; a battery that holds the same too little in all drives is aged, or what is said
-    beside that."""
+    """Named classes; a capacity that is too small in all drives counts as ageing or one of its stated alternatives."""
     return [*outcome.classes, *([outcome.capacity] if outcome.capacity else [])]
 
 
 def found_first(outcome: Outcome) -> bool:
-    """Whether the hidden effect is the first that is named, or among those the first is confused with."""
+    """Whether the concealed effect is the first named one, or one that it is stated to be confused with."""
     return outcome.hidden[0] in [*named(outcome), []][0]
 
 
 def usable(outcome: Outcome) -> bool:
-    """Whether a control's recordings can tell its parameters: not of power of the wrong sign, nor of hills unseen."""
+    """Whether a control's recordings identify its parameters: not with power of the wrong sign or unrecorded hills."""
     return outcome.fault not in ("wrong_sign", "no_grade")
 
 
 def false_alarm(outcome: Outcome) -> bool:
-    """Whether a control got physics that it does not lack; without a grade channel it may ask for that channel."""
+    """Whether the diagnosis of a control names physics; without a grade channel it may ask for that channel."""
     if outcome.verdict == "unknown_physics" and outcome.fault == "no_grade":
         return not NAMES_GRADE.search(outcome.summary)
     return outcome.verdict in ("missing_physics", "unknown_physics")
 
 
 def wrongly_named(outcome: Outcome) -> bool:
-    """Whether a mechanism outside the catalogue got the name of an effect that is no fair description of it."""
+    """Whether a mechanism outside the catalogue was named as an effect that is no acceptable description of it."""
     fair = set(outcome.fair)
     return any(entry[0] in EFFECTS and not fair & set(entry) for entry in outcome.classes)
 
 
 def tables(outcomes: Sequence[Outcome]) -> list[Table]:
-    """All tables for which there are outcomes."""
+    """All tables with outcomes."""
     made: list[Table] = []
     makers: dict[str, Callable[[list[Outcome]], Table]] = {
         "singles": _singles, "pairs": _pairs, "controls": _controls, "outside": _outside, "coverage": _coverage,
     }  # fmt: skip
-    for part in (None, *NEEDS):  # those of others' simulators apart from the own one
+    for part in (None, *NEEDS):  # those of other simulators apart from the own one
         for kind, maker in makers.items():
             chosen = [o for o in outcomes if o.kind == kind and part == (o.part if o.part in NEEDS else None)]
             if chosen:

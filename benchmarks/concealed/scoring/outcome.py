@@ -1,4 +1,4 @@
-"""Ask the tool about a case, as its command line does, and keep what it answered."""
+"""Diagnose a case as the command line does, and collect the answer."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Interval(TypedDict):
 
 
 class LaterError(TypedDict):
-    """Errors of a later drive's energy, %, by who predicts it."""
+    """Errors of a later drive's energy, %, by model."""
 
     kind: str
     nominal_pct: float
@@ -45,7 +45,7 @@ class LaterError(TypedDict):
 
 @dataclass
 class Outcome:
-    """A case and what the tool said about it; everything in it is written to JSON as it stands."""
+    """A case and its diagnosis; all fields are written to JSON."""
 
     part: str
     number: int
@@ -55,11 +55,11 @@ class Outcome:
     visible: dict[str, bool]
     fair: list[str]
     fault: str
-    verdict: str = ""  # the tool's, or "refused" (input that it cannot use) or "crash"
+    verdict: str = ""  # of the diagnosis, or "refused" (unusable input) or "crash"
     summary: str = ""
     classes: list[list[str]] = field(default_factory=list)  # missing_physics: effect, then what it is confused with
     off: list[str] = field(default_factory=list)
-    capacity: list[str] = field(default_factory=list)  # what a usable energy that is off may be
+    capacity: list[str] = field(default_factory=list)  # alternatives for a wrong usable energy
     holds: list[str] = field(default_factory=list)  # effects in corrected.toml
     later: list[LaterError] = field(default_factory=list)
     intervals: list[Interval] = field(default_factory=list)
@@ -68,7 +68,7 @@ class Outcome:
 
     @property
     def kind(self) -> str:
-        """The part, or in a part on somebody else's simulator, the part that counts such cases."""
+        """The part or, for cases of another simulator, the part that such cases belong to."""
         if self.part not in NEEDS:
             return self.part
         if not self.hidden:
@@ -77,7 +77,7 @@ class Outcome:
 
 
 def run_case(part: Part, seed: int, number: int, out: Path) -> Outcome:
-    """Make one case and ask the tool."""
+    """Make one case and diagnose it."""
     start_s = time.perf_counter()
     case = make_case(part, seed, number)
     make_s = time.perf_counter() - start_s
@@ -104,7 +104,7 @@ def ask(case: Case, folder: Path) -> Outcome:
             diagnose.main(args)
     except RecordingError as error:
         outcome.verdict, outcome.summary = "refused", str(error)
-    except Exception:  # the robot file is valid, so that even a RobotError is the tool's own and counts as a crash
+    except Exception:  # the robot file is valid, so that even a RobotError counts as a crash
         outcome.verdict, outcome.summary = "crash", traceback.format_exc(limit=-3)
     else:
         read_diagnosis(outcome, json.loads((folder / "diagnosis.json").read_text()), case)
@@ -115,7 +115,7 @@ def ask(case: Case, folder: Path) -> Outcome:
 
 
 def read_diagnosis(outcome: Outcome, diagnosis: dict[str, Any], case: Case) -> None:
-    """Take over the verdict, the classes and, where the true values are known, the intervals."""
+    """Store verdict, classes and, where the true values are known, intervals."""
     outcome.verdict, outcome.summary = diagnosis["verdict"], diagnosis["summary"]
     missing, off = diagnosis["missing_physics"], diagnosis["parameters_off"]
     outcome.classes = [[entry["effect"], *entry["confused_with"]] for entry in missing]
@@ -141,7 +141,7 @@ def _interval(name: str, true: float, ci95: list[float], off: bool = False) -> I
 
 
 def true_groups(robot: Robot) -> dict[str, float]:
-    """What recordings can show of a robot without effects (physics.md, trap 7), by the names that the tool uses."""
+    """Parameter groups that recordings identify for a robot without effects, by their names in the diagnosis."""
     gamma = robot.traction_efficiency
     return {
         "P_anc, idle part": robot.sensing_idle_w + robot.communication_w + robot.controller_w,
@@ -165,7 +165,7 @@ def _read_corrected(outcome: Outcome, case: Case, folder: Path) -> None:
 
 
 def _error_pct(robot: Robot, drive: Later) -> float:
-    """Error of a trip's energy without its sign, %."""
+    """Absolute error of a trip's energy, %."""
     run = drive.run
     true_j = float(np.sum(drive.power_w)) * run.dt_s
     return float(abs(np.sum(replayed_w(robot, run)) * run.dt_s - true_j) / abs(true_j) * 100.0)

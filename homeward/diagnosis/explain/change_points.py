@@ -181,14 +181,14 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
     """Level of each block and the number of levels: sorted sizes, cut where the gain exceeds the penalty."""
     distinct, which, times = np.unique(size, return_inverse=True, return_counts=True)
     mean = float(np.average(size, weights=weight))
-    left = float((weight * (size - mean) ** 2).sum())
+    total = float((weight * (size - mean) ** 2).sum())
     level, levels = np.zeros(len(size), dtype=np.intp), 1
     explained = 0.0
     for count, groups in enumerate(_groups(distinct, times, min(_MOST_LEVELS, len(distinct))), start=2):
         number = groups[which]
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
-        gain = left - remaining - explained
+        gain = total - remaining - explained
         if gain <= penalty or gain < rules.SMALLEST_LEVEL_GAIN * explained:
             break
         level, levels, explained = number, count, explained + gain

@@ -25,7 +25,7 @@ from homeward.logs.channels import Index
 
 
 @dataclass(frozen=True)
-class Remains:
+class RemainingDependence:
     """The residual of the named effects, where it still depends on a channel."""
 
     channel: str
@@ -40,7 +40,7 @@ class Explanation:
     naming: Naming = field(default_factory=Naming)
     location: Location | None = None
     empirical: Empirical | None = None  # the formula that fits the mismatch, where no effect is named
-    remains: Remains | None = None
+    remaining: RemainingDependence | None = None
 
 
 def explain(
@@ -84,11 +84,11 @@ def explain(
             naming = naming.nothing_named()
         else:
             empirical = None
-    remains = None if naming.corrected is None else residual.remains(naming.corrected)
-    if remains is not None and most.found and _of_another_channel(naming, remains, most):
-        naming, remains = naming.nothing_named(), None
+    remaining = None if naming.corrected is None else residual.remaining(naming.corrected)
+    if remaining is not None and most.found and _of_another_channel(naming, remaining, most):
+        naming, remaining = naming.nothing_named(), None
         empirical = propose(fit, runs, block, fold, seed)
-    return Explanation(naming, location, empirical, remains)
+    return Explanation(naming, location, empirical, remaining)
 
 
 @dataclass(frozen=True)
@@ -120,14 +120,14 @@ class _Residual:
         """Share of the residual that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
 
-    def remains(self, corrected: Corrected) -> Remains | None:
+    def remaining(self, corrected: Corrected) -> RemainingDependence | None:
         """The residual of the corrected model where, by the test of the refit's, it depends on a channel."""
         blocks = independent_blocks(corrected, self.runs)
         most = dependences(corrected, self.runs, blocks, self.by_run, self.seed)[0]
         if not most.found or most.channel.name == "time_s":
             return None
         formula = propose(corrected, self.runs, blocks.channels, self.by_run, self.seed)
-        return Remains(most.channel.name, locate(most, self.runs), formula)
+        return RemainingDependence(most.channel.name, locate(most, self.runs), formula)
 
     def instead_of_parameters(self, naming: Naming) -> Naming:
         """The effects named if groups that one effect would replace are held at the robot file's values.
@@ -180,7 +180,7 @@ class _Residual:
         return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.CLEARLY_BETTER)
 
 
-def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> bool:
+def _of_another_channel(naming: Naming, remaining: RemainingDependence, most: Dependence) -> bool:
     """Whether a channel that shows no named effect explains more than those named, and the residual still depends on
     it.
 
@@ -192,5 +192,5 @@ def _of_another_channel(naming: Naming, remains: Remains, most: Dependence) -> b
     named = (term for one in naming.named for term in (one.term, *one.rivals))
     covered = {channel for term in named for channel in term.hypothesis.channels}
     by_named = 1.0 - float(np.prod([1.0 - one.held_out_gain for one in naming.named]))
-    not_covered = most.channel.name not in covered and remains.channel == most.channel.name
+    not_covered = most.channel.name not in covered and remaining.channel == most.channel.name
     return not_covered and most.held_out_gain > by_named

@@ -188,17 +188,17 @@ def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float,
         seen = own > 1e-6 * np.maximum(power, 1e-300)  # else it is collinear with the model
         size = np.where(seen, (moment[:, -1] - moment[:, :-1] @ weights) / np.where(seen, own, 1.0), 0.0)
         plain = np.append(-weights, 1.0)
-        left = plain + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))  # less size times the candidate
+        remaining = plain + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))  # less size times the candidate
         without += max(float(plain @ gram[test] @ plain), 0.0)
-        squared = ((left @ gram[test]) * left - 2.0 * size[:, None] * beside[test] * left).sum(axis=1)
+        squared = ((remaining @ gram[test]) * remaining - 2.0 * size[:, None] * beside[test] * remaining).sum(axis=1)
         with_it += np.maximum(squared + size**2 * square[test], 0.0)
     return max(without, 1e-300), np.maximum(with_it, 1e-300)
 
 
 def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
     """Each term chosen anew beside the others, as the first was chosen without the second; and its equivalents."""
-    left = search.runs.observed - search.held_out(chosen)
-    judge = replace(search, correlation=correlation_windows(left, search.runs.run))
+    residual = search.runs.observed - search.held_out(chosen)
+    judge = replace(search, correlation=correlation_windows(residual, search.runs.run))
     final, alternatives = list(chosen), []
     for index in range(len(final)):
         scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])

@@ -124,8 +124,8 @@ class Setting:
     @classmethod
     def of(cls, fit: Refit, runs: Runs, residual: Array | None = None) -> Setting:
         """Setting of a refit with its own residual or another, shape (windows,)."""
-        left = runs.observed - fit.predicted if residual is None else residual
-        return cls(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, left)
+        residual = runs.observed - fit.predicted if residual is None else residual
+        return cls(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, residual)
 
     @property
     def rolling_kg(self) -> float:

@@ -118,8 +118,8 @@ class Corrected:
 
     def fitted_to(self, chosen: Mask, observed: Array) -> Corrected:
         """The same fitted to the chosen windows only, linearised at this fit."""
-        left = (observed - self.predicted)[chosen]
-        step, theta, values = _stepped(self.groups, self.model, self.values, self.jacobian[chosen], left)
+        residual = (observed - self.predicted)[chosen]
+        step, theta, values = _stepped(self.groups, self.model, self.values, self.jacobian[chosen], residual)
         groups = dataclasses.replace(self.groups, theta=theta, predicted=self.predicted + self.jacobian @ step)
         return dataclasses.replace(self, values=values, groups=groups)
 
@@ -237,8 +237,8 @@ def _descended(
     error = float(np.sum((runs.observed - predicted)[chosen] ** 2))
     for _ in range(_ITERATIONS):
         at = dataclasses.replace(fit, theta=theta)
-        left = (runs.observed - predicted)[chosen]
-        _, to_theta, to_values = _stepped(at, model, values, jacobian[chosen], left)
+        residual = (runs.observed - predicted)[chosen]
+        _, to_theta, to_values = _stepped(at, model, values, jacobian[chosen], residual)
         for share in _HALVED:
             # A whole step to a bound may exceed it by rounding.
             tried = theta + share * (to_theta - theta), np.clip(values + share * (to_values - values), *model.bounds)
@@ -273,8 +273,8 @@ def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
     if not flexible:
         return fit
     columns = np.column_stack(flexible)
-    left = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]
-    spanned = (left**2).sum(axis=0) < rules.COLLINEAR * (fit.jacobian**2).sum(axis=0)
+    residual = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]
+    spanned = (residual**2).sum(axis=0) < rules.COLLINEAR * (fit.jacobian**2).sum(axis=0)
     return holding(fit, runs, fit.held | spanned) if spanned.any() else fit
 
 

@@ -30,8 +30,8 @@ def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: Index) -> float:
 
 
 def _held_out_error(model: Fitted, runs: Runs, fold: Index) -> float:
-    left = runs.observed - held_out(lambda chosen: model.fitted_to(chosen, runs.observed).predicted, fold)
-    return float(left @ left)
+    residual = runs.observed - held_out(lambda chosen: model.fitted_to(chosen, runs.observed).predicted, fold)
+    return float(residual @ residual)
 
 
 def motion_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:

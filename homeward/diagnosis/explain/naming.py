@@ -16,12 +16,12 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.change_points import clearly_apart
+from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.motion import largest_by_motion
 from homeward.diagnosis.explain.proof import FOLDS, Bench
 from homeward.diagnosis.explain.uncertainty import profiled
-from homeward.diagnosis.explain.witnesses import not_contradicted
 from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
@@ -85,7 +85,7 @@ def name_missing(
     fold = np.asarray(block % FOLDS)
     setting = Setting.of(fit, runs)
     material = holding(fit, runs, immaterial(fit, runs))
-    in_doubt = channel_error(fit, runs)
+    expected_error = channel_error(fit, runs)
     refit_error = float(setting.residual @ setting.residual)
     named: list[Named] = []
     ranking: tuple[Ranked, ...] = ()
@@ -97,7 +97,7 @@ def name_missing(
         candidates = terms(setting, tuple(one.term.effect for one in named), varying)
         model = corrected or fit
         candidates = not_contradicted(candidates, model.jacobian, setting, block, seed)
-        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, in_doubt)
+        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, expected_error)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, seed):
@@ -231,7 +231,7 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     """Of hypotheses that the data cannot separate that with the highest prior: physics before a fault of an instrument,
     a change that is typical for the effect before another."""
 
-    def rarity(index: int) -> tuple[bool, bool, float]:
+    def preference(index: int) -> tuple[bool, bool, float]:
         term = bench.candidates[index]
         return not term.hypothesis.physical, not term.typical, -float(alone[index])
 
@@ -241,7 +241,7 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
         if term.axis == bench.candidates[chosen].axis
         and 1.0 - bench.shares[index] <= rules.EQUAL * (1.0 - bench.shares[chosen])
     ]
-    return min([chosen, *equals], key=rarity)
+    return min([chosen, *equals], key=preference)
 
 
 def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: int) -> Named | None:

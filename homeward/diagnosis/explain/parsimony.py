@@ -40,8 +40,8 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
     gram = columns.T @ columns
     low, high = ((bound - problem.start) / problem.scale for bound in (problem.low, problem.high))
     low, high = np.append(low, [one.low[0] for one in effects]), np.append(high, [one.high[0] for one in effects])
-    left = runs.observed - fit.predicted
-    independent = independent_windows(left, runs.run)
+    residual = runs.observed - fit.predicted
+    independent = independent_windows(residual, runs.run)
     least = meter_error(runs)
 
     def criterion(chosen: tuple[int, ...]) -> float:

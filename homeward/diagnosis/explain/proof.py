@@ -205,7 +205,7 @@ class Bench:
 
     @cached_property
     def _innovation(self) -> Callable[[tuple[int, ...]], float]:
-        return cache(lambda chosen: _log_innovation(self._left(chosen), self.runs.run))
+        return cache(lambda chosen: _log_innovation(self._residual(chosen), self.runs.run))
 
     def independent(self, *chosen: int) -> float:
         """Effective sample size, windows, by the autocorrelation time of the residual of these hypotheses.
@@ -213,13 +213,13 @@ class Bench:
         The residual of a wrong model has the autocorrelation of what it lacks, and counts for less. But steps that are
         clearly above the residual are identified by the windows around them, so that only short lags count.
         """
-        left, run = self._left(chosen), self.runs.run
+        residual, run = self._residual(chosen), self.runs.run
         clear = chosen and all(clearly_apart(self.candidates[one].schedule) for one in chosen)
         if clear:
-            return max(len(left) / noise_of(left, run, _AROUND_A_STEP).correlation, 2.0)
-        return independent_windows(left, run)
+            return max(len(residual) / noise_of(residual, run, _AROUND_A_STEP).correlation, 2.0)
+        return independent_windows(residual, run)
 
-    def _left(self, chosen: tuple[int, ...]) -> Array:
+    def _residual(self, chosen: tuple[int, ...]) -> Array:
         """Residual of these hypotheses, shape (windows,)."""
         columns = self._chosen(self._whole, chosen)
         weights = self._weights(self._whole, columns, chosen)
@@ -292,7 +292,7 @@ class Bench:
 
     def _placebos(self, chosen: int, rng: np.random.Generator) -> Iterator[Array]:
         """Targets under the null hypothesis, (windows,) each; blocks of one sign outlast the residual's correlation."""
-        block = cut_blocks(self.runs.run, self._left((chosen,)))
+        block = cut_blocks(self.runs.run, self._residual((chosen,)))
         for _ in range(_SEARCHES):
             if self.candidates[chosen].hypothesis.changes == "repeatedly":
                 yield _of_same_spectrum(self.target, rng)
@@ -310,18 +310,18 @@ class Bench:
         )
 
 
-def _log_innovation(left: Array, run: Index) -> float:
+def _log_innovation(residual: Array, run: Index) -> float:
     """Log of the mean squared innovation of an autoregressive series, of one process in all runs.
 
     >>> steps = np.repeat([0.0, 1.0, 0.0, 1.0], 50) + np.random.default_rng(0).normal(0.0, 0.01, 200)
     >>> bool(_log_innovation(steps, np.zeros(200)) > np.log(1.0 / 200))
     True
     """
-    rows = np.arange(_PAST, len(left))
+    rows = np.arange(_PAST, len(residual))
     rows = rows[run[rows] == run[rows - _PAST]]
-    past = np.stack([left[rows - lag] for lag in range(1, _PAST + 1)], axis=1)
-    weights = np.linalg.lstsq(past, left[rows], rcond=None)[0]
-    return float(np.log(max(float(np.mean((left[rows] - past @ weights) ** 2)), 1e-300)))
+    past = np.stack([residual[rows - lag] for lag in range(1, _PAST + 1)], axis=1)
+    weights = np.linalg.lstsq(past, residual[rows], rcond=None)[0]
+    return float(np.log(max(float(np.mean((residual[rows] - past @ weights) ** 2)), 1e-300)))
 
 
 def _tail(scores: Array, reached: float) -> float:

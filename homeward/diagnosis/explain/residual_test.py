@@ -84,7 +84,7 @@ class Dependence:
         return self.p_value <= rules.FALSE_ALARM_RATE and self.held_out_gain >= least
 
 
-class _Look(NamedTuple):
+class _TestStatistic(NamedTuple):
     """One test statistic: sums of the weighted residual over sets of windows."""
 
     sums: Array  # (blocks, sets)
@@ -98,7 +98,7 @@ class _Test(NamedTuple):
     weight: Array  # (windows,)
     values: Array  # (windows,)
     bin: Index  # (windows,)
-    looks: tuple[_Look, ...]
+    statistics: tuple[_TestStatistic, ...]
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def _tested(
         if folds
         else residual
     )
-    p_values = _family_p_values(fit, residual, block, [one.looks for one in tests], seed)
+    p_values = _family_p_values(fit, residual, block, tests, seed)
     for one, p_value in zip(tests, p_values.tolist(), strict=True):
         design = np.column_stack([fit.jacobian, _indicators(one.bin, one.weight)])
         after, gain = residual, 0.0
@@ -197,11 +197,11 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
             slope = (weight * rank)[:, None]
             # Only the part that the refit cannot absorb is tested.
             slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
-            looks = (
-                _Look(per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
+            statistics = (
+                _TestStatistic(per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
                 for one in (bins, slope)
             )
-            yield _Test(channel, scaled, weight, values, number, tuple(looks))
+            yield _Test(channel, scaled, weight, values, number, tuple(statistics))
 
 
 def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
@@ -218,16 +218,16 @@ def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator
             chosen[row, part] = 1.0
         sums = per_block((weight * residual)[:, None], block) * chosen.T
         columns = chosen @ per_block(weight[:, None] * fit.jacobian, block)
-        look = _Look(sums, columns, np.array([run for run, _ in sets], dtype=np.intp))
-        yield _Test(_TIME, scaled, weight, runs.time_s, _stretches(look, chosen, runs.run, block), (look,))
+        statistic = _TestStatistic(sums, columns, np.array([run for run, _ in sets], dtype=np.intp))
+        yield _Test(_TIME, scaled, weight, runs.time_s, _stretches(statistic, chosen, runs.run, block), (statistic,))
 
 
-def _stretches(look: _Look, chosen: Array, run: Index, block: Index) -> Index:
+def _stretches(statistic: _TestStatistic, chosen: Array, run: Index, block: Index) -> Index:
     """Stretch of each window: a run is cut in two where the CUSUM departs most, if by enough."""
-    departure = _studentised(look.sums.sum(axis=0)[None], look.sums)[0]
+    departure = _studentised(statistic.sums.sum(axis=0)[None], statistic.sums)[0]
     cut = np.zeros(len(run), dtype=np.intp)
-    for one in np.unique(look.family):
-        largest = max(np.flatnonzero(look.family == one), key=lambda index: departure[index])
+    for one in np.unique(statistic.family):
+        largest = max(np.flatnonzero(statistic.family == one), key=lambda index: departure[index])
         if departure[largest] >= rules.CUSUM_CUTS:
             cut += (chosen[largest] > 0.0)[block]
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
@@ -278,7 +278,7 @@ def _studentised(draws: Array, sums: Array) -> Array:
     return np.asarray((draws / np.where(spread > 0.0, spread, np.inf)) ** 2)
 
 
-def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence[Sequence[_Look]], seed: int) -> Array:
+def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence[_Test], seed: int) -> Array:
     """P-value of each candidate, corrected for all tests by the bootstrap distribution of the smallest."""
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
     signs[0] = 1.0  # the recorded residual
@@ -286,18 +286,18 @@ def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence
     scores = per_block(fit.jacobian * residual[:, None], block)
     refitted = (signs @ scores) @ bread  # (draws, groups): what the refit would absorb of each draw
     single = np.array([
-        np.min([_p_values(signs, refitted, look) for look in looks], axis=0) for looks in tests
+        np.min([_p_values(signs, refitted, statistic) for statistic in test.statistics], axis=0) for test in tests
     ]).reshape(-1, _DRAWS)  # fmt: skip
     smallest = single.min(axis=0, initial=1.0)
     return np.array([(smallest <= p[0]).mean() for p in single])
 
 
-def _p_values(signs: Array, refitted: Array, look: _Look) -> Array:
+def _p_values(signs: Array, refitted: Array, statistic: _TestStatistic) -> Array:
     """P-value of each draw in one test, shape (draws,), from the draws' own distribution."""
-    squared = _studentised(signs @ look.sums - refitted @ look.columns.T, look.sums)
-    families = [squared[:, look.family == one].max(axis=1) for one in np.unique(look.family)]
-    statistic = np.sum([np.zeros(len(signs)), *families], axis=0)
-    at_least = len(signs) - np.searchsorted(np.sort(statistic), statistic * (1.0 - 1e-9))
+    squared = _studentised(signs @ statistic.sums - refitted @ statistic.columns.T, statistic.sums)
+    families = [squared[:, statistic.family == one].max(axis=1) for one in np.unique(statistic.family)]
+    total = np.sum([np.zeros(len(signs)), *families], axis=0)
+    at_least = len(signs) - np.searchsorted(np.sort(total), total * (1.0 - 1e-9))
     return np.asarray(at_least / len(signs))
 
 

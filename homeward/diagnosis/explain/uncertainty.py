@@ -215,8 +215,8 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     if best is not model:  # go on from there
         started = [replace(one, hypothesis=of.hypothesis) for one, of in zip(best.model.terms, terms, strict=True)]
         best = min(best, fit_model(fit, started, runs, block), key=lambda one: _error(one, runs))
-    left = runs.observed - best.predicted
-    independent = independent_windows(left, runs.run)
+    residual = runs.observed - best.predicted
+    independent = independent_windows(residual, runs.run)
     most = _error(best, runs) * float(np.exp(_AS_LIKELY / independent))
     most = max(most, _error(best, runs) + meter_error(runs))
     alike = [one for one in found if _error(one, runs) <= most]

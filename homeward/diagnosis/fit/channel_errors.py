@@ -88,10 +88,10 @@ def unrecorded(runs: Runs) -> list[Influence]:
     return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
 
 
-def is_autocorrelated(left: Array, runs: Runs) -> bool:
+def is_autocorrelated(residual: Array, runs: Runs) -> bool:
     """Whether a residual, (windows,), has a lag-one autocorrelation of `SAME` or more, unlike noise of power."""
     together = runs.run[1:] == runs.run[:-1]
-    return float((left[1:] * left[:-1])[together].sum()) >= rules.SAME * float(left @ left)
+    return float((residual[1:] * residual[:-1])[together].sum()) >= rules.SAME * float(residual @ residual)
 
 
 def unexplained(fit: Fitted, runs: Runs) -> bool:
@@ -102,8 +102,8 @@ def unexplained(fit: Fitted, runs: Runs) -> bool:
 
 def is_material(fit: Fitted, runs: Runs) -> bool:
     """Whether the residual of a fit exceeds `MATERIAL_SHARE` of what was recorded."""
-    left = runs.observed - fit.predicted
-    return float(left @ left) >= rules.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
+    residual = runs.observed - fit.predicted
+    return float(residual @ residual) >= rules.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
 
 
 def times_noise(fit: Fitted, runs: Runs) -> float:
@@ -112,5 +112,5 @@ def times_noise(fit: Fitted, runs: Runs) -> float:
     for number, run in enumerate(runs.signals):
         here = runs.duration_s[runs.run == number]
         noise += float((white_noise(run.observed) ** 2 * median_step_s(run.time_s) / here).sum())
-    left = runs.observed - fit.predicted
-    return float(left @ left) / max(noise, 1e-300)
+    residual = runs.observed - fit.predicted
+    return float(residual @ residual) / max(noise, 1e-300)

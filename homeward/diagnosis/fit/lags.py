@@ -68,11 +68,11 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
         return 0.0
 
     def error(late_s: float) -> Array:
-        left = []
+        errors = []
         for index, run in zip(sloping, searched, strict=True):
             slope = slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
-            left.append(_regression(run, drive_columns(run, robot, np.zeros(1) if slope is None else slope)))
-        return np.array(left)
+            errors.append(_regression(run, drive_columns(run, robot, np.zeros(1) if slope is None else slope)))
+        return np.array(errors)
 
     steps = np.arange(0.0, rules.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S)
     errors = {late: error(late) for late in steps.tolist()}
@@ -106,8 +106,8 @@ def _regression(run: Signals, columns: Array) -> float:
     design = np.column_stack([cut.means(one) for one in columns.T])
     target = cut.means(run.observed)
     weights = np.linalg.lstsq(design, target, rcond=None)[0]
-    left = target - design @ weights
-    return float(left @ left)
+    residual = target - design @ weights
+    return float(residual @ residual)
 
 
 def without_drift(runs: Sequence[Signals], robot: Robot) -> tuple[list[Signals], dict[str, float]]:
@@ -137,8 +137,8 @@ def _drift(run: Signals, robot: Robot) -> float:
         when = run.time_s - lag_s - drift_s * since
         late = np.column_stack([np.interp(when, run.time_s, one) for one in columns.T])
         weights = np.linalg.lstsq(late, run.observed, rcond=None)[0]
-        left = run.observed - late @ weights
-        return late, weights, float(left @ left)
+        residual = run.observed - late @ weights
+        return late, weights, float(residual @ residual)
 
     drifts = np.arange(-rules.LONGEST_DRIFT_S, rules.LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
     starts = [(lag, drift) for drift in drifts for lag in {0.0, -drift / 2.0}]
@@ -149,9 +149,9 @@ def _drift(run: Signals, robot: Robot) -> float:
         rate = -np.gradient(late @ weights, run.time_s)
         design = np.column_stack([late, rate, rate * since])
         found = np.linalg.lstsq(design, run.observed, rcond=None)[0]
-        left = run.observed - design @ found
+        residual = run.observed - design @ found
         lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
-        error_s = float(standard_errors(design, left, stretch.astype(np.intp))[-1])
+        error_s = float(standard_errors(design, residual, stretch.astype(np.intp))[-1])
     if error_s > abs(drift_s) / rules.CLEAR_DRIFT or not rules.SMALLEST_DRIFT_S < abs(drift_s) < rules.LONGEST_DRIFT_S:
         return 0.0
     # The derivative of a noisy channel is noise, which some lag fits by chance: power itself must be explained better.

@@ -71,8 +71,8 @@ def _turns_back(driven_m: Array, base_m: Array, slope: Array, peaks_m: Array, re
         return True
     shifts_m = np.linspace(-0.5, 0.5, _SHIFTS) * reach_m
     shifted = [sides(base_m, shift_m) for shift_m in shifts_m.tolist()]
-    left = [float(np.mean((one[0] - one[1]) ** 2)) / 2.0 - white_noise(base_m) ** 2 for one in shifted]
-    best = int(np.argmin(left))
+    errors = [float(np.mean((one[0] - one[1]) ** 2)) / 2.0 - white_noise(base_m) ** 2 for one in shifted]
+    best = int(np.argmin(errors))
     slopes = sides(slope, float(shifts_m[best]))
-    as_far = left[best] <= _AS_FAR * float(np.var(shifted[best]))
+    as_far = errors[best] <= _AS_FAR * float(np.var(shifted[best]))
     return as_far and float(np.mean((slopes[0] + slopes[1]) ** 2)) / 2.0 <= _REVERSED * float(np.var(slopes))

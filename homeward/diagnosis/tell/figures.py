@@ -154,15 +154,15 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
     if not chosen and evidence.dependences:
         chosen = {0: []}
     names = [name for name in ("refit", "corrected") if name in evidence.predictions]
-    left = [evidence.runs.observed - evidence.predictions[name] for name in names]
+    residuals = [evidence.runs.observed - evidence.predictions[name] for name in names]
     found = []
     for index, effects in chosen.items():
         dependence = evidence.dependences[index]
         before, *after = (
-            _condition_figure(residual, dependence, evidence, _LINES[name]["color"], f"{index}-{name}", left)
-            for name, residual in zip(names, left, strict=True)
+            _condition_figure(residual, dependence, evidence, _LINES[name]["color"], f"{index}-{name}", residuals)
+            for name, residual in zip(names, residuals, strict=True)
         )
-        bins = [_bins(residual, dependence, evidence) for residual in left]
+        bins = [_bins(residual, dependence, evidence) for residual in residuals]
         rows = [
             (centre, [(float(one["mean"].iloc[i]), rules.NORMAL_95 * float(one["error"].iloc[i])) for one in bins])
             for i, centre in enumerate(bins[0]["centre"].tolist())

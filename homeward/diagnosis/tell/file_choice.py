@@ -117,7 +117,7 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -
     """
     choice = _proven(robot, verdict, evidence, seed)
     changed, file, capacity = choice.robot, choice.file, evidence.capacity
-    if shown := [one.in_file for one in evidence.witnessed if one.in_file]:
+    if shown := [one.in_file for one in evidence.channel_effects if one.in_file]:
         for numbers in shown:
             changed = with_effects_of(changed, numbers)
         file = replace(file, why=f"{file.why}; it also holds what voltage or charge show of the battery")

@@ -14,9 +14,9 @@ def missing_physics(evidence: Evidence) -> tuple[MissingPhysics, ...]:
         assert corrected is not None
         numbers, where = corrected.parameters_of(index), places(one.term, corrected.contribution[index], runs)
         proof, rivals = Proof(one.delta_bic, one.held_out_gain, one.p_value), tuple(term.effect for term in one.rivals)
-        drive = to_tell_apart(evidence.fitted, runs, evidence.left, one.term, one.rivals)
+        drive = to_tell_apart(evidence.fitted, runs, evidence.residual, one.term, one.rivals)
         found.append(MissingPhysics(*_description(one.term.hypothesis), numbers, where, proof, rivals, drive))
-    for shown in evidence.witnessed:
+    for shown in evidence.channel_effects:
         where = places_of(shown.contribution, runs, None, shown.contribution != 0.0)
         measurement = shown.hypothesis.measurement
         advice = f"{measurement[0].upper()}{measurement[1:]}." if shown.rivals else ""

@@ -55,15 +55,15 @@ def at_its_size(fit: Refit, runs: Runs, term: Term) -> SizedEffect:
 
 
 def gains(
-    fit: Refit, runs: Runs, left: Array, effects: Sequence[SizedEffect], groups: Sequence[str] = ()
+    fit: Refit, runs: Runs, residual: Array, effects: Sequence[SizedEffect], groups: Sequence[str] = ()
 ) -> dict[str, float]:
     """Rise of the log-determinant of the information on effects and named groups by each drive of the menu.
 
-    `left` is the residual of the best model, shape (windows,); groups that are not named are nuisance parameters.
+    `residual` is that of the best model, shape (windows,); groups that are not named are nuisance parameters.
     """
     names = [group.name for group in fit.parameters.groups]
     of_interest = np.array([name in groups for name in names] + [True] * len(effects))
-    noise_w = max(noise_of(left, runs.run).long_run, 1e-6 * float(np.abs(runs.observed).max()))
+    noise_w = max(noise_of(residual, runs.run).long_run, 1e-6 * float(np.abs(runs.observed).max()))
     known = np.column_stack([fit.jacobian, *(one.column for one in effects)]) / noise_w
     before = known.T @ known + np.eye(known.shape[1])
     windows_a_second = 1.0 / float(np.median(runs.duration_s))
@@ -91,13 +91,13 @@ def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, effects: Sequence[Si
     return np.column_stack([*derivatives(fit.parameters, fit.theta, drive.plain, drive.predict), *added])
 
 
-def to_tell_apart(fit: Refit, runs: Runs, left: Array, first: Term, rivals: Sequence[Term]) -> str:
+def to_tell_apart(fit: Refit, runs: Runs, residual: Array, first: Term, rivals: Sequence[Term]) -> str:
     """The drive or, where no drive of the menu does, the measurement that separates an effect from its rivals.
 
-    Without rivals: the drive that determines its size best. `left` is the residual of the best model, (windows,).
+    Without rivals: the drive that determines its size best. `residual` is that of the best model, (windows,).
     """
     effects = [at_its_size(fit, runs, term) for term in (first, *rivals)]
-    best, gain = _best(gains(fit, runs, left, [one for one in effects if one.size != 0.0]))
+    best, gain = _best(gains(fit, runs, residual, [one for one in effects if one.size != 0.0]))
     worthwhile = gain >= (rules.SEPARATING_GAIN if rivals else rules.INFORMATION_GAIN)
     # Of measurements, that of a fault of an instrument comes before that of physics.
     measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
@@ -116,23 +116,23 @@ def _best(found: Mapping[str, float]) -> tuple[Manoeuvre, float]:
 
 def next_experiment(evidence: Evidence) -> str | None:
     """The next experiment, or None where nothing is ambiguous."""
-    fit, runs, left, named = evidence.fitted, evidence.runs, evidence.left, evidence.naming.named
+    fit, runs, residual, named = evidence.fitted, evidence.runs, evidence.residual, evidence.naming.named
     if rivalled := next((one for one in named if one.rivals), None):
-        return to_tell_apart(fit, runs, left, rivalled.term, rivalled.rivals)
+        return to_tell_apart(fit, runs, residual, rivalled.term, rivalled.rivals)
     if evidence.location is not None and not named:
         return repeat(evidence.location)
-    return to_determine(fit, runs, left, evidence.estimates, evidence.blocks >= rules.FEWEST_BLOCKS)
+    return to_determine(fit, runs, residual, evidence.estimates, evidence.blocks >= rules.FEWEST_BLOCKS)
 
 
 def to_determine(
-    fit: Refit, runs: Runs, left: Array, estimates: Sequence[Estimate], long_enough: bool = True
+    fit: Refit, runs: Runs, residual: Array, estimates: Sequence[Estimate], long_enough: bool = True
 ) -> str | None:
     """The drive that identifies the groups without a value, or a longer one if recordings are too short to test.
 
-    `left` is the residual of the best model, shape (windows,).
+    `residual` is that of the best model, shape (windows,).
     """
     open_groups = [one.group for one in estimates if one.fitted is None]
-    best, gain = _best(gains(fit, runs, left, [], [group.name for group in open_groups]))
+    best, gain = _best(gains(fit, runs, residual, [], [group.name for group in open_groups]))
     if open_groups and gain >= rules.INFORMATION_GAIN:
         longer = "" if long_enough else ", for five minutes or more"
         unknown = ", ".join(f"{group.name.replace('_', ' ')} ({group.symbol})" for group in open_groups)

@@ -43,8 +43,8 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     mean_w = float(np.average(np.abs(runs.observed), weights=runs.duration_s))
     if predicted is None or mean_w <= 0.0:
         return None
-    left = runs.observed - predicted
-    rest_w, rest_windows = within_runs(left, runs.run)
+    residual = runs.observed - predicted
+    rest_w, rest_windows = within_runs(residual, runs.run)
     # Integrated over both sides, an exponential correlation of length L makes 2 L.
     mean_mps = float(np.average(np.abs(runs.context["speed_mps"]), weights=runs.duration_s))
     if runs.unit == "A":  # of the wheels, which also draw charge on the spot
@@ -60,7 +60,7 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
         source=f"diagnose.py, {count} run{'s' if count > 1 else ''}, unexplained held out by {evidence.held_out_by}",
         fitted=fitted,
         covariance=covariance,
-        between_runs=between_runs(left, predicted, runs.run, fitted_to),
+        between_runs=between_runs(residual, predicted, runs.run, fitted_to),
         unexplained=rounded(rest_w / mean_w),
         unexplained_m=rounded(correlated_m),
         instruments=_instruments(evidence, mean_w) if runs.unit == "W" else (),
@@ -69,20 +69,20 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     )
 
 
-def within_runs(left: Array, run: Index) -> tuple[float, float]:
+def within_runs(residual: Array, run: Index) -> tuple[float, float]:
     """Standard deviation of a file's residual about each run's mean, and its autocorrelation time, windows.
 
     The spread of the means is not included: that is `between_runs`.
 
     Args:
-        left: Residual of the file in each window, W or A, shape (windows,).
+        residual: Residual of the file in each window, W or A, shape (windows,).
         run: Number of the run of each, shape (windows,).
     """
-    about = left - (np.bincount(run, left) / np.bincount(run))[run]
+    about = residual - (np.bincount(run, residual) / np.bincount(run))[run]
     return float(np.sqrt(np.mean(about**2))), correlation_windows(about, run)
 
 
-def between_runs(left: Array, predicted: Array, run: Index, fitted_to: FittedTo) -> float | None:
+def between_runs(residual: Array, predicted: Array, run: Index, fitted_to: FittedTo) -> float | None:
     """Standard deviation between runs, a share, that gives a prediction interval of one more run its nominal coverage.
 
     It is the error of the energy of runs over its prediction by the file, widened by Student's t for their number. The
@@ -90,7 +90,7 @@ def between_runs(left: Array, predicted: Array, run: Index, fitted_to: FittedTo)
     added (Whitmore, The American Statistician 40, 1986). The unexplained variance within runs is subtracted.
 
     Args:
-        left: Residual of the file in each window, W or A, shape (windows,).
+        residual: Residual of the file in each window, W or A, shape (windows,).
         predicted: Its prediction of each.
         run: Number of the run of each.
         fitted_to: Which runs the file that predicts a run was fitted to.
@@ -102,11 +102,11 @@ def between_runs(left: Array, predicted: Array, run: Index, fitted_to: FittedTo)
     runs = len(count)
     if runs < 2:
         return None
-    off, predicted_mean = (np.bincount(run, values) / count for values in (left, predicted))
+    off, predicted_mean = (np.bincount(run, values) / count for values in (residual, predicted))
     freedom = runs if fitted_to == "nothing" else runs - 1
     variance = float(off @ off) * ((1.0 + 1.0 / runs) / freedom if fitted_to == "all" else 1.0 / runs)
     wider = float(student.ppf(_COVERED, freedom) / norm.ppf(_COVERED))
-    rest, windows = within_runs(left, run)
+    rest, windows = within_runs(residual, run)
     within = rest**2 * windows * float(np.mean(1.0 / count))
     return rounded(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(predicted_mean**2))))
 

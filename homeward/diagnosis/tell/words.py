@@ -5,8 +5,8 @@ from pathlib import PurePath
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Evidence
+from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY
 from homeward.diagnosis.explain.places import condition, largest, total_share
-from homeward.diagnosis.explain.witnesses import USABLE_ENERGY
 from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
@@ -49,16 +49,16 @@ def summary(
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
     """Unrecorded dependencies of power, where the best model has a large autocorrelated residual; else none."""
     best = "corrected" if "corrected" in fit.arms else "refit"
-    r2, left, lacks = fit.arms[best].r2, evidence.runs.observed - evidence.predictions[best], evidence.naming.unrecorded
+    r2, runs, lacks = fit.arms[best].r2, evidence.runs, evidence.naming.unrecorded
     if r2 is None or (r2 > rules.LEAST_R2 and not lacks):
         return []
-    return unrecorded(evidence.runs) if lacks or is_autocorrelated(left, evidence.runs) else []
+    return unrecorded(runs) if lacks or is_autocorrelated(runs.observed - evidence.predictions[best], runs) else []
 
 
 def _excess(evidence: Evidence) -> float | None:
     """Mean residual of the effects, or held-out error of the refit over that elsewhere, under the located condition."""
-    if evidence.remains is not None:
-        return float(evidence.remains.location.excess[evidence.remains.location.inside].mean())
+    if evidence.remaining is not None:
+        return float(evidence.remaining.location.excess[evidence.remaining.location.inside].mean())
     if evidence.location is None or not evidence.location.inside.any():
         return None
     inside, error = evidence.location.inside, evidence.runs.observed - evidence.predictions["refit"]

@@ -15,7 +15,7 @@ from homeward.logs.columns import RecordingError
 
 
 class Bag(contextlib.ExitStack):
-    """A bag that is open for reading until it is left.
+    """A bag, open for reading within a `with` block.
 
     `connections` are its topics, of which one may have several; `notes` list what was left out.
     """
@@ -35,7 +35,7 @@ class Bag(contextlib.ExitStack):
                 connection
                 for reader in self._readers
                 for connection in reader.connections
-                if isinstance(connection.topic, str)  # a damaged database gives any kind
+                if isinstance(connection.topic, str)  # a damaged database may give other types
             ]
             if not any(connection.msgcount for connection in self.connections):
                 raise RecordingError("; ".join(["holds no message that can be read", *self.notes]))

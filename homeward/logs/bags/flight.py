@@ -37,7 +37,7 @@ _LATEST_US = 2**53  # which a damaged time exceeds: 285 years after the start
 
 @dataclass(frozen=True)
 class FlightTopic:
-    """A message of a log, offered as a topic is."""
+    """A message of a log, with the attributes of a topic."""
 
     topic: str
     msgcount: int
@@ -49,7 +49,7 @@ class FlightTopic:
 
 
 class FlightLog(contextlib.ExitStack):
-    """A log of an autopilot, open for reading until it is left.
+    """A log of an autopilot, open for reading within a `with` block.
 
     `connections` are its messages; `notes` list what was left out.
     """
@@ -101,7 +101,7 @@ class FlightLog(contextlib.ExitStack):
 
     @contextlib.contextmanager
     def _listening(self, name: str, kind: str) -> Iterator[None]:
-        """Turns a reader's printed warnings into a note, and its exceptions into a `RecordingError`."""
+        """Turn a reader's printed warnings into a note, and its exceptions into a `RecordingError`."""
         said = _FirstLine()
         try:
             with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -119,7 +119,7 @@ class FlightLog(contextlib.ExitStack):
 
 
 class _Finite:
-    """A file with a limit on reads, twice its bytes: `pyulog` can go back for ever in a damaged one."""
+    """A file with a limit on reads, twice its bytes, because `pyulog` may loop for ever in a damaged one."""
 
     def __init__(self, file: Any, bytes_: int) -> None:
         self._file, self._left = file, 2 * bytes_

@@ -33,7 +33,7 @@ def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
 
 
 def uphill(quaternion: Array) -> Array:
-    """Sine of the slope that the forward axis points up, from quaternions as above; NaN for what is no rotation."""
+    """Sine of the inclination of the forward axis, from quaternions as above; NaN where one is not a rotation."""
     length = np.linalg.norm(quaternion, axis=0)
     x, y, z, w = quaternion / np.where(np.abs(length - 1.0) < _UNIT, length, np.nan)
     return np.asarray(2.0 * (x * z - w * y))

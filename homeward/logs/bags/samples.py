@@ -52,25 +52,25 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
     getters = {name: [getter(path) for path in paths] for name, paths in wanted.items()}
     rows: dict[str, list[list[float]]] = {connection.topic: [] for connection in readable}
     times: dict[str, list[tuple[int, int]]] = {name: [] for name in rows}
-    spoilt = dict.fromkeys(rows, 0)
+    failures = dict.fromkeys(rows, 0)
     for connection, received_ns, content in bag.messages(readable):
         name, decode = connection.topic, decoders.get((id(connection.owner), connection.id))
         if decode is None:
             continue  # where a damaged index leads to messages of another topic
-        if not isinstance(received_ns, int) or received_ns > _LATEST_NS:  # a damaged database gives any kind
-            spoilt[name] += 1
+        if not isinstance(received_ns, int) or received_ns > _LATEST_NS:  # a damaged database may give other types
+            failures[name] += 1
             continue
         try:
             message = decode(content)
             rows[name].append([get(message) for get in getters[name]])
         except SerdeError:
-            spoilt[name] += 1
+            failures[name] += 1
             continue
         except WrongField as error:
             raise RecordingError(f"{name} ({connection.msgtype}): {error}") from None
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         times[name].append((received_ns, 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)))
-    bag.notes += [f"{n} messages of {name} do not fit their type and are left out" for name, n in spoilt.items() if n]
+    bag.notes += [f"{n} messages of {name} do not fit their type and are left out" for name, n in failures.items() if n]
     unread |= {name: f"{name} is left out: none of its messages can be read" for name in rows if not rows[name]}
     samples = {}
     for name in (one for one in rows if rows[one]):

@@ -12,7 +12,7 @@ from homeward.physics.jit import inline
 def rate_capacity(p: Any, s: Any, x: Any, load: Any) -> Any:
     drawn = np.maximum(load, 0.0)
     relative = np.maximum(drawn * (1.0 / p.rate_capacity_reference_w), 1.0)
-    return drawn * (np.exp(p.rate_capacity_excess * np.log(relative)) - 1.0)  # half the time of a power
+    return drawn * (np.exp(p.rate_capacity_excess * np.log(relative)) - 1.0)  # exp and log are twice as fast as a power
 
 
 EFFECT = Effect(

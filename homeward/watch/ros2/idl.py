@@ -19,12 +19,12 @@ from homeward.logs.bags.messages import known_types
 
 _BASES: dict[str, Any] = {
     "bool": bool, "string": str,
-    # The DDS layers of ROS 2 say uint8 of both, and types that differ do not match (rmw_cyclonedds, dyntype.cpp).
+    # The DDS layers of ROS 2 declare both as uint8, and types that differ do not match (rmw_cyclonedds, dyntype.cpp).
     "byte": types.uint8, "char": types.uint8,
     **{f"{sign}int{bits}": getattr(types, f"{sign}int{bits}") for sign in ("", "u") for bits in (8, 16, 32, 64)},
     "float32": types.float32, "float64": types.float64,
 }  # fmt: skip
-_array: Any = types.array  # which are said to be no generic types
+_array: Any = types.array  # which its stubs do not declare as generic
 _sequence: Any = types.sequence
 _EMPTY: dict[str, Any] = {"bool": False, "string": "", "float32": 0.0, "float64": 0.0}
 

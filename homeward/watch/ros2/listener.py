@@ -86,12 +86,13 @@ class Heard(NamedTuple):
 
 
 class Listener:
-    """Collects messages.
+    """Collects messages, and combines them to readings.
 
     Args:
         mapping: Fields of topics for each channel; by default the shipped mapping that covers most.
         max_speed_mps: Top speed of the robot, m/s.
-        Attributes:
+
+    Attributes:
         wanted: Discovered topics that the mapping names, with the types of their messages.
         sources: Topic of each channel.
         mapping_name: Name of the mapping.
@@ -165,7 +166,7 @@ class Listener:
         self._heard(name, now_s)
         spoke = set()
         for channel, options in self._options[name].items():
-            if (option := self._spokesman(channel, options, name, values)) is not None:
+            if (option := self._preferred(channel, options, name, values)) is not None:
                 value = option.value(values)
                 if math.isfinite(value):
                     self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
@@ -218,7 +219,7 @@ class Listener:
         self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= _SAID_S}
         return [text for text, _ in self._said.values()]
 
-    def _spokesman(self, channel: str, options: list[_Option], name: str, values: dict[str, float]) -> _Option | None:
+    def _preferred(self, channel: str, options: list[_Option], name: str, values: dict[str, float]) -> _Option | None:
         """The option used for a channel, if it is of this topic: the first that has had values."""
         chosen = self._chosen.get(channel)
         for option in options:

@@ -41,7 +41,7 @@ class Network:
         domain: Its number, ROS_DOMAIN_ID in ROS 2.
 
     Attributes:
-        spoilt: Number of messages of each topic that could not be read.
+        unreadable: Number of messages of each topic that could not be read.
 
     Raises:
         CompanionError: It cannot be joined.
@@ -55,7 +55,7 @@ class Network:
                 f"cannot join domain {domain}: {error}; check CYCLONEDDS_URI and the network interface that it names"
             ) from None
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
-        self.spoilt: dict[str, int] = {}
+        self.unreadable: dict[str, int] = {}
         self._found: dict[str, str] = {}
         self._readers: dict[str, DataReader[Any]] = {}
         self._writers: dict[str, DataWriter[Any]] = {}
@@ -84,7 +84,7 @@ class Network:
             try:
                 samples = reader.take(_KEPT)
             except Exception:  # bytes that do not fit the type raise anything, from struct.error to UnicodeDecodeError
-                self.spoilt[name] = self.spoilt.get(name, 0) + 1
+                self.unreadable[name] = self.unreadable.get(name, 0) + 1
                 continue
             messages += [
                 Message(name, one, one.sample_info.publication_handle) for one in samples if one.sample_info.valid_data

@@ -90,8 +90,8 @@ class Node:
             if heard.charged is not None:
                 self.companion.swap_battery(min(max(heard.charged, 0.0), 1.0))
             self.advice = self.companion.update(heard.time_s, **heard.reading)
-        spoilt = [f"messages of {name} do not fit their type and are left out" for name in self._network.spoilt]
-        self.warnings = [*spoilt, *self.listener.warnings(now_s), *(self.advice.warnings if self.advice else ())]
+        unreadable = [f"messages of {name} do not fit their type and are left out" for name in self._network.unreadable]
+        self.warnings = [*unreadable, *self.listener.warnings(now_s), *(self.advice.warnings if self.advice else ())]
         self._publish(now_s)
         return heard is not None
 

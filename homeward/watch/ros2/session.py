@@ -34,7 +34,7 @@ class Session:
         domain: Number of the ROS 2 domain.
         mapping: Mapping of topics, shipped name or TOML file; by default the shipped one that covers most.
         namespace: See `Node`.
-        home: Home in the frame of the odometry, m; by default where the robot is first heard.
+        home: Home in the frame of the odometry, m; by default the first position received.
         state: File of the state: read if it exists, and written every minute and at the end.
         keywords: Arguments of the companion.
 

@@ -11,7 +11,7 @@ _BEHIND_S = 1.0
 
 
 class Stamps:
-    """Joins the stamps of messages to a time that never goes back.
+    """Converts the stamps of messages to a time that never decreases.
 
     Attributes:
         time_s: Time since the first message, s.

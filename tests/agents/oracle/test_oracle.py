@@ -14,7 +14,7 @@ import homeward
 from homeward.agents import AGENTS, make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.oracle import Optimum, OracleError, score_of, solve
-from homeward.agents.oracle.bound import Prices, allowed, bounds_by_turn, patrol_bound
+from homeward.agents.oracle.bound import Multipliers, bounds_by_turn, dual_feasible, patrol_bound
 from homeward.agents.oracle.problem import problem_of
 from homeward.agents.oracle.rates import PIECES, REFUSED, Rates, measure_rates
 from homeward.agents.registry import FROM_FILES
@@ -165,42 +165,42 @@ def _changed(actions: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np
 
 @pytest.mark.parametrize("mission", OUT_AND_BACK)
 @settings(deadline=None, max_examples=60)
-@given(joule=st.floats(0.0, 1.0), second=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
-def test_the_bound_holds_at_any_prices(mission: str, joule: float, second: float, scale: float, seed: int) -> None:
+@given(per_j=st.floats(0.0, 1.0), per_s=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
+def test_the_bound_holds_at_any_multipliers(mission: str, per_j: float, per_s: float, scale: float, seed: int) -> None:
     rates, lower = _measured(mission), _lower(mission)
     sample = scale * np.random.default_rng(seed).random(rates.places * PIECES + 1) ** 4
-    assert bounds_by_turn(rates, allowed(rates, Prices(joule, second, sample))).max() >= lower
+    assert bounds_by_turn(rates, dual_feasible(rates, Multipliers(per_j, per_s, sample))).max() >= lower
 
 
 @settings(deadline=None, max_examples=60)
-@given(joule=st.floats(0.0, 1.0), second=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
-def test_at_allowed_prices_it_pays_nowhere_to_drive_back_with_a_full_memory_and_out_with_none(
-    joule: float, second: float, scale: float, seed: int
+@given(per_j=st.floats(0.0, 1.0), per_s=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
+def test_at_feasible_multipliers_no_pass_back_with_a_full_memory_and_out_with_none_gains(
+    per_j: float, per_s: float, scale: float, seed: int
 ) -> None:
     rates, rng = _measured("Survey"), np.random.default_rng(seed)
-    given = Prices(joule, second, scale * rng.random(rates.places * PIECES + 1) ** 4)
-    prices = allowed(rates, given)
-    assert (prices.sample <= given.sample + 1e-12).all()
-    assert prices.second >= given.second
+    given = Multipliers(per_j, per_s, scale * rng.random(rates.places * PIECES + 1) ** 4)
+    multipliers = dual_feasible(rates, given)
+    assert (multipliers.per_sample <= given.per_sample + 1e-12).all()
+    assert multipliers.per_s >= given.per_s
     for _ in range(50):
         piece, at = int(rng.integers(rates.places * PIECES)), rng.random()
-        near, far = prices.sample[piece : piece + 2]
+        near, far = multipliers.per_sample[piece : piece + 2]
         taken = 0.0
         for power_w in (rates.home_w, rates.out_w):
             level, rate = rng.integers(len(rates.speeds_mps), size=2)
             saved = (near + at * (far - near)) * rates.radio_hz[piece, 1]
-            per_s = prices.joule * power_w[piece // PIECES, level, rate] + prices.second - saved
-            taken += per_s / rates.speeds_mps[level]
+            net_per_s = multipliers.per_j * power_w[piece // PIECES, level, rate] + multipliers.per_s - saved
+            taken += net_per_s / rates.speeds_mps[level]
         assert taken > -1e-9
         assert rates.memory * (far - near) / rates.piece_m <= taken + 1e-9
 
 
 @settings(deadline=None, max_examples=60)
-@given(joule=st.floats(1e-9, 1.0), second=st.floats(0.0, 1.0))
-def test_a_patrol_s_bound_holds_at_any_prices(joule: float, second: float) -> None:
+@given(per_j=st.floats(1e-9, 1.0), per_s=st.floats(0.0, 1.0))
+def test_a_patrol_s_bound_holds_at_any_multipliers(per_j: float, per_s: float) -> None:
     rates = _measured("Patrol")
     pit_stop_s = float(HomewardVectorEnv(mission="Patrol").batch.known.shared["pit_stop_s"][0])
-    assert patrol_bound(rates, pit_stop_s, Prices(joule, second, np.zeros(0))) >= _lower("Patrol")
+    assert patrol_bound(rates, pit_stop_s, Multipliers(per_j, per_s, np.zeros(0))) >= _lower("Patrol")
 
 
 EXTRA = {effect.id: {effect.switch.name: 0.2} for effect in EFFECTS} | {

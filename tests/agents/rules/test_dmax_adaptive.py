@@ -25,18 +25,18 @@ def drive(rule: AdaptiveDmaxRule, ratios: NDArray[np.float64], sensing: NDArray[
     known = known_of(Options("Survey"))
     s, robot = known.shared[0], known.robot
     used, modelled = 0.0, 0.0
-    spare: Any = rule.spare(observed(), FIRST)
+    margin: Any = rule.margin_above_reserve(observed(), FIRST)
     for ratio, rate in zip(ratios, sensing, strict=True):
         extra_w = ancillary_power(robot, rate * s["max_sensing_hz"]) - ancillary_power(robot, 0.0)
         extra = extra_w * s["decision_s"] / s["usable_j"]
         used += 0.005 * ratio + 1.1 * extra
         modelled += 0.005 + extra
         state = {"energy": 1.0 - used, "modelled": modelled, "sensing": rate}
-        spare = rule.spare(observed(**state), np.zeros(1, np.bool_))
+        margin = rule.margin_above_reserve(observed(**state), np.zeros(1, np.bool_))
     nothing_passed = observed(**state, home_cost=0.2)
     nothing_passed[0, INDEX["sensing"]] = 0.0
-    farther = rule.spare(nothing_passed, np.zeros(1, np.bool_))
-    return float(spare[0]), float((spare - farther)[0] / 0.2)
+    farther = rule.margin_above_reserve(nothing_passed, np.zeros(1, np.bool_))
+    return float(margin[0]), float((margin - farther)[0] / 0.2)
 
 
 def adaptive(deviations: float) -> AdaptiveDmaxRule:

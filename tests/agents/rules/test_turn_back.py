@@ -81,7 +81,7 @@ def test_tuned_rules_come_home_when_all_is_known(name: str, mission: str) -> Non
 
 @pytest.mark.parametrize("name", ["dmax_mapped", "dmax_adaptive"])
 def test_hidden_wind_fools_rules_that_extrapolate(name: str) -> None:
-    usual = episodes(name, Options("OutAndBack"), 200).stranded.mean()
-    fooled = episodes(name, Options("OutAndBack", route="hidden_wind"), 200).stranded.mean()
-    assert usual < 0.1
-    assert fooled > 0.4
+    stranded = episodes(name, Options("OutAndBack"), 200).stranded.mean()
+    misled = episodes(name, Options("OutAndBack", route="hidden_wind"), 200).stranded.mean()
+    assert stranded < 0.1
+    assert misled > 0.4

@@ -113,11 +113,11 @@ def test_columns_are_the_physical_quantities(tmp_path: Path) -> None:
 def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save_drawn_policy(tmp_path)
     main(Args(tmp_path, tmp_path / "policy.onnx"))
-    told = {one.key: one.value for one in onnx.load(tmp_path / "policy.onnx").metadata_props}
-    assert [one["name"] for one in json.loads(told["inputs"])[INPUT]] == list(NAMES)
-    assert list(json.loads(told["outputs"])) == list(OUTPUTS)
-    assert (told["env"], told["robot"]) == ("homeward/Survey-v0", "husky")
-    assert float(told["decision_s"]) == known_of(Options("Survey", robot="husky")).shared["decision_s"][0]
+    metadata = {one.key: one.value for one in onnx.load(tmp_path / "policy.onnx").metadata_props}
+    assert [one["name"] for one in json.loads(metadata["inputs"])[INPUT]] == list(NAMES)
+    assert list(json.loads(metadata["outputs"])) == list(OUTPUTS)
+    assert (metadata["env"], metadata["robot"]) == ("homeward/Survey-v0", "husky")
+    assert float(metadata["decision_s"]) == known_of(Options("Survey", robot="husky")).shared["decision_s"][0]
     printed = capsys.readouterr().out
     assert all(name in printed for name in (*NAMES, *OUTPUTS))
 

@@ -32,8 +32,8 @@ def test_tables_are_printed(capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     monkeypatch.setattr(conditions, "RULES", ["dmax"])
     main(Args(("OutAndBack",), episodes=8))
     printed = capsys.readouterr().out
-    for told in ("8 episodes, episode_seeds(0, 8)", "of exact (95 %)", "dmax", "planner above it"):
-        assert told in printed
+    for expected in ("8 episodes, episode_seeds(0, 8)", "of exact (95 %)", "dmax", "planner above it"):
+        assert expected in printed
 
 
 def test_what_cannot_be_run_is_refused() -> None:

@@ -95,5 +95,5 @@ def test_missions_that_would_strand_come_home_and_what_they_take_is_forecast() -
 def test_the_tables_say_what_was_driven(capsys: pytest.CaptureFixture[str]) -> None:
     main(Args(difficulties=("uncertain",), instruments="exact", weather="still", decisions=(5,), missions=20, seed=3))
     printed = capsys.readouterr().out
-    for told in ("20 missions, episode_seeds(3, 20)", "instruments exact, weather still", "ratio", "us per update"):
-        assert told in printed
+    for expected in ("20 missions, episode_seeds(3, 20)", "instruments exact, weather still", "ratio", "us per update"):
+        assert expected in printed

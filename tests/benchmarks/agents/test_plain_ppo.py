@@ -53,8 +53,8 @@ def test_rows_are_printed_and_kept(
     first = capsys.readouterr().out
     runs = json.loads((tmp_path / "plain_ppo.json").read_text())["results"]
     assert list(runs) == ["seed 0", "seed 1"]
-    for told in ("seed 1, greedy", "seed 1, sampled", "8 unseen missions"):
-        assert told in first
+    for expected in ("seed 1, greedy", "seed 1, sampled", "8 unseen missions"):
+        assert expected in first
     assert runs["seed 0"]["greedy"] != runs["seed 0"]["sampled"]
     monkeypatch.setattr(plain_ppo, "run_seed", None)
     monkeypatch.setattr(plain_ppo, "run_episodes", None)

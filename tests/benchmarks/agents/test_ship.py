@@ -57,7 +57,7 @@ def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
     assert policy.description["training"]["seed"] == 0
     assert read_curve(shipped)[-1].score == 1230.0
     assert policy.description["weights_sha256"][:16] in card
-    for told in (
+    for expected in (
         "on the belief: a posterior of the robot",
         "`benchmarks/agents/learn.py`, seed 0",
         "this policy scores 1240 and strands in 0.50%",
@@ -68,7 +68,7 @@ def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
         "| `ppo`, sampled, all seeds | 1230 | 2.00% |",
         "| 3,000 |",
     ):
-        assert told in card.replace("\n  ", " "), told
+        assert expected in card.replace("\n  ", " "), expected
     assert "# ppo_scratch, Survey" in (tmp_path / "out" / "Survey_scratch" / "card.md").read_text()
 
 

@@ -22,8 +22,8 @@ def test_an_effect_gives_way_to_a_channel_that_explains_more(channel: str, share
     term: Any = SimpleNamespace(hypothesis=SimpleNamespace(channels=("speed_mps",)))
     naming: Any = SimpleNamespace(named=(SimpleNamespace(term=term, rivals=(), held_out_gain=0.5),))
     most: Any = SimpleNamespace(channel=SimpleNamespace(name=channel), held_out_gain=share)
-    remains: Any = SimpleNamespace(channel=channel)
-    assert _of_another_channel(naming, remains, most) == gives_way
+    remaining: Any = SimpleNamespace(channel=channel)
+    assert _of_another_channel(naming, remaining, most) == gives_way
 
 
 def test_a_loss_that_remembers_the_fastest_speed_is_no_load_that_switches(

@@ -144,9 +144,9 @@ def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     )
     runs = average(usable_runs(three, husky)[0])
     fit = refit(runs, husky)
-    left = runs.observed - fit.predicted
-    setting = Setting.of(fit, runs, left)
-    found = search("time", np.ones(len(left)), left, runs, signed=False)
+    residual = runs.observed - fit.predicted
+    setting = Setting.of(fit, runs, residual)
+    found = search("time", np.ones(len(residual)), residual, runs, signed=False)
     assert max(one.levels for one in found) > 2
     levels = {one.schedule.levels for one in CATALOGUE["intermittent_load"].forms(setting, True) if one.schedule}
     assert levels <= {2}
@@ -290,8 +290,8 @@ def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(short_
     analysis = analyse(runs, husky)
     assert [one.effect for one in analysis.diagnosis.missing_physics] == ["turning"]
     assert analysis.evidence is not None
-    assert analysis.evidence.remains is not None
-    assert "m/s" in analysis.evidence.remains.location.condition
+    assert analysis.evidence.remaining is not None
+    assert "m/s" in analysis.evidence.remaining.location.condition
     assert "A residual is left" in analysis.diagnosis.summary
 
 
@@ -342,8 +342,8 @@ def test_ground_that_changes_all_the_time_in_places_that_are_met_again_is_no_hyp
             recordings.append(dataclasses.replace(run, channels=of))
         runs = average(usable_runs(recordings, husky)[0])
         fit = refit(runs, husky)
-        left = runs.observed - fit.predicted
-        setting = Setting.of(fit, runs, left)
+        residual = runs.observed - fit.predicted
+        setting = Setting.of(fit, runs, residual)
         forms = CATALOGUE["surface"].forms(setting, True)
         return {one.schedule.changes for one in forms if one.schedule is not None and one.axis == "time"}
 
@@ -378,11 +378,11 @@ def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
     """Motion, which causes the one, does not explain the other."""
     runs = drive(husky, runs=3, minutes=4.0, effects={effect: {size: amount}})
     since_s = (150.0, 100.0, 100.0)
-    told = [
+    recordings = [
         with_power([run], lambda of, on_s=on_s: of["power_w"] + watts * (of["time_s"] > on_s))[0]  # type: ignore[misc]
         for run, on_s in zip(runs, since_s, strict=True)
     ]
-    device, motion = diagnose(told, husky).missing_physics
+    device, motion = diagnose(recordings, husky).missing_physics
     assert device.effect == "standby"
     assert device.parameters["power_w"].value == pytest.approx(watts, rel=0.15)
     assert motion.effect == effect
@@ -392,11 +392,11 @@ def test_a_device_is_named_beside_turning_that_consumes_far_more(drive: Drive, h
     """It explains less than a twentieth of what the refit leaves, in levels that lie clearly apart."""
     runs = drive(husky, effects={"turning": {"scrub": 0.6}})
     since_s = (np.inf, 200.0, 0.0)
-    told = [
+    recordings = [
         with_power([run], lambda of, on_s=on_s: of["power_w"] + 20.0 * (of["time_s"] > on_s))[0]  # type: ignore[misc]
         for run, on_s in zip(runs, since_s, strict=True)
     ]
-    turning, device = diagnose(told, husky).missing_physics
+    turning, device = diagnose(recordings, husky).missing_physics
     assert turning.effect == "turning"
     assert device.effect == "standby"
     assert device.parameters["power_w"].value == pytest.approx(20.0, rel=0.15)
@@ -408,11 +408,11 @@ def test_half_of_a_pair_has_its_rivals_beside_the_other_and_physics_comes_before
     """Alone, neither of the pair need be significant; a load and a zero that has shifted are the same column."""
     runs_read = drive(husky, runs=3, minutes=4.0, effects={"breakaway": {"start_j": 60.0}})
     since_s = (150.0, 0.0, 0.0)
-    told = [
+    recordings = [
         with_power([run], lambda of, on_s=on_s: of["power_w"] + 20.0 * (of["time_s"] > on_s))[0]  # type: ignore[misc]
         for run, on_s in zip(runs_read, since_s, strict=True)
     ]
-    runs = average(usable_runs(told, husky)[0])
+    runs = average(usable_runs(recordings, husky)[0])
     fit = refit(runs, husky)
     setting, block = Setting.of(fit, runs), cut_blocks(runs.run, runs.observed - fit.predicted)
     refit_error = float(setting.residual @ setting.residual)

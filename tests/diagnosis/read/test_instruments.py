@@ -147,7 +147,7 @@ SPOILT: dict[str, tuple[str, Spoil, str]] = {
 }  # fmt: skip
 
 
-def told(analysis: Analysis) -> str:
+def texts(analysis: Analysis) -> str:
     return " / ".join([analysis.diagnosis.summary, *(one.text for one in analysis.findings)])
 
 
@@ -156,8 +156,8 @@ def test_an_ordinary_instrument_makes_no_physics(trap: str) -> None:
     name, spoil, said = SPOILT[trap]
     analysis = analyse(recordings(name, spoil), name)
     assert analysis.diagnosis.missing_physics == ()
-    assert analysis.diagnosis.verdict in ("no_mismatch", "parameters_off", "not_testable"), told(analysis)
-    assert said in told(analysis)
+    assert analysis.diagnosis.verdict in ("no_mismatch", "parameters_off", "not_testable"), texts(analysis)
+    assert said in texts(analysis)
     for one in analysis.diagnosis.parameters_off:
         assert one.fitted == pytest.approx(one.assumed, rel=0.15)
 

@@ -78,10 +78,10 @@ def test_samples_without_power_are_left_out_and_context_is_filled(husky: Robot) 
 def test_an_elevation_that_varies_no_more_than_its_noise_tells_no_slopes() -> None:
     rng, time_s = np.random.default_rng(0), np.arange(3000) / 10.0
     hills_m = np.sin(time_s / 20.0)
-    for size_m, told in ((0.2, False), (5.0, True)):
+    for size_m, found in ((0.2, False), (5.0, True)):
         recording = run(time_s=time_s, speed_mps=np.ones(3000), power_w=np.ones(3000),
                         elevation_m=size_m * hills_m + 0.5 * rng.normal(size=3000))  # fmt: skip
-        assert ("grade_rad" in signals(recording, load_robot("husky")).context) == told
+        assert ("grade_rad" in signals(recording, load_robot("husky")).context) == found
 
 
 def test_what_rises_in_a_gap_makes_no_cliff() -> None:

@@ -85,17 +85,17 @@ def joint_fit(
 ) -> Corrected | None:
     """The groups fitted together with that form of an effect which explains most of those that a file can say."""
     fit = refit(runs, robot)
-    left = runs.observed - fit.predicted
-    setting = Setting.of(fit, runs, left)
+    residual = runs.observed - fit.predicted
+    setting = Setting.of(fit, runs, residual)
     forms = [
         one for one in CATALOGUE[effect].forms(setting, True) if is_expressible(one) and like(one) and one.columns.any()
     ]
 
     def unexplained(term: Term) -> float:
         columns = np.column_stack([fit.jacobian, term.columns])
-        return float(np.sum((left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]) ** 2))
+        return float(np.sum((residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]) ** 2))
 
-    return fit_model(fit, [min(forms, key=unexplained)], runs, cut_blocks(runs.run, left)) if forms else None
+    return fit_model(fit, [min(forms, key=unexplained)], runs, cut_blocks(runs.run, residual)) if forms else None
 
 
 @pytest.mark.parametrize("effect", [one.id for one in EFFECTS if one.id not in NOT_SAID])
@@ -104,22 +104,22 @@ def test_the_file_replayed_predicts_what_the_joint_fit_predicts(effect: str, rob
     runs = recorded(robot, effect, runs)
     model = joint_fit(robot, effect, runs)
     assert model is not None
-    told = file_content(model, runs)
-    file = written(robot, told, runs.unit)
+    content = file_content(model, runs)
+    file = written(robot, content, runs.unit)
     assert effect in file.active_effects
     rms = float(np.sqrt(np.mean(model.predicted**2)))
     assert np.abs(model.contribution[0]).max() > 10.0 * ROUNDING * rms  # it is at work
-    np.testing.assert_allclose(replayed(file, told, runs), model.predicted, rtol=0.0, atol=ROUNDING * rms)
+    np.testing.assert_allclose(replayed(file, content, runs), model.predicted, rtol=0.0, atol=ROUNDING * rms)
 
 
 def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robot: Robot, runs: Runs) -> None:
     runs = recorded(robot, "surface", runs)
     model = joint_fit(robot, "surface", runs)
     assert model is not None
-    told = file_content(model, runs)
-    unknown = dataclasses.replace(told, met=dataclasses.replace(told.met, roughness=None))
-    drawn_w = replayed(written(robot, told, runs.unit), unknown, runs)
-    smooth_w = replayed(written(robot, dataclasses.replace(told, effects={}), runs.unit), unknown, runs)
+    content = file_content(model, runs)
+    unknown = dataclasses.replace(content, met=dataclasses.replace(content.met, roughness=None))
+    drawn_w = replayed(written(robot, content, runs.unit), unknown, runs)
+    smooth_w = replayed(written(robot, dataclasses.replace(content, effects={}), runs.unit), unknown, runs)
     assert float(np.mean(drawn_w)) == pytest.approx(float(np.mean(runs.observed)), rel=0.01)
     assert float(np.mean(smooth_w)) < 0.97 * float(np.mean(runs.observed))
 

@@ -95,12 +95,12 @@ def test_rivals_are_set_apart_by_the_drive_that_changes_one_of_them(
 
 def test_after_the_advised_drive_a_fit_tells_the_rivals_apart(known: tuple[Refit, Runs, np.ndarray]) -> None:
     """Simulated: with the drive a fit gets the sizes of both rivals right, with the worst drive it does not."""
-    fit, runs, left = known
+    fit, runs, residual = known
     rivals = alike(known, wind=2.0, hidden_grade=0.03)
-    found = gains(fit, runs, left, rivals)
+    found = gains(fit, runs, residual, rivals)
     ranked = sorted(MENU, key=lambda one: -found[one.id])
     at_hand = np.column_stack([fit.jacobian, *(one.column for one in rivals)])
-    rng, noise_w = np.random.default_rng(0), float(left.std())
+    rng, noise_w = np.random.default_rng(0), float(residual.std())
     true = np.array([0.0] * fit.jacobian.shape[1] + [1.0, 0.0])  # it is the wind
     errors = {}
     for manoeuvre in (ranked[0], ranked[-1]):
@@ -115,25 +115,25 @@ def test_after_the_advised_drive_a_fit_tells_the_rivals_apart(known: tuple[Refit
 
 
 def test_an_instrument_that_no_drive_shows_is_checked_with_a_meter(known: tuple[Refit, Runs, np.ndarray]) -> None:
-    fit, runs, left = known
+    fit, runs, residual = known
     column = np.where(runs.time_s > 240.0, np.maximum(fit.predicted, 0.0), 0.0)
     both = [
         Term(CATALOGUE[effect], column[:, None], np.array([0.0]), np.array([0.9]), 1)
         for effect in ("ageing", "sensor_gain")
     ]
     observed = dataclasses.replace(runs, observed=runs.observed + 0.2 * column)
-    told = to_tell_apart(fit, observed, left, both[0], both[1:])
-    assert told.startswith("To distinguish ageing from sensor gain, ") and "clamp meter" in told
+    advice = to_tell_apart(fit, observed, residual, both[0], both[1:])
+    assert advice.startswith("To distinguish ageing from sensor gain, ") and "clamp meter" in advice
 
 
 def test_advice_without_rivals_is_the_drive_that_measures_best(known: tuple[Refit, Runs, np.ndarray]) -> None:
-    fit, runs, left = known
+    fit, runs, residual = known
     column = np.where(runs.time_s > 240.0, 30.0, 0.0)
     term = Term(CATALOGUE["standby"], column[:, None] / 30.0, np.array([0.0]), np.array([100.0]), 1)
     observed = dataclasses.replace(runs, observed=runs.observed + column)
     assert at_its_size(fit, observed, term).size == pytest.approx(30.0, rel=0.1)
-    told = to_tell_apart(fit, observed, left, term, [])
-    assert told.startswith("To measure standby better, ") and told.endswith(".")
+    advice = to_tell_apart(fit, observed, residual, term, [])
+    assert advice.startswith("To measure standby better, ") and advice.endswith(".")
 
 
 def test_a_mass_that_level_ground_does_not_show_asks_for_a_slope(drive: Drive, husky: Robot) -> None:
@@ -146,12 +146,12 @@ def test_a_mass_that_level_ground_does_not_show_asks_for_a_slope(drive: Drive, h
     runs = average(usable_runs(flat, husky)[0])
     fit = refit(runs, husky)
     known = estimates(fit, runs, independent_blocks(fit, runs).channels)
-    left = runs.observed - fit.predicted
+    residual = runs.observed - fit.predicted
     assert "mass" in [one.group.name for one in known if one.fitted is None]
-    found = gains(fit, runs, left, [], ["mass"])
+    found = gains(fit, runs, residual, [], ["mass"])
     assert best(found) in ("slope", "known_mass")
-    told = to_determine(fit, runs, left, known)
-    assert told is not None and "m / Gamma" in told.split(", drive ")[0]
+    advice = to_determine(fit, runs, residual, known)
+    assert advice is not None and "m / Gamma" in advice.split(", drive ")[0]
 
 
 def test_nothing_is_advised_where_nothing_is_open(faultless: Analysis) -> None:

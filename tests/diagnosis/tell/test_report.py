@@ -164,7 +164,7 @@ def test_a_formula_is_shown_as_a_description(turning: Analysis) -> None:
     none = np.zeros((len(analysis.evidence.runs.observed), 1))
     formula = Empirical("P", (term,), {"m": "m = 50 kg"}, none, none, 111.0, 0.58, (0.5, 0.64), 0.05)
     text = text_of(report_html(replace(analysis, evidence=replace(analysis.evidence, empirical=formula))))
-    told = text[text.index("A formula for it") :]
+    section = text[text.index("A formula for it") :]
     for words in (
         "without naming a cause",
         "P = 0.31 m g v (|w| B / v_max)²",
@@ -172,7 +172,7 @@ def test_a_formula_is_shown_as_a_description(turning: Analysis) -> None:
         "m = 50 kg",
         "50 % to 64 %",
     ):
-        assert words in told
+        assert words in section
 
 
 def test_a_missing_channel_is_said_in_words(standby: Analysis) -> None:

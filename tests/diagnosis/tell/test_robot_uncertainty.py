@@ -112,7 +112,7 @@ def test_of_motor_currents_it_is_of_charge(drive: Drive, husky: Robot) -> None:
 def test_what_nothing_explains_is_what_the_file_leaves_of_held_out_windows(off: Analysis) -> None:
     found, evidence = uncertainty_of(off), off.evidence
     assert found is not None and evidence is not None
-    left = evidence.runs.observed - evidence.predictions["file"]
-    assert found.unexplained == pytest.approx(left.std() / np.abs(evidence.runs.observed).mean(), rel=0.1)
+    residual = evidence.runs.observed - evidence.predictions["file"]
+    assert found.unexplained == pytest.approx(residual.std() / np.abs(evidence.runs.observed).mean(), rel=0.1)
     assert 0.0 < found.unexplained_m < 20.0
     assert dict(found.instruments)["power_noise"] < found.unexplained + 0.05

@@ -178,7 +178,7 @@ def damaged_definition(content: bytes) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("kind", "content", "told"),
+    ("kind", "content", "message"),
     [
         ("ulg", lambda whole: b"", "is empty"),
         ("bin", lambda whole: b"", "is empty"),
@@ -189,10 +189,10 @@ def damaged_definition(content: bytes) -> bytes:
         ("bin", damaged_definition, r"is not a whole ArduPilot log \(the definition of a message is damaged"),
     ],
 )  # fmt: skip
-def test_what_is_no_log_is_refused_in_a_line(tmp_path: Path, kind: str, content: object, told: str) -> None:
+def test_what_is_no_log_is_refused_in_a_line(tmp_path: Path, kind: str, content: object, message: str) -> None:
     path = px4(tmp_path) if kind == "ulg" else ardupilot(tmp_path)
     path.write_bytes(content(path.read_bytes()))  # type: ignore[operator]
-    with pytest.raises(RecordingError, match=rf"{path.name}: {told}") as refusal:
+    with pytest.raises(RecordingError, match=rf"{path.name}: {message}") as refusal:
         read_recording(path)
     assert "\n" not in str(refusal.value)
 

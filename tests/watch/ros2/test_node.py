@@ -174,7 +174,7 @@ def test_bytes_that_do_not_fit_their_type_are_left_out() -> None:
 
     network = Network(DOMAIN)
     network._readers["/odom"] = Reader()  # type: ignore[assignment]
-    assert network.take() == [] == network.take() and network.spoilt == {"/odom": 2}
+    assert network.take() == [] == network.take() and network.unreadable == {"/odom": 2}
 
 
 def test_a_field_without_a_type_in_dds_takes_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

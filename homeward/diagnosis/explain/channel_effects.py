@@ -39,7 +39,7 @@ _SEARCHED = 3.0  # upper end of the search, over the linear estimate
 
 
 @dataclass(frozen=True)
-class Witnessed:
+class ChannelEffect:
     """An effect that another channel than power identifies."""
 
     hypothesis: Hypothesis
@@ -67,7 +67,7 @@ class Capacity:
     rivals: tuple[str, ...] = ()  # losses that explain the charge as well, with the file's capacity
 
 
-def witnesses(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[Witnessed, ...]]:
+def find_effects(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[ChannelEffect, ...]]:
     """Effects identified by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, seed)
@@ -124,8 +124,8 @@ class _Reading:
 
     def _p_value(self, base: Array, added: Array, tried: Array) -> float:
         """P-value: how often, on random signs of blocks, some column tried explains as much as the best added."""
-        left, own = (one - base @ _fit(base, one) for one in (self.target, tried))
-        sums = per_block(own * left[:, None], self.block)
+        residual, own = (one - base @ _fit(base, one) for one in (self.target, tried))
+        sums = per_block(own * residual[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
         sums = sums[:, spread > 0.0] / spread[spread > 0.0]
         signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], (DRAWS, len(sums)))
@@ -147,7 +147,7 @@ def _matters(lost_w: Array, runs: Runs) -> bool:
     return float(lost_w @ runs.duration_s) >= rules.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
 
 
-def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
+def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> ChannelEffect | None:
     """Internal resistance by the voltage, beside the file's, where it loses a material share of the energy."""
     voltage_v = runs.context.get("voltage_v", np.zeros(1))
     known = voltage_v > 0.0
@@ -167,7 +167,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
     air = runs.context.get("temperature_c")
     cold = air is None or float(np.nanmean(air)) < rules.COLD_C
     value = Value(in_file_ohm + ohm, (in_file_ohm + ohm - wide, in_file_ohm + ohm + wide), entry.switch.unit)
-    return Witnessed(
+    return ChannelEffect(
         battery.INTERNAL_RESISTANCE, {entry.switch.name: value}, lost_w, proof,
         (battery.CONFOUNDED_WITH_COLD,) if cold else (),
         f"The voltage sags by {value.value:.3g} ohm times the current.",
@@ -176,7 +176,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> Witnessed | None:
 
 def _state_of_charge(
     fit: Refit, runs: Runs, inside_w: Array, block: Index, seed: int
-) -> tuple[Capacity | None, Witnessed | None]:
+) -> tuple[Capacity | None, ChannelEffect | None]:
     """Capacity by the state of charge, and an effect that changes its fall; None of both where it hardly fell."""
     robot, soc = fit.parameters.nominal, runs.context.get("soc")
     if soc is None or runs.unit != "W":
@@ -222,14 +222,14 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     drawn = channel.summed(runs.observed)[:, None]
     as_read = drawn @ _fit(drawn, channel.target)
     gains: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
-    left: dict[int, float] = {}
+    errors: dict[int, float] = {}
     for term in misread:
         design = np.column_stack([base, term.columns])
         weights = _fit(design, setting.residual)
         true = channel.summed(runs.observed - term.columns @ weights[base.shape[1] :])[:, None]
         gains[id(term)] = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
-        left[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
-    best = min(left, key=lambda one: left[one])
+        errors[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
+    best = min(errors, key=lambda one: errors[one])
     return [
         one
         for one in candidates
@@ -237,12 +237,12 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     ]
 
 
-def _misread(fit: Refit, runs: Runs, channel: _Reading, drawn: Array, block: Index) -> Witnessed | None:
+def _misread(fit: Refit, runs: Runs, channel: _Reading, drawn: Array, block: Index) -> ChannelEffect | None:
     """A fault of the meter that power shows, be it too little to be named: less its error, the charge falls by the
     energy drawn, at least as well as with a capacity for each run."""
     setting, per_run = Setting.of(fit, runs), drawn * (channel.run[:, None] == np.unique(channel.run))
     fades, constant = (columns @ _fit(columns, channel.target) for columns in (per_run, drawn))
-    found: list[tuple[float, Witnessed]] = []
+    found: list[tuple[float, ChannelEffect]] = []
     for term in terms(setting):
         if not term.misread or term.axis != "time" or term.columns.shape[1] > 1:
             continue
@@ -257,7 +257,7 @@ def _misread(fit: Refit, runs: Runs, channel: _Reading, drawn: Array, block: Ind
             continue
         wide = rules.NORMAL_95 * float(standard_errors(design, setting.residual - design @ weights, block)[-1])
         switch, rivals = term.hypothesis.entry.switch, (battery.AGEING.id,) if by_ageing > -rules.STRONG_BIC else ()
-        shown = Witnessed(
+        shown = ChannelEffect(
             term.hypothesis, {switch.name: Value(size, (size - wide, size + wide), switch.unit)}, added, proof, rivals,
             "Less an error of the meter that power shows, the state of charge falls by the energy drawn.",
         )  # fmt: skip
@@ -283,7 +283,7 @@ class _Losses:
             for shape in one.shapes(setting)
         ]
 
-    def found(self) -> Witnessed | None:
+    def found(self) -> ChannelEffect | None:
         """The loss that explains most beside a capacity, if one is proven."""
         tried = [added for *_, added in self.tried]
         proofs = [(self.channel.proof(self.drawn, added, tried), one, shape) for one, shape, added in self.tried]
@@ -293,14 +293,14 @@ class _Losses:
         proof, one, shape = max(proven, key=lambda found: _gained(found[0]))
         switch = one.entry.switch
         rate, per_size = _fit(np.column_stack([self.drawn, self._fallen(one, shape, TINY) / TINY]), self.channel.target)
-        size = self._size(one, shape, per_size / max(float(rate), 1e-9), self._left_beside_capacity)
+        size = self._size(one, shape, per_size / max(float(rate), 1e-9), self._residual_beside_capacity)
         lost_w = self._loss_w(one, shape, size)
         if not _matters(lost_w, self.runs):
             return None
         step = 1e-3 * max(size, TINY) * (-1.0 if 1.001 * size > switch.high else 1.0)
         at = self._fallen(one, shape, size)
         design, slope = self.drawn + at, (self._fallen(one, shape, size + step) - at) / step
-        residual = self._left_beside_capacity(at)
+        residual = self._residual_beside_capacity(at)
         wide = rules.NORMAL_95 * float(
             standard_errors(np.column_stack([design, slope]), residual, self.channel.block)[-1]
         )
@@ -310,13 +310,13 @@ class _Losses:
         value = Value(size, (max(size - wide, 0.0), size + wide), switch.unit)
         rivals = tuple(rival for rival in dict.fromkeys(alike) if rival != one.id)
         sentence = "The state of charge falls faster than the energy drawn implies where it is at work."
-        return Witnessed(one, {switch.name: value, **others}, lost_w, proof, rivals, sentence)
+        return ChannelEffect(one, {switch.name: value, **others}, lost_w, proof, rivals, sentence)
 
     def instead(self, rate: float) -> tuple[str, ...]:
         """Losses that explain a charge which falls `rate` times as fast as the file's capacity implies, as well as a
         smaller capacity does; a voltage that was recorded would have shown a resistance."""
-        left = self.channel.target - rate * self.drawn[:, 0]
-        most = rules.EQUAL * float(left @ left)
+        residual = self.channel.target - rate * self.drawn[:, 0]
+        most = rules.EQUAL * float(residual @ residual)
         known = (
             {battery.INTERNAL_RESISTANCE.id} if (self.runs.context.get("voltage_v", np.zeros(1)) > 0.0).any() else ()
         )
@@ -325,30 +325,30 @@ class _Losses:
             (per_size,) = _fit(added, self.channel.target - self.drawn[:, 0])
             if one.id in known or per_size <= 0.0:
                 continue
-            at = self._fallen(one, shape, self._size(one, shape, float(per_size), self._left_beside_file))
-            if float(np.sum(self._left_beside_file(at) ** 2)) <= most:
+            at = self._fallen(one, shape, self._size(one, shape, float(per_size), self._residual_beside_file))
+            if float(np.sum(self._residual_beside_file(at) ** 2)) <= most:
                 found.append(one.id)
         return tuple(dict.fromkeys(found))
 
-    def _size(self, one: Hypothesis, shape: Numbers, about: float, left: Callable[[Array], Array]) -> float:
-        """Size with the least squared residual `left`: searched up to a multiple of the linear estimate, as sizes are
+    def _size(self, one: Hypothesis, shape: Numbers, about: float, residual: Callable[[Array], Array]) -> float:
+        """Size with the least squared residual: searched up to a multiple of the linear estimate, as sizes are
         often far below their bound."""
         high = one.entry.switch.high
         most = float(np.clip(_SEARCHED * about, TINY * high, high))
 
         def error(size: float) -> float:
-            return float(np.sum(left(self._fallen(one, shape, size)) ** 2))
+            return float(np.sum(residual(self._fallen(one, shape, size)) ** 2))
 
         return float(minimize_scalar(error, bounds=(0.0, most), method="bounded").x)
 
-    def _left_beside_capacity(self, fallen: Array) -> Array:
+    def _residual_beside_capacity(self, fallen: Array) -> Array:
         """Residual of the charge with a loss, its capacity fitted: at most that of the file, as a larger one together
         with a larger loss fits a loss of any form."""
         design = self.drawn + fallen
         rate = np.maximum(_fit(design, self.channel.target), 1.0)
         return np.asarray(self.channel.target - design @ rate)
 
-    def _left_beside_file(self, fallen: Array) -> Array:
+    def _residual_beside_file(self, fallen: Array) -> Array:
         """The same with the file's capacity."""
         return np.asarray(self.channel.target - self.drawn[:, 0] - fallen[:, 0])
 
@@ -367,7 +367,7 @@ class _Losses:
         return np.nan_to_num(np.asarray(added, dtype=np.float64))
 
 
-def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
+def _fading(channel: _Reading, runs: Runs, drawn: Array) -> ChannelEffect | None:
     """Ageing: a capacity that shrinks from run to run."""
     numbers = np.unique(channel.run)
     if len(numbers) < FEWEST_RUNS:
@@ -387,7 +387,7 @@ def _fading(channel: _Reading, runs: Runs, drawn: Array) -> Witnessed | None:
     # No battery that has lost more than the effect allows drives a robot: its reading is wrong.
     if not _matters(lost_w, runs) or lost.max() > battery.AGEING.entry.switch.high:
         return None
-    return Witnessed(
+    return ChannelEffect(
         battery.AGEING,
         {battery.AGEING.entry.switch.name: last},
         lost_w,
@@ -412,7 +412,7 @@ def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _odometer(fit: Refit, runs: Runs) -> Witnessed | None:
+def _odometer(fit: Refit, runs: Runs) -> ChannelEffect | None:
     """Speeds that a recorded distance contradicts; they were corrected when the runs were read."""
     scales = np.array([run.odometer_scale for run in runs.signals])
     if not scales.any():
@@ -427,7 +427,7 @@ def _odometer(fit: Refit, runs: Runs) -> Witnessed | None:
     of = scales[scales != 0.0]
     value = Value(float(np.mean(of)), (float(of.min()), float(of.max())), one.entry.switch.unit)
     many = "all runs" if scales.all() else f"{len(of)} of {len(scales)} runs"
-    return Witnessed(
+    return ChannelEffect(
         one, {one.entry.switch.name: value}, added, Proof(None, None, p_value), (),
         f"In {many} the speed adds up to {1.0 + value.value:.3g} times the recorded distance: it is set right by that.",
     )  # fmt: skip

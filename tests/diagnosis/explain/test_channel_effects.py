@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
-from homeward.diagnosis.explain.witnesses import Capacity, Witnessed, witnesses
+from homeward.diagnosis.explain.channel_effects import Capacity, ChannelEffect, find_effects
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
 from homeward.diagnosis.fit.refit import Estimate, estimates, refit
@@ -24,18 +24,18 @@ Drive = Callable[..., list[Recording]]
 
 def with_charge(runs: Sequence[Recording], robot: Robot, lost: Sequence[float], step: float = 0.001) -> list[Recording]:
     """The runs with the state of charge of a gauge that shows whole steps, its battery having lost a share of all."""
-    told = []
+    recordings = []
     for run, gone in zip(runs, lost, strict=True):
         time_s, power_w = run.channels["time_s"], run.channels["power_w"]
         drawn_j = np.concatenate(([0.0], np.cumsum(power_w[:-1] * np.diff(time_s))))
         soc = 0.95 - drawn_j / (robot.usable_energy_j * (1.0 - gone))
-        told.append(dataclasses.replace(run, channels={**run.channels, "soc": np.round(soc / step) * step}))
-    return told
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "soc": np.round(soc / step) * step}))
+    return recordings
 
 
 def at_terminals(runs: Sequence[Recording], ohm: float, noise_v: float = 0.03) -> list[Recording]:
     """The runs with voltage and current of a battery that gives their power through a resistance, as it empties."""
-    told = []
+    recordings = []
     for seed, run in enumerate(runs):
         of = dict(run.channels)
         power_w = of.pop("power_w")
@@ -43,42 +43,42 @@ def at_terminals(runs: Sequence[Recording], ohm: float, noise_v: float = 0.03) -
         of["current_a"] = 2.0 * power_w / (cells_v + np.sqrt(cells_v**2 - 4.0 * ohm * power_w))
         noise = noise_v * np.random.default_rng(seed).standard_normal(len(power_w))
         of["voltage_v"] = cells_v - ohm * of["current_a"] + noise
-        told.append(dataclasses.replace(run, channels=of))
-    return told
+        recordings.append(dataclasses.replace(run, channels=of))
+    return recordings
 
 
 def drawn_faster(runs: Sequence[Recording], robot: Robot, excess: float, reference_w: float) -> list[Recording]:
     """The runs with the gauge of a battery of which high power leaves a part unreachable, by Peukert's law."""
-    told = []
+    recordings = []
     for run in runs:
         power_w = run.channels["power_w"]
         lost_w = power_w * np.maximum(power_w / reference_w, 1.0) ** excess
         drawn_j = np.concatenate(([0.0], np.cumsum(lost_w[:-1] * np.diff(run.channels["time_s"]))))
         soc = np.round(0.95 - drawn_j / robot.usable_energy_j, 3)
-        told.append(dataclasses.replace(run, channels={**run.channels, "soc": soc}))
-    return told
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "soc": soc}))
+    return recordings
 
 
 def with_distance(runs: Sequence[Recording], scale: float) -> list[Recording]:
     """The runs with the distance that was driven, and speeds that read too much by a share of it."""
-    told = []
+    recordings = []
     for run in runs:
         speed = run.channels["speed_mps"]
         way_m = np.concatenate(([0.0], np.cumsum(np.abs(speed[:-1]) * np.diff(run.channels["time_s"]))))
         of = {**run.channels, "distance_m": way_m, "speed_mps": (1.0 + scale) * speed}
-        told.append(dataclasses.replace(run, channels=of))
-    return told
+        recordings.append(dataclasses.replace(run, channels=of))
+    return recordings
 
 
 def shown(
     recordings: Sequence[Recording], robot: Robot
-) -> tuple[Capacity | None, tuple[Witnessed, ...], dict[str, Estimate]]:
+) -> tuple[Capacity | None, tuple[ChannelEffect, ...], dict[str, Estimate]]:
     """What the other channels tell beside a refit, and what that says of each group."""
     runs = average([signals(one, robot) for one in recordings])
     fit = refit(runs, robot)
     block = cut_blocks(runs.run, runs.observed - fit.predicted)
     groups = {one.group.name: one for one in estimates(fit, runs, block)}
-    return *witnesses(fit, runs, block, seed=0), groups
+    return *find_effects(fit, runs, block, seed=0), groups
 
 
 @pytest.fixture(scope="module")
@@ -132,8 +132,8 @@ def test_a_gauge_that_goes_up_and_down_between_runs_is_not_called_ageing(drive: 
 def test_a_gauge_that_falls_far_too_fast_is_no_battery_that_fades(drive: Drive, small: Robot) -> None:
     """It would have lost more than the effect allows, which no robot file takes."""
     large = dataclasses.replace(small, rated_energy_j=20.0 * small.rated_energy_j)
-    told = with_charge(drive(large, runs=4), large, (0.0, 0.3, 0.6, 0.96))
-    assert "ageing" not in {one.hypothesis.id for one in shown(told, large)[1]}
+    recordings = with_charge(drive(large, runs=4), large, (0.0, 0.3, 0.6, 0.96))
+    assert "ageing" not in {one.hypothesis.id for one in shown(recordings, large)[1]}
 
 
 def test_fading_that_goes_with_the_cold_may_be_the_cold(drive: Drive, small: Robot) -> None:
@@ -301,10 +301,10 @@ def test_a_zero_that_has_shifted_is_known_by_the_charge_where_gusts_hide_it(
         gusts_w = 15.0 * np.sqrt(1.0 - 0.99**2) * lfilter([1.0], [1.0, -0.99], rng.normal(size=len(run)))
         read_w = run.channels["power_w"] + gusts_w + shift_w * (at > 1)
         runs.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
-    capacity, witnessed, _ = shown(runs, small)
-    assert [one.hypothesis.id for one in witnessed] == found
+    capacity, effects, _ = shown(runs, small)
+    assert [one.hypothesis.id for one in effects] == found
     assert capacity is not None and not capacity.off
-    for one in witnessed:
+    for one in effects:
         offset = one.parameters["offset"]
         assert offset.ci95[0] <= shift_w <= offset.ci95[1] < 0.0, offset
 
