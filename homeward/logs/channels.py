@@ -70,6 +70,9 @@ MOTION: Sets = (("speed_mps",), ("wheel_left_mps", "wheel_right_mps"))
 POWER: Sets = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor_right_a"))
 """Sets of channels that measure power or current, the most informative first; one is needed."""
 
+STRAY_SHARE = 0.01
+"""Largest share of impossible values that count as glitches. Chosen: with a wrong unit most are impossible."""
+
 STANDSTILL_MPS = 0.02
 """Speed up to which a robot stands, where its top speed is not known. Chosen: above one step of a wheel encoder (a
 standing Husky of BorealTC, ICE/pro_04, reads up to 0.012 m/s); the slowest robot that ships does ten times as much."""
