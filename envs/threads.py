@@ -18,7 +18,7 @@ _TRUST_S = 0.5
 """Time for which that measurement is used. Chosen: other work may begin or end within a second."""
 _PATIENCE_S, _CREDIT_S = 0.001, 0.01
 """How much longer than one thread several may take before they are given up; and how much of what they have saved since
-they were tried counts for them: the system itself lets any thread wait for some milliseconds now and then."""
+they were tried counts for them: the system itself lets any thread wait for some milliseconds now and then. Chosen."""
 _PAYBACK, _MOST_PAYBACK = 20.0, 320.0
 """Time on one thread per time lost by several: what trying them costs at most is its inverse, 5 %. It doubles with
 every try that fails, up to 0.3 %. Chosen."""

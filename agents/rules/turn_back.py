@@ -16,7 +16,7 @@ from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
 
 AT_END = 1.0 - 1e-6
-"""Share of the length of a route from which a robot is at its end: positions are rounded."""
+"""Share of the length of a route from which a robot is at its end. Chosen: positions are rounded by less."""
 HOME_TIME = 1.25
 """Time kept for the way home over that at cruise. Chosen: the nearest speed level may be below cruise, by 17 % at most
 for the robots that ship (f1tenth)."""

@@ -26,7 +26,8 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "wind_mps": (0.0, 60.0, "m/s; km/h?"),
     "wind_from_rad": (-10.0, 10.0, "rad; degrees?"),
 }
-"""Lowest and highest value of each quantity of a route, and a likely mistake."""
+"""Lowest and highest value of each quantity of a route, and a likely mistake. Chosen: wider than any ground and weather
+that a robot meets, narrow enough to detect another unit."""
 
 OF_THE_DAY = ("temperature_c", "wind_mps", "wind_from_rad")
 

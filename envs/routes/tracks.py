@@ -42,7 +42,7 @@ LEAST_RISE_M = 2.0  # smaller ones are noise; chosen on two tracks of known asce
 STEEPEST = 0.5  # sine of 30 degrees; chosen: the steepest streets have 19 (Baldwin Street, Dunedin)
 CAPPED_SHARE = 0.02  # chosen: with more limited slopes the heights are wrong
 SHORTEST_M = 100.0  # smoothing would leave nothing of a shorter one: four times SIGMA_M
-JUMP_M = 100_000.0  # between neighbouring points: farther than any ground robot drives on a charge
+JUMP_M = 100_000.0  # between neighbouring points: chosen: farther than a ground robot drives on a charge
 
 _EARTH_M = 6371008.8  # mean radius, IUGG
 _MISSING_SHARE = 0.2  # of the points may lack an elevation; chosen: gaps can then be bridged linearly

@@ -17,7 +17,7 @@ from homeward.logs.times import median_step_s
 _STANDS_RADPS = 0.02  # chosen: noise of a gyroscope at rest
 _BATCH_TIMES = 8.0  # batches are so many autocorrelation times long; chosen: means then hardly correlate
 _MOST_BATCHES = 10  # chosen: more would leave batches too short for a slow drift to show between them
-_FEWEST_WINDOWS = 6  # with fewer there is no autocorrelation to estimate
+_FEWEST_WINDOWS = 6  # chosen: with fewer there is no autocorrelation to estimate
 _STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's load is steadier; chosen
 
 

@@ -37,6 +37,7 @@ _DEGREES, _PER_CENT = ("degrees", 0.017453292519943295), ("per cent", 1e-2)
 _MM, _MA = (("millimetres", 1e-3),), (("milliamperes", 1e-3),)
 _SMALLER_S = ("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)
 
+# Limits are chosen: wider than any ground robot or road vehicle reaches, narrow enough to detect most wrong units.
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (

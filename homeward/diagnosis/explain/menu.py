@@ -17,7 +17,7 @@ from homeward.logs.channels import Array
 from homeward.physics import Robot
 
 SAMPLES = 300
-"""Samples of each drive: five minutes at 1 Hz, a longer drive at a lower rate."""
+"""Samples of each drive: five minutes at 1 Hz, a longer drive at a lower rate. Chosen."""
 
 KNOWN_MASS = 0.2
 """Mass that is put on the robot in the drive with a known mass, over its own. Chosen: the largest at `uncertain`."""

@@ -16,7 +16,7 @@ _MOST_BLOCKS = 2000  # about; chosen: signs of so many in 8,000 draws (residual_
 _CORRELATION_TIMES = 3.0  # blocks are so many correlation times long; chosen: their sums then hardly correlate
 _MOST_FOLDS = 10  # of whole runs; chosen: the usual ten
 _LONGEST_LAG = 400  # windows; chosen: over 200 seconds correlation is drift
-_MOST_CORRELATED = 0.9  # largest correlation over a lag: above it is drift, not noise
+_MOST_CORRELATED = 0.9  # largest correlation over a lag; chosen: above it is drift, not noise
 _BLOCK_FOLDS = 5  # of the blocks of one or two runs; chosen
 FEWEST_RUNS = 3
 """Runs from which whole runs are held out. Chosen: of two, a fit would rest on one."""
