@@ -19,11 +19,13 @@ _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard de
 _MODEL_ERRORS = 0.001, 0.0015, 0.006
 """Errors that are always assumed, as shares of a decision's energy and of that of the way home: where nothing is
 hidden, in still weather, and in changing weather. Of 0.001 to 0.01, the last gives intervals of the way home with about
-the right coverage at `uncertain` with its meter, and the second the highest score."""
+the right coverage at `uncertain` with its meter (`benchmarks/agents/identification.py`), and the second the highest
+score."""
 _ON_BORDER = 1e-4
-"""Share of a place within which a robot counts as being on its border."""
+"""Share of a place within which a robot counts as being on its border. Chosen: above the rounding of the observed
+distance, in single precision (6e-8 of up to 64 places)."""
 _AHEAD = 1e-6
-"""Share of a place by which it is then moved into the next one."""
+"""Share of a place by which it is then moved into the next one. Chosen: above rounding, and no distance."""
 
 
 def prior_of(known: Known, missed: float) -> Prior:

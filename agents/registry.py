@@ -111,7 +111,8 @@ SWEPT: dict[str, tuple[float, ...]] = {
     "dmax_belief": _DEVIATIONS,
     "planner": _DEVIATIONS,
 }
-"""Reserves that are tried for agents with one, equally many for each; `benchmarks/agents/tune.py` tries others."""
+"""Reserves that are tried for agents with one, equally many for each. Chosen: even steps, from none to beyond
+those of highest score (`homeward.agents.rules.reserves`)."""
 
 FROM_FILES = frozenset({"ppo", "ppo_scratch"})
 """Agents that accept a file."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from homeward.envs.conditions.instruments import STEEPEST_READ
 from homeward.envs.sensing import fading
 from homeward.envs.state import AHEAD, IN_SIGHT
 from homeward.physics import model
@@ -20,7 +21,8 @@ GAINS = (10.0, 40.0, 100.0)
 which a network hardly resolves on the scale of the whole battery. Chosen: full scale is a tenth, a fortieth and a
 hundredth of the battery."""
 _DRAWN = 0.05
-"""Share of the battery, added to both used and modelled energy, that draws the consumption towards the model's."""
+"""Share of the battery, added to both used and modelled energy, that draws the consumption towards the model's.
+Chosen: ten decisions at cruise, so that the first ones change it little."""
 _STRETCHES = tuple(
     (first, f"places {first} to {last - 1} from here outwards, {'in sight' if k < IN_SIGHT else 'known or forecast'}")
     for k, (first, last) in enumerate(AHEAD)
@@ -68,9 +70,9 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
 NAMES = tuple(name for name, _, _ in FEATURES)
 INDEX = {name: index for index, name in enumerate(NAMES)}
 LIMIT = 10.0
-"""Bound of every feature; values are clipped to it."""
+"""Bound of every feature; values are clipped to it. Chosen: ten times the unit of each, which are typical sizes."""
 
-_STEEPEST = 8.0  # in units of a sine of 0.1: the largest sine that can be read is 0.8
+_STEEPEST = 10.0 * STEEPEST_READ  # in units of a sine of 0.1
 _SHARE, _SIGNED, _POSITIVE = (0.0, 1.0), (-1.0, 1.0), (0.0, LIMIT)
 
 RANGES: dict[str, tuple[float, float]] = {

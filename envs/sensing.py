@@ -8,7 +8,7 @@ from homeward.physics.jit import inline
 
 DRIVING_LINK = 0.5
 """Share of the radio's rate while driving: antennas move and the channel fades. Chosen: 3 dB."""
-_ANY = 1e-9  # samples, against a division by zero
+_ANY = 1e-9  # samples, against a division by zero; chosen: far below one
 
 
 @inline

@@ -14,7 +14,7 @@ AHEAD = ((1, 2), (2, 3), (3, 5), (5, 9), (9, 17), (17, 33), (33, 65))
 """Stretches of the way ahead whose mean grade and interest are observed: first and after-last place from here. The
 farther, the coarser; together they hold the longest route. Chosen: each as long as all before it."""
 IN_SIGHT = 2
-"""Stretches that are seen; beyond, there is a forecast, unless the route is known."""
+"""Stretches that are seen; beyond, there is a forecast, unless the route is known. Chosen: two places."""
 
 PLACE_DTYPE = np.dtype(
     [
@@ -105,7 +105,8 @@ MISSION_DTYPE = np.dtype(
 """One mission: the kernel's state and what the environment adds."""
 
 MAX_PLACES = 64
-"""Most places of a route; a longer profile is cut into longer places."""
+"""Most places of a route; a longer profile is cut into longer places. Chosen: twice those of a
+generated route; a place takes 128 bytes in every mission."""
 
 ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,)), ("apart", PLACE_DTYPE)], align=True)
 """The route of one mission; the shared record says how many places it has. The last field keeps routes from lying at

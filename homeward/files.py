@@ -17,9 +17,9 @@ STANDARD_INPUT = "-"
 """Name of standard input."""
 
 _MOST_BYTES = 1_000_000
-"""Limit for the project's settings files, TOML or JSON, which have some kilobytes."""
+"""Limit for the project's settings files, TOML or JSON, which have some kilobytes. Chosen."""
 _DEEPEST = 20
-"""Limit of their nesting."""
+"""Limit of their nesting. Chosen: they have three levels."""
 
 
 def open_regular(path: str | Path) -> BinaryIO:
@@ -99,7 +99,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 _MOST_DOTS = 1000
-"""Limit in a line of a settings file; a row of numbers has some."""
+"""Limit in a line of a settings file; a row of numbers has some. Chosen: a parser takes no notable time for so many."""
 
 
 def refuse_deep(data: Any) -> None:

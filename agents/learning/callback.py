@@ -18,7 +18,8 @@ from homeward.agents.learning.tracking import log_point
 from homeward.agents.trained.policy_file import Layer
 
 VALUE_FIRST = 6
-"""First updates that train the value only: an untrained value would destroy the first policy."""
+"""First updates that train the value only: an untrained value would destroy the first policy. Chosen: 384
+decisions of each mission, three times as many as a mission has."""
 
 
 class TrainingCallback(BaseCallback):

@@ -30,7 +30,7 @@ SCHEMA = 3
 _HEADER = "homeward"
 _MOST_HEADER_BYTES = 1_000_000  # chosen: names and shapes of some dozen tensors need kilobytes
 _LARGEST = 1e6
-"""Largest weight: far beyond any in training, with a finite square."""
+"""Largest weight. Chosen: far beyond any in training, with a finite square."""
 
 
 @dataclass(frozen=True)

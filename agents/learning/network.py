@@ -13,11 +13,13 @@ from torch import nn
 
 from homeward.agents.trained.policy_file import Layer
 
-_LOG_DEVIATIONS = (-0.7, -0.7, -1.8)  # continuous: go is the middle third, so other modes are as rare
+_LOG_DEVIATIONS = (-0.7, -0.7, -1.8)
+"""Of continuous actions, at first. Chosen: deviations of half of the range from its middle for speed and sensing rate;
+go is the middle third, at two deviations, so that a stop and a return have a probability of 2 % each."""
 
 _VALUE_SCALE = 0.1
 """Scale of the value's hidden units, from d_max: beyond the potential a tenth of a good score is left to learn, and
-steps as large as for numbers around 1 make the value noisy."""
+steps as large as for numbers around 1 make the value noisy (docs/learning.md, What failed)."""
 
 
 class ResidualPolicy(ActorCriticPolicy):

@@ -35,9 +35,9 @@ from homeward.agents.trained.run_folder import FIRST, LAST, TENSORBOARD
 from homeward.envs.options import Known, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
-_LAST_LEARNING_RATE = 0.01  # relative to the first; it falls linearly
+_LAST_LEARNING_RATE = 0.01  # relative to the first; it falls linearly; chosen: the last updates change little
 _STAGGERED = 128
-"""Decisions over which the first missions begin: about as many as a mission has."""
+"""Decisions over which the first missions begin: about as many as a mission has (see docs/learning.md)."""
 
 
 @dataclass(frozen=True)

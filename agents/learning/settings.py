@@ -8,13 +8,15 @@ from homeward.agents.trained.run_folder import TrainingError as TrainingError
 
 SCRATCH, DMAX = "scratch", "dmax"
 STARTS = (SCRATCH, DMAX)
-_MOST_HIDDEN = 4096  # 17 million weights in the second layer
-_MOST_ROLLOUT = 2**24  # decisions between updates: some 4 GB of inputs
+_MOST_HIDDEN = 4096  # chosen: bounds memory, with 17 million weights in the second layer
+_MOST_ROLLOUT = 2**24  # decisions between updates; chosen: bounds memory to some 4 GB of inputs
 
 _BY_START = {
     SCRATCH: {"learning_rate": 3e-3, "entropy": 0.0},
     DMAX: {"learning_rate": 2e-3, "entropy": 0.003},
 }
+"""Defaults by start. The bonus keeps exploration from d_max and harms from nothing (docs/learning.md, What failed); the
+step sizes are chosen, and no comparison of them is recorded."""
 
 
 class DivergedError(TrainingError):
@@ -38,28 +40,28 @@ class PPOSettings:
     start: str = DMAX
     """dmax: the first policy is the d_max rule, and the belief is an input; scratch: only the observation, no rule."""
     n_envs: int = 512
-    """Missions side by side."""
+    """Missions side by side. Chosen."""
     n_steps: int = 64
-    """Decisions of each mission between two updates."""
+    """Decisions of each mission between two updates; with 16 or 32 surveys score less (docs/learning.md)."""
     batch_size: int = 4096
-    """Decisions in a gradient step; divides n_envs times n_steps."""
+    """Decisions in a gradient step; divides n_envs times n_steps. Chosen: eight steps a pass."""
     epochs: int = 4
-    """Passes over the decisions in an update."""
+    """Passes over the decisions in an update. Chosen."""
     learning_rate: float | None = None
     """Step size of Adam at the start; it falls linearly to a hundredth. By default 2e-3 from dmax, otherwise 3e-3."""
     discount: float = 0.9997
     """Discount factor, also of the shaping; the way home takes about a hundred decisions and must still count."""
     gae_lambda: float = 0.98
-    """Lambda of generalised advantage estimation; with 0.9 patrols are unlearned from dmax."""
+    """Lambda of generalised advantage estimation; with 0.9 patrols are unlearned from dmax (docs/learning.md)."""
     clip: float = 0.2
-    """Clip range: largest change of an action's probability ratio in an update."""
+    """Clip range: largest change of an action's probability ratio in an update, as in the paper."""
     entropy: float | None = None
     """Weight of the entropy bonus at the start; it falls to 0. By default 0.003 from dmax, 0 from scratch."""
     stranding_cost: float = 0.5
     """Penalty of stranding beyond the lost score, as a share of a good score: without it, risky policies score too
     well."""
     hidden: int = 64
-    """Width of the two hidden layers, of the policy and of the value."""
+    """Width of the two hidden layers, of the policy and of the value; 64 as in the paper."""
 
     def __post_init__(self) -> None:
         if self.start not in STARTS:

@@ -25,9 +25,11 @@ _MOST_CELLS = 40.0
 _NODES = 1 << 20
 """Most nodes of a search. Chosen: they take 9 MB, at 9 bytes each."""
 _TRIED = 32
-"""Most missions found that are repeated in the environment, best first, until one gets home."""
+"""Most missions found that are repeated in the environment, best first, until one gets home. Chosen: at `uncertain`
+(from seed 1000 on) 400 episodes of OutAndBack need 31 at most, 100 of Survey 26."""
 _RESERVES = (1.0, 1.02, 1.05, 1.1, 1.2)
-"""Factors on the energy of the way home, tried in turn: it is exact unless an effect has a state."""
+"""Factors on the energy of the way home, tried in turn: it is exact unless an effect has a state or the
+weather changes. Chosen: of the same episodes 397 and 74 need only the first, and one 1.2."""
 _NEVER = -1e12
 """Score of a turn that is not possible: below any, and finite, so that differences are numbers."""
 

@@ -17,7 +17,9 @@ _PRIOR = np.diag([0.01, 0.05])
 """Precision of the prior that the ratios of driving and of sensing are 1: the modelled energy with equal weight, as a
 share of the usable energy. Chosen: electronics are better known than ground."""
 _UNSEEN = 0.1
-"""Standard deviation of the ratio on the way home about that on the way out, by causes not observable there: wind."""
+"""Standard deviation of the ratio on the way home about that on the way out, by causes not observable there: wind.
+Chosen, and the reserve k was tuned with it (`homeward.agents.rules.reserves`): on 2,000 missions of OutAndBack (seed
+31), 0.05 with k = 3 or 0.2 with k = 1 change the mean score by less than 0.4 %."""
 
 
 @final

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
-from homeward.agents.rules.turn_back import BelievingRule, Outlook
+from homeward.agents.rules.turn_back import AT_END, BelievingRule, Outlook
 from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _UNSEEN = 0.1
-"""Relative standard deviation of a lap's energy, assumed until two laps are measured."""
+"""Relative standard deviation of a lap's energy, assumed until two laps are measured. Chosen: with 0.05 or
+0.2 instead no score of 1,000 patrols (seed 31, k = 1) changes, as the battery lasts for more laps."""
 
 
 @final
@@ -57,7 +58,7 @@ class LapRule(BelievingRule):
         )
 
     def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        at_far_post = distance_m >= (1.0 - 1e-6) * float(self._known.shared["length_m"][0])
+        at_far_post = distance_m >= AT_END * float(self._known.shared["length_m"][0])
         return np.asarray(super()._may_turn(distance_m) | at_far_post)
 
     def _forget(self, count: int) -> None:

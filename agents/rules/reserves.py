@@ -16,7 +16,7 @@ PACES = {
     "Survey": Pace(rate=1.0, interest=0.4, full=0.95),
     "Patrol": NO_SENSING,
 }
-"""Speed and sensing rate, the same for all rules."""
+"""Speed and sensing rate, the same for all rules, found with the reserves."""
 
 RESERVES = {
     "dmax": {"OutAndBack": 0.25, "Survey": 0.15, "Patrol": 0.03},

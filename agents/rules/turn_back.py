@@ -15,6 +15,12 @@ from homeward.envs.routes.files import STEEPEST_SINE
 from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
 
+AT_END = 1.0 - 1e-6
+"""Share of the length of a route from which a robot is at its end. Chosen: positions are rounded by less."""
+HOME_TIME = 1.25
+"""Time kept for the way home over that at cruise. Chosen: the nearest speed level may be below cruise, by 17 % at most
+for the robots that ship (f1tenth)."""
+
 
 class Outlook(NamedTuple):
     """Belief about the energy left and that of the way home, shares of the usable energy, arrays of shape (n,).
@@ -78,7 +84,7 @@ class TurnBackRule(Policy):
         if self._sees_posts:
             turns &= self._may_turn(distance_m)
         elif not self._patrol:
-            turns |= distance_m >= (1.0 - 1e-6) * s["length_m"]
+            turns |= distance_m >= AT_END * s["length_m"]
         if len(begun) != len(self._turned):
             self._turned = np.zeros(len(begun), np.bool_)
         self._turned[begun] = False
@@ -119,8 +125,7 @@ class TurnBackRule(Policy):
     def _late(self, observations: Observations, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
-        # A quarter more, because the nearest speed level may be below cruise.
-        return np.asarray(left_s < 1.25 * (distance_m / s["cruise_mps"] + self._round_s))
+        return np.asarray(left_s < HOME_TIME * (distance_m / s["cruise_mps"] + self._round_s))
 
 
 class BelievingRule(TurnBackRule):

@@ -39,5 +39,5 @@ class Wanderer(Policy):
         speed_mps, sensing_hz = (
             at_level(level, *ends) for level, ends in zip(levels, limits(self._known), strict=True)
         )
-        mode = np.where(self._rng.random(count) < 0.1, STOP, GO)
+        mode = np.where(self._rng.random(count) < 0.1, STOP, GO)  # a tenth: chosen, so that it gets far
         return encode_actions(self._known, speed_mps, sensing_hz, mode)

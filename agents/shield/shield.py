@@ -21,7 +21,8 @@ _MISSED = 0.2
 """Prior probability that the forecast is of another wind, as on the routes `hidden_wind`. Chosen: ten times that of
 `BeliefDmaxRule`, for safety in such winds."""
 _SPARE_DECISIONS = 3.0
-"""Time kept in reserve before the time limit, in decisions."""
+"""Time kept in reserve before the time limit, in decisions: one for the action, one because a mission ends with a whole
+decision, and one to spare."""
 
 
 @final

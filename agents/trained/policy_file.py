@@ -32,7 +32,7 @@ _MOST_LAYERS = 100  # chosen: far more than a policy needs
 ON_THE_GO = {"senses": "on the go"}
 """Entry of a description: the policy was trained with `sensing_on_the_go`."""
 _ROWS = 64
-"""Missions at a time: larger products are spread over threads, which costs more than it gains."""
+"""Missions at a time: larger products are spread over threads, which costs more than it gains. Chosen."""
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inputs), bias (outputs,)
 

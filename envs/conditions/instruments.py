@@ -185,9 +185,9 @@ def meter(m: Any, shared: Any) -> None:
 def sine_read(key: Any, place: int, sin_grade: float, shared: Any) -> Any:
     """Sine of a place's grade as read by the robot."""
     if shared.grade_noise > 0.0:
-        return min(max(sin_grade + shared.grade_noise * normal(key, place, GRADE), -_STEEPEST), _STEEPEST)
+        return min(max(sin_grade + shared.grade_noise * normal(key, place, GRADE), -STEEPEST_READ), STEEPEST_READ)
     return sin_grade
 
 
-_STEEPEST = 0.8
-"""Largest sine that can be read, that of the steepest grade of a route."""
+STEEPEST_READ = 0.8
+"""Largest sine that can be read. Chosen: above that of the steepest slope of a route (0.7), with room for noise."""

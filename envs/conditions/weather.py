@@ -15,7 +15,8 @@ GUSTINESS = 0.3
 """Standard deviation of either part of the wind about its mean, over the mean speed. Chosen between the turbulence
 within ten minutes (0.12 to 0.16 by IEC 61400-1) and a wind that turns round: direction wanders by 17 degrees."""
 WANDERS_S = (300.0, 3600.0)
-"""Range of its autocorrelation time, s: five minutes to an hour, log-uniform."""
+"""Range of its autocorrelation time, s: five minutes to an hour, log-uniform. Chosen: from a part of a mission
+on to all of it."""
 FORECAST_ERROR_MPS = 1.0
 """Standard deviation of the forecast's error of either component of the wind, m/s. Chosen: two thirds of the 1.5 m/s by
 which winds of generated routes vary, so that a forecast is informative and leaves something to estimate."""

@@ -26,7 +26,8 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "wind_mps": (0.0, 60.0, "m/s; km/h?"),
     "wind_from_rad": (-10.0, 10.0, "rad; degrees?"),
 }
-"""Lowest and highest value of each quantity of a route, and a likely mistake."""
+"""Lowest and highest value of each quantity of a route, and a likely mistake. Chosen: wider than any ground and weather
+that a robot meets, narrow enough to detect another unit."""
 
 OF_THE_DAY = ("temperature_c", "wind_mps", "wind_from_rad")
 
@@ -94,11 +95,12 @@ class Route:
 MOST_ROUTE_BYTES = 100_000_000
 """Of a file of a route or track. Chosen: a million rows of a profile, and it bounds memory."""
 KNOTS = 8
-"""Pieces of a generated route: grade is linear and curvature constant between knots."""
+"""Pieces of a generated route: grade is linear and curvature constant between knots. Chosen: several hills a route."""
 NEW_PATCH = 0.5
 """Probability that the ground changes from one piece to the next. Chosen: two pieces of one ground on average."""
 WIND_SCALE_MPS = 1.5
-"""Standard deviation of either component of the wind: its speed has a Rayleigh distribution of this scale."""
+"""Standard deviation of either component of the wind: its speed has a Rayleigh distribution of this scale.
+Chosen: a mean of 1.9 m/s, Beaufort 2 (light breeze)."""
 HIDDEN_WIND_MPS = (3.0, 6.0)
 """Range of the hidden wind, uniform. Chosen: Beaufort 2 to 4 (1.6 to 7.9 m/s)."""
 GENERATED_PLACES = 32
@@ -108,14 +110,15 @@ INTEREST_LENGTH = 0.1
 """Correlation length of the interest, over the length of the route. Chosen so that sensed ground is informative about
 the next, and a route has many different stretches."""
 MEAN_INTEREST, INTEREST_DEVIATION = 1.23, 1.0
-"""Mean of the interest, and standard deviation of its logarithm: a fifth of the ground has over half of it."""
+"""Mean of the interest, and standard deviation of its logarithm. Chosen: a fifth of the ground has over half of it."""
 
 
 @inline
 def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind_out: bool) -> None:
     """Draw a route of a given number of places and its weather, into the records of a mission.
 
-    Distributions, with lengths as shares of the route so that any robot meets the same variety. At each of 9 knots:
+    Distributions, all chosen, with lengths as shares of the route so that any robot meets the same variety. At each of
+    9 knots:
 
     * sine of the grade: a mean of N(0, 0.02) over the route plus an autoregressive part of deviation 0.04 that keeps
       half of itself from knot to knot, within +-0.2; linear in between;

@@ -20,7 +20,7 @@ COLOURS: dict[str, Colour] = {
     "battery losses": (68, 170, 153),
 }
 _HATCHED_GREEN = mix(palette.DARK_GREEN, palette.GREEN, 0.6)
-_WORTH_SHOWING = 5e-4  # of a full battery
+_WORTH_SHOWING = 5e-4  # of a full battery; chosen: a tenth of a decision
 
 
 def draw_battery(canvas: Canvas, box: Box, scene: Scene) -> None:

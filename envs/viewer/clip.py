@@ -14,7 +14,7 @@ from PIL import Image
 from homeward.files import write_whole
 
 _COLOURS = 128
-"""Enough for the viewer's flat colours and the smooth edges of its letters."""
+"""Chosen: enough for the viewer's flat colours and the smooth edges of its letters."""
 
 
 def write_gif(

@@ -12,7 +12,7 @@ from homeward.envs.viewer.canvas import Box, Canvas, Point
 from homeward.envs.viewer.palette import Colour, mix
 from homeward.envs.viewer.scene import Scene
 
-_LEFT, _RIGHT = 54.0, 20.0  # margins inside the panels, so that both share their horizontal axis
+_LEFT, _RIGHT = 54.0, 20.0  # margins inside the panels, so that both share their horizontal axis; these by eye
 _LIGHT_VIOLET = mix(palette.VIOLET, palette.PANEL, 0.72)
 _APRON = 26.0
 """Flat ground before home and behind the end of the route, so that a robot there is fully visible."""

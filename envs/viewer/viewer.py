@@ -19,7 +19,7 @@ from homeward.installed import advice
 MODES = ("human", "rgb_array", "ansi")
 """Values of `render_mode`, beside None."""
 FRAMES_PER_S = 15
-"""Frames per second, one a decision: a mission takes a quarter of a minute."""
+"""Frames per second, one a decision. Chosen: a mission takes a quarter of a minute."""
 
 
 class Viewer:

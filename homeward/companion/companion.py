@@ -31,8 +31,9 @@ from homeward.estimation.excitation import looks_back
 from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
 
-_WINDOWS = 200.0
-"""Number of updates of the estimator while the battery lasts at cruise, as of decisions in the environments."""
+WINDOWS = 200.0
+"""Number of updates of the estimator while the battery lasts at cruise, as of decisions in the environments
+(`homeward.envs.options`)."""
 _LONGEST_PLACES, _PLACES = 160.0, 128
 """Places per d_max, and how many are kept: the way home of a robot that can come home is shorter than 0.8 d_max.
 Chosen: a place is then 0.6 % of d_max."""
@@ -42,15 +43,17 @@ _DETOUR = 1.3
 """Way on the ground over the straight line, for a home that moved off the trail. Roads have 1.2 to 1.5 (Ballou and
 others, Transportation Research A 36, 2002)."""
 _DEAD_RECKONING_ERROR = 0.1
-"""Relative standard deviation of a way from dead reckoning with speed and heading."""
+"""Relative standard deviation of a way from dead reckoning with speed and heading. Chosen: twice the upper
+end of the 1 to 5 % of calibrated odometry (Borenstein & Feng, 1996)."""
 _MOST_CUTOFF = 1.2
 """Ratio of cut-off to nominal voltage that no battery exceeds. Chosen: a cell's charged voltage is at most 1.17 times
 the nominal one (4.2 V over 3.6 V)."""
 _UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
 """Difference of the state-of-charge reading from the energy drawn, and windows in a row with it, for another battery or
-a reading that is stuck: monitors that measure voltage are off by some per cent."""
+a reading that is stuck: monitors that measure voltage are off by some per cent. Chosen: above
+that, and more than a single window."""
 _STANDS_WINDOWS = 3
-"""Windows in a row with a speed of 0 and driving power before a warning."""
+"""Windows in a row with a speed of 0 and driving power before a warning. Chosen: 1.5 % of the time of a charge."""
 RISK = 1e-3
 """Default of the accepted risk of not getting home. Chosen: one mission in a thousand."""
 _SCHEMA = 1  # of a saved state; other schemas are refused
@@ -136,7 +139,7 @@ class Companion:
         self._policy = policy
         self.risk = risk
         cruise = float(optimal_speed(self.robot)) if cruise_mps is None else cruise_mps
-        self._window_s = range_m / cruise / _WINDOWS if window_s is None else window_s
+        self._window_s = range_m / cruise / WINDOWS if window_s is None else window_s
         self._reaction_s = self._window_s if reaction_s is None else reaction_s
         self._arrived_m = arrived_m
         places = _PLACES

@@ -223,7 +223,7 @@ class HomeEstimator:
         place_m, here = self.vehicle.place_m, self._place_at(position_m)
         self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
         self.pace_w = (1.0 - _PACE) * self.pace_w + _PACE * ((window.other_j - window.extra_j) / window.time_s)
-        if window.way_m > 0.01 * place_m:
+        if window.way_m > 0.01 * place_m:  # chosen: a robot that stands has no energy per metre
             extra = window.extra_j / window.way_m
             share = min(window.way_m / place_m, 1.0)
             self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)

@@ -41,7 +41,7 @@ _SPEEDS = 2.0
 _POWERS = 20.0
 """Multiple of the power at top speed up the steepest typical slope above which a power is impossible."""
 _STEEP = 0.3  # rad, of that
-_STEEPEST = 0.8  # rad
+_STEEPEST = 0.8  # rad, as `homeward.logs.channels` allows
 POSITION_M = 5.0
 """Error of a position: the accuracy of a receiver of satellites under open sky, 4.9 m (van Diggelen and Enge,
 Proceedings of ION GNSS+ 2015)."""
@@ -50,20 +50,20 @@ _SOC_SLACK = 0.02
 one
 in per cent is far beyond."""
 _HELD = 3.0
-"""Multiple of an instrument's typical interval for which its last value holds."""
+"""Multiple of an instrument's typical interval for which its last value holds. Chosen: two readings may be lost."""
 _LEAST_HOLD_S = 0.5
 """Time for which a value holds, and after which a missing instrument is reported, however often it is read. Chosen."""
 _JUMPS = 5
-"""Positions in a row that are too far away until they are accepted."""
+"""Positions in a row that are too far away until they are accepted. Chosen: fewer may be a receiver's errors."""
 _STILL_M, _DRIVEN_M = 0.2, 20.0
 """Distance by which positions must have moved when the speed integrates to this. Chosen: 1 %, a tenth of the error of
 dead reckoning."""
 _BACK = 3
-"""Readings in a row from before the last one until the clock is assumed to be set back."""
-_STAYS_S = 60.0
+"""Readings in a row from before the last one until the clock is assumed to be set back. Chosen: fewer may be late."""
+STAYS_S = 60.0
 """Time for which a warning is shown, and for which motion may be missing at the start. Chosen: can be read."""
 _GAP = 3.0
-"""Multiple of the typical interval beyond which readings are missing."""
+"""Multiple of the typical interval beyond which readings are missing. Chosen as `_HELD`."""
 
 
 class _Held:
@@ -168,7 +168,7 @@ class Readings:
         if math.isfinite(self._motion.value):
             silent_s = max(self.clock_s - self._motion.at_s, dt_s)
             self.say(f"{kind} for {silent_s:.0f} s: assumed to drive on as before", kind)
-        elif self.clock_s <= _STAYS_S:
+        elif self.clock_s <= STAYS_S:
             self.say(f"{kind} was read yet: assumed to stand", kind)
         else:
             raise CompanionError(
@@ -184,7 +184,7 @@ class Readings:
 
     def warnings(self) -> tuple[str, ...]:
         """Present warnings, a sentence each."""
-        return tuple(text for at_s, text in self._said if self.clock_s - at_s <= _STAYS_S)
+        return tuple(text for at_s, text in self._said if self.clock_s - at_s <= STAYS_S)
 
     def _passed_s(self, time_s: float) -> float | None:
         """Time since the last reading; None if this one is not later."""

@@ -9,7 +9,7 @@ from homeward.estimation import Margin
 from homeward.estimation.tails import true_risk
 
 _TRIES = 5
-"""Guesses at the latest place to turn, after which it is known to some metres."""
+"""Guesses at the latest place to turn, after which it is known to some metres. Chosen: bounds the time."""
 
 
 def latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> float:

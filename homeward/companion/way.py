@@ -177,7 +177,7 @@ class Way:
         share = np.clip(((self._xy - starts) * along).sum(axis=1) / self._place_m**2, 0.0, 1.0)
         apart_m = np.hypot(*(starts + share[:, None] * along - self._xy).T)
         at_m = (np.arange(len(share)) + share) * self._place_m
-        # If a route crosses itself, points far along it count as further away.
+        # If a route crosses itself, points far along it count as further away, by the error of dead reckoning.
         best = int(np.argmin(apart_m + 0.1 * np.abs(at_m - self.position_m)))
         self.off_route_m = float(apart_m[best])
         return float(at_m[best] + self.off_route_m)

@@ -12,7 +12,8 @@ _COVERED = 0.5
 _UNREAD = 0.3
 """Relative standard deviation of the mean power in the time without a reading. Chosen: stops and bends."""
 _PLAUSIBLE = 0.15
-"""Relative difference allowed between the change of the way home and the way driven, for a way straight out or back."""
+"""Relative difference allowed between the change of the way home and the way driven, for a way straight out or back.
+Chosen: cos(32 degrees), and above the errors of speed and position of a short way."""
 
 
 class Window:

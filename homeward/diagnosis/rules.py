@@ -204,7 +204,7 @@ NEGLIGIBLE_NOISE = 0.001
 attenuate a coefficient by this share (Fuller, Measurement Error Models, 1987, section 1.1), less than any interval."""
 
 RESET_M = 1.0
-"""A distance counter that falls by more was reset; by less, the robot reversed within a sample."""
+"""A distance counter that falls by more was reset; by less, the robot reversed within a sample. Chosen."""
 
 SAME_ODOMETER = 0.03
 """Odometers that differ by less are taken to agree: tyres wear and are inflated by as much (calibrated odometry is good
@@ -243,20 +243,20 @@ SPIKE = 10.0
 (Davies & Gather, 1993); ripple of motor current has heavy tails."""
 
 SPIKE_BEYOND = 1.5
-"""A spike also lies beyond what all other samples reach, by this factor: a peak that the robot can draw is not one."""
+"""A spike also lies beyond what all other samples reach, by this factor. Chosen: a robot may draw a peak."""
 
 AT_THE_START_S = 0.5
 """An averaging window: a spike this close to a start of motion may be the start's, the break-away of friction or the
 inrush of the motor."""
 
 MOST_SPIKES = 0.005
-"""Largest share of samples that are spikes: more are part of the robot's load."""
+"""Largest share of samples that are spikes: more are part of the robot's load. Chosen."""
 
 MOST_SILENT = 0.05
-"""Share of the samples: a meter that reads zero more often while driving does so at any low load."""
+"""Share of the samples: a meter that reads zero more often while driving does so at any low load. Chosen."""
 
 CHARGES_S = 5.0
-"""Power that flows back at standstill for longer comes from a charger: a capacitor lasts less."""
+"""Power that flows back at standstill for longer comes from a charger: a capacitor lasts less. Chosen."""
 
 ZERO_ERROR = 0.05
 """Share of the mean driving power that a current sensor may read below zero at no load (1 to 3 % of full scale is
@@ -264,23 +264,23 @@ typical: Allegro ACS712 data sheet), so that less is no charging."""
 
 HELD = 0.95
 """Share of a channel's changes that come after at least one repeated sample where the channel is held: with noise,
-repeats are chance."""
+repeats are chance. Chosen."""
 
 HELD_SMOOTH = 0.5
 """Least lag-one autocorrelation of held values for interpolating between them: of independent values a straight line
 has as large an error as a step (both have twice the variance of linear prediction at half a step for 0.5)."""
 
 LONGEST_CHANNEL_LAG_S = 20.0
-"""Longest channel lag in the search: a filter of a barometer or GNSS receiver takes seconds."""
+"""Longest channel lag in the search: filters of barometers and GNSS receivers take seconds. Chosen."""
 
 SHORTEST_CHANNEL_LAG_S = 1.0
 """Shortest channel lag that is corrected: the lag of power, its reference, trades off with inertia by some tenths."""
 
 LONGEST_DRIFT_S = 4.0
-"""Longest clock drift over a run that is corrected: 100 ppm, a poor crystal, are 0.4 s an hour; loggers lose more."""
+"""Longest clock drift over a run to correct. Chosen: 100 ppm, a poor crystal, are 0.4 s an hour; loggers lose more."""
 
 SMALLEST_DRIFT_S = 0.1
-"""A fifth of an averaging window: less moves hardly any power from one window to the next."""
+"""A fifth of an averaging window: less moves hardly any power to the next. Chosen."""
 
 SMALLEST_LAG_GAIN = 0.05
 """Share of the squared error of power that correcting a lag must explain: as much as a named effect, so that no
@@ -295,7 +295,7 @@ CLOSED = 0.05
 (Borenstein & Feng, 1996)."""
 
 CLEAR_TILT = 4.0
-"""Standard errors by which the mean slope of closed drives must differ from zero for the sensor to be tilted."""
+"""Standard errors by which the mean slope of closed drives must differ from zero for a sensor's tilt. Chosen."""
 
 SAMPLES_A_WINDOW = 2
 """Samples that a window of a slow log holds at least: acceleration is a central difference over two steps. Over windows
@@ -303,7 +303,7 @@ of one sample a true inertia comes out 8 % too large at 1 Hz, over two 2 %, over
 
 RIGHT_ROBOT = 2.0
 """Ratio of recorded to predicted energy beyond which the robot file is questioned: the presets' parameters, each
-estimated within some ten per cent, do not make up such a ratio."""
+estimated within some ten per cent, do not make up such a ratio. Chosen."""
 
 LEAST_R2 = 0.9
 """Held-out R^2 below which a channel that was not recorded may be the reason: on hills a fit without slopes stays

@@ -81,15 +81,15 @@ _ADAPT = 0.15
 """Change of the logarithm of the gusts' correlation time for a squared error that is 1 above its expectation."""
 _UNEVEN = 0.3
 """Error of the rolling of one place on the way home, over the standard deviation of a change of the ground."""
-_ROLLS = 0.01  # energy over that of rolling on level ground below which the robot coasted
+_ROLLS = 0.01  # energy over that of rolling on level ground below which the robot coasted; chosen: above rounding
 _UNKNOWN = -1  # of whether the robot coasts: neither 0 nor 1
-_LEAST_CHANCE = 1e-3  # of that: a slope may have been misread
+_LEAST_CHANCE = 1e-3  # of that: a slope may have been misread; chosen as _OUTLIER of kalman
 _DOUBT = 9.0  # squared standard deviations above which a state of charge counts less, and errors do not update gusts
 _LEAST_ERROR = 1e-5  # of a state of charge: single precision and accumulated rounding
 _STUCK_STEPS, _STUCK_NOISE, _STUCK = 3.0, 5.0, 0.005
 """Steps, standard deviations and share of the battery by which an unchanged state of charge must be off together before
-it is ignored."""
-_LEAST_ROLLING = 0.1  # over the file's, wherever it is noted for the way home
+it is ignored. Chosen: none of them alone may end the use of a reading that is right."""
+LEAST_ROLLING = 0.1  # over the file's, wherever it is noted for the way home; chosen: positive
 
 
 @compiled
@@ -176,7 +176,7 @@ def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
 
 @inline
 def _speed(robot: Any, reading: Any, dt_s: float) -> float:
-    """Speed while it moved: distance over time, unless it stood for a part of the time."""
+    """Speed while it moved: distance over time, unless it stood for a part of the time (chosen: 5 % and more)."""
     by_way_mps = abs(reading.position_m - robot.position_m) / dt_s
     return float(reading.speed_mps if reading.speed_mps > 1.05 * by_way_mps else by_way_mps)
 
@@ -396,7 +396,7 @@ def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, r
             total += rollings[k] * rolling(v, places[k].sine_driven) * max(min(v.place_m, kept_m - k * v.place_m), 0.0)
         h.rolled = total / v.full_j
         return
-    rolling_now, reached_m = max(h.mean[ROLLING], _LEAST_ROLLING), robot.position_m
+    rolling_now, reached_m = max(h.mean[ROLLING], LEAST_ROLLING), robot.position_m
     k = place_of(v, reached_m, places)
     while reached_m < reading.position_m:
         border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m

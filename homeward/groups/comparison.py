@@ -27,7 +27,7 @@ LEVEL = 0.05
 """Family-wise significance level: probability of any false positive where no group differs. Chosen: the convention."""
 
 _MOST_SHOWN = 4  # differences in the summary; chosen: two sentences
-_SMALLEST_SPREAD = 1e-6  # of the largest value: a smaller spread is rounding
+_SMALLEST_SPREAD = 1e-6  # of the largest value; chosen: a smaller spread is rounding
 
 GroupVerdict = Literal["groups_differ", "no_difference", "not_testable"]
 

@@ -8,16 +8,17 @@ from scipy.stats import t as student
 
 from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, windows
+from homeward.diagnosis.rules import FEWEST_SAMPLES
 from homeward.logs.channels import MOTION, STANDSTILL_MPS
 from homeward.logs.columns import RecordingError
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
 
 _STANDS_RADPS = 0.02  # chosen: noise of a gyroscope at rest
-_BATCH_TIMES = 8.0  # batches are this many autocorrelation times long
-_MOST_BATCHES = 10  # more would leave batches too short for a slow drift to show between them
-_FEWEST_WINDOWS = 6  # with fewer there is no autocorrelation to estimate
-_STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's load is steadier
+_BATCH_TIMES = 8.0  # batches are so many autocorrelation times long; chosen: means then hardly correlate
+_MOST_BATCHES = 10  # chosen: more would leave batches too short for a slow drift to show between them
+_FEWEST_WINDOWS = 6  # chosen: with fewer there is no autocorrelation to estimate
+_STEADY = 0.2  # standard deviation of window means over their mean; a standing robot's load is steadier; chosen
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,10 @@ def standing_run(recording: Recording) -> StandingRun:
     observed, unit = observed_of(recording.channels)
     good = np.isfinite(observed)
     time_s, observed = recording.channels["time_s"][good], observed[good]
-    if len(observed) < 20 or np.ptp(observed) == 0.0:
-        raise RecordingError(f"{recording.name}: holds fewer than 20 values of power or current, or one value only")
+    if len(observed) < FEWEST_SAMPLES or np.ptp(observed) == 0.0:
+        raise RecordingError(
+            f"{recording.name}: holds fewer than {FEWEST_SAMPLES} values of power or current, or one value only"
+        )
     values = windows(time_s, max(WINDOW_S, median_step_s(time_s))).means(observed)
     if len(values) < _FEWEST_WINDOWS:
         raise RecordingError(

@@ -37,6 +37,7 @@ _DEGREES, _PER_CENT = ("degrees", 0.017453292519943295), ("per cent", 1e-2)
 _MM, _MA = (("millimetres", 1e-3),), (("milliamperes", 1e-3),)
 _SMALLER_S = ("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)
 
+# Limits are chosen: wider than any ground robot or road vehicle reaches, narrow enough to detect most wrong units.
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (
@@ -69,6 +70,9 @@ MOTION: Sets = (("speed_mps",), ("wheel_left_mps", "wheel_right_mps"))
 
 POWER: Sets = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor_right_a"))
 """Sets of channels that measure power or current, the most informative first; one is needed."""
+
+STRAY_SHARE = 0.01
+"""Largest share of impossible values that count as glitches. Chosen: with a wrong unit most are impossible."""
 
 STANDSTILL_MPS = 0.02
 """Speed up to which a robot stands, where its top speed is not known. Chosen: above one step of a wheel encoder (a

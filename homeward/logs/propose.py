@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from homeward.files import open_regular
 from homeward.logs import tables
-from homeward.logs.channels import CHANNELS, Array
+from homeward.logs.channels import CHANNELS, STRAY_SHARE, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
 from homeward.logs.times import from_text
 
@@ -282,11 +282,11 @@ def _possible(channel: str, values: Array) -> bool:
     if channel == "time_s":
         steps = np.diff(values[np.isfinite(values)])
         return bool(len(steps) and (steps >= 0.0).mean() > 0.99 and values[0] > -1.0)
-    return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= 0.01
+    return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= STRAY_SHARE
 
 
 def _plausible(channel: str, values: Array) -> bool:
-    """Whether values without a unit are in the typical range of a ground robot, beyond being possible."""
+    """Whether values without a unit are in the typical range of a ground robot (chosen), beyond being possible."""
     finite = np.abs(values[np.isfinite(values)])
     largest, step = float(finite.max()), float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     if channel == "time_s":

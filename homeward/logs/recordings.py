@@ -19,16 +19,15 @@ from homeward.files import STANDARD_INPUT, open_regular
 from homeward.installed import advice
 from homeward.logs import tables
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
-from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
+from homeward.logs.channels import CHANNELS, MOTION, STRAY_SHARE, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
 from homeward.logs.times import LONGEST_STEP_S, from_epoch, from_text
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
-_STRAY_SHARE = 0.01  # largest share of impossible values that count as glitches; more are a wrong unit
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
-_MOST_BROKEN = 0.1  # largest share of broken lines; more mean that the mapping is for other files
+_MOST_BROKEN = 0.1  # largest share of broken lines; more mean that the mapping is for other files; chosen
 _LONGEST_RUN_S = 3 * 86400.0  # three days; chosen: longer ones are times in another unit
 _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of two channels
     ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
@@ -357,11 +356,11 @@ def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
     """Set impossible values to NaN, with a note; many of them are a wrong unit."""
     impossible = channel.impossible(values)
     count, allowed = int(impossible.sum()), f"{channel.low:g} to {channel.high:g} {channel.unit}"
-    if count > _STRAY_SHARE * len(values):
+    if count > STRAY_SHARE * len(values):
         worst = float(np.nanmax(np.abs(values)))
         at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= worst * f <= channel.high]
         guess = f"; this looks like {at_hand[0][0]} (factor {at_hand[0][1]:.6g} in a mapping file)" if at_hand else ""
-        if channel.name == "temperature_c" and np.nanmin(values) > 150.0:
+        if channel.name == "temperature_c" and np.nanmin(values) > 150.0:  # K, colder than any place on earth
             guess = "; this looks like kelvin (offset -273.15 in a mapping file)"
         raise RecordingError(f"{channel.name} reaches {worst:.6g}, outside {allowed}{guess}")
     values[impossible] = np.nan
@@ -392,7 +391,7 @@ def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
     for what, reference, units in _SAME:
         value, truth = amounts.get(what, 0.0), amounts.get(reference, 0.0)
         for factor, unit in units.items() if truth > 0.0 and value > 0.0 else ():
-            if abs(np.log(value / truth / factor)) < 0.12:
+            if abs(np.log(value / truth / factor)) < 0.12:  # chosen: instruments agree within 12 %
                 raise RecordingError(
                     f"{what} is {value / truth:.3g} times that of {reference}; this looks like {unit} "
                     f"(factor {1 / factor:.6g} in a mapping file)"

@@ -13,7 +13,7 @@ from homeward.logs.channels import Array
 _EPOCH_S = 6.3e8, 4.1e9
 """Years 1990 to 2099 in seconds since 1970; the ranges in ms, us and ns lie apart from it and from each other."""
 LONGEST_STEP_S = 30.0
-"""Median time between the samples of a recording, s; a longer one is in another unit."""
+"""Median time between the samples of a recording, s; a longer one is in another unit. Chosen: driving needs more."""
 
 _TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
 _DAY_FIRST = r"^\s*(\d{1,2})\.(\d{1,2})\.(\d{4})(?=\s)"

@@ -26,7 +26,7 @@ slope drives the robot alone, no force is booked. `braking` is regenerated energ
 SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING = range(len(BASE_CAUSES))
 _BASE, _EFFECTS, _FORCES = len(BASE_CAUSES), len(EFFECTS), sum(effect.kind == "force" for effect in EFFECTS)
 _INTERMITTENT = np.uint64(1 << [effect.id for effect in EFFECTS].index("intermittent_load"))
-_GUESSES, _HALVINGS, _ROUNDING = 20, 60, 1e-14  # of the moment of depletion: halvings reach its rounding
+_GUESSES, _HALVINGS, _ROUNDING = 20, 60, 1e-14  # of the moment of depletion; chosen: halvings reach rounding
 
 STATE_FIELDS = (
     ("energy_j", np.float64),  # left in the battery

@@ -35,6 +35,7 @@ def _quantity(section: str, meaning: str, bounds: Bounds, default: float | None 
     return field(metadata=metadata) if default is None else field(default=default, metadata=metadata)
 
 
+# Chosen: far beyond any robot, and safe from overflow; `homeward.physics.plausible` has the typical ranges.
 _POSITIVE = Bounds(0.0, 1e6, open_low=True)
 _NOT_NEGATIVE = Bounds(0.0, 1e6)
 _SPEED = Bounds(0.0, 100.0, open_low=True)

@@ -17,9 +17,9 @@ from homeward import quantities
 from homeward.companion import Advice, UncertainValue
 
 _PER_S = 8.0
-"""Frames a second."""
+"""Frames a second. Chosen: motion looks continuous."""
 _WARNINGS = 4
-"""Number of warnings shown; of those that differ only in numbers, the last."""
+"""Number of warnings shown; of those that differ only in numbers, the last. Chosen: a short panel."""
 
 
 def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[str, ...]) -> Panel:

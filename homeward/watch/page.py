@@ -18,6 +18,9 @@ from homeward.watch.predictions import Watched
 
 _ROWS = 6
 """Moments of a run in the table below its plot. Chosen: a line for each fifth of the way."""
+_CALIBRATED = 0.8, 0.97
+"""Coverage of the 90 % interval that counts as right. Chosen: moments of a run are correlated, so that few are
+independent."""
 _RESTS = {"J": "energy of the rest, kJ", "A s": "charge of the rest, kA s"}
 _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 
@@ -51,8 +54,9 @@ def watch_html(
 
 def verdict(whole: Row) -> str:
     """Conclusion from the row of all moments, in a sentence."""
-    trust = "as often as it should" if 0.8 <= whole.covered <= 0.97 else (
-        "too rarely: it is overconfident" if whole.covered < 0.8 else "too often: it could be narrower"
+    least, most = _CALIBRATED
+    trust = "as often as it should" if least <= whole.covered <= most else (
+        "too rarely: it is overconfident" if whole.covered < least else "too often: it could be narrower"
     )  # fmt: skip
     return (
         f"The 90 % interval contained the consumption of the rest at {100.0 * whole.covered:.0f} % of "

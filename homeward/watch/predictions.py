@@ -15,7 +15,7 @@ WINDOWS = 40
 """Minimum number of readings of a recording for the estimator. Chosen: a fifth of those of a whole charge; a
 recording may be a part of one."""
 LEAST_WINDOW_S = 2.0
-"""Shortest time over which readings are averaged. Chosen."""
+"""Shortest time over which readings are averaged. Chosen: above the transients of speed and current."""
 
 
 @dataclass(frozen=True)

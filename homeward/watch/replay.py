@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from homeward.companion import Advice, Companion, CompanionError
 from homeward.companion.companion import RISK
+from homeward.companion.companion import WINDOWS as WINDOWS_A_CHARGE
 from homeward.diagnosis.fit.usable import fault_of
 from homeward.diagnosis.read.signals import Signals, signals, speed_of, steps_s
 from homeward.estimation import WAY_DTYPE, Prior
@@ -27,7 +28,8 @@ from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 Array = NDArray[np.float64]
 
 _STRETCHES = 48
-"""Stretches of a recording's way, of equal length, with uniform ground, wind and speed."""
+"""Stretches of a recording's way, of equal length, with uniform ground, wind and speed. Chosen: 2 % of the
+way each; more take longer."""
 _MOST_FED = 20_000
 """Maximum number of samples; longer recordings are averaged over neighbours. Chosen: an update takes 0.3 ms
 (docs/on_the_robot.md), so that these take six seconds."""
@@ -92,7 +94,7 @@ def turns(recording: Recording) -> bool:
 def window_of(robot: Robot, duration_s: float) -> float:
     """Time over which readings are averaged, s: the companion's own, or less for a short recording."""
     lasts_s = float(d_max(robot)) / float(optimal_speed(robot))
-    return max(min(lasts_s / 200.0, duration_s / WINDOWS), LEAST_WINDOW_S)
+    return max(min(lasts_s / WINDOWS_A_CHARGE, duration_s / WINDOWS), LEAST_WINDOW_S)
 
 
 def watch(

@@ -24,15 +24,15 @@ Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
 
 _STOPS_MPS = 0.05  # mean speed of a window; chosen above STANDSTILL_MPS: a short stop leaves no window without motion
-_AROUND_S = 4.0  # largest error of an estimated moment
-_SHORTEST = 4  # windows in a block, on average
+_AROUND_S = 4.0  # largest error of an estimated moment; as far as it is refined, 2 _SHORTEST windows
+_SHORTEST = 4  # windows in a block, on average: two seconds, the least duration of a level (fit.folds)
 _MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
 _FEWEST_BLOCKS = 8  # by time or place; chosen: fewer are not searched
-SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # penalties: shares of the squared residual that a change must explain
+SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # penalties: shares of the squared residual; chosen: about threefold each
 _MOST_LEVELS = 4  # of a schedule; chosen
 _PLACES = 150  # blocks along the way; chosen
 _KNOTS = (6, 12, 24)  # hats of the profiles; chosen: coarse to fine by factors of two
-_SAME = 0.02  # share of windows in which two schedules may differ and count as the same
+_SAME = 0.02  # share of windows in which two schedules may differ and count as the same; chosen
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,8 @@ from homeward.physics.terminal_power import lost_inside
 USABLE_ENERGY = "usable energy"
 """Name of the parameter identified from the state of charge."""
 
-_GAP = 1.5  # windows
-_SEARCHED = 3.0  # upper end of the search, over the linear estimate
+_GAP = 1.5  # windows; half-way to a missing one
+_SEARCHED = 3.0  # upper end of the search, over the linear estimate; chosen: room for one that bends
 
 
 @dataclass(frozen=True)

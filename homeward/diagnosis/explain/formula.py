@@ -28,7 +28,7 @@ from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 
 _MOST_TERMS = 2  # chosen: each takes a search and its placebos
-_MOST_SEARCHED = 20_000  # windows; of more the search takes every second, third, ...
+_MOST_SEARCHED = 20_000  # windows; chosen: bounds the time, of more the search takes every second, third, ...
 _MOST_ALTERNATIVES = 3  # expressions listed beside a term; chosen: to be read at a glance
 _RIDGE = 1e-8  # of columns of norm 1; chosen: makes collinear ones invertible and changes nothing else
 _MILD_C = 20.0  # zero and unit of the temperature in formulas; chosen: room temperature

@@ -26,7 +26,7 @@ from homeward.logs.channels import Array, Mask
 from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6
-"""Share of the largest size of an effect at which its response is linear."""
+"""Share of the largest size of an effect at which its response is linear. Chosen: small, and above rounding."""
 
 CHECKS: Mapping[str, str] = {
     "force": "tow the robot over the ground with a spring balance, its drive disengaged",
@@ -39,7 +39,7 @@ CHECKS: Mapping[str, str] = {
 
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _COST_OF_A_CHANGE = 3  # parameters per estimated change point (Zhang & Siegmund, 2007)
-_PIECES = 4  # of a rising function
+_PIECES = 4  # of a rising function; chosen: three bends
 _SUDDEN = ("standing", "once", "repeatedly")
 _PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
 

@@ -21,9 +21,9 @@ from homeward.diagnosis.result import Value
 from homeward.logs.channels import Array, Index, Mask
 
 _ITERATIONS = 6  # most Gauss-Newton steps: a fit ends where the error no longer falls; chosen
-_PASSES = 3  # of fitting to loads that depend on what is fitted
-_HALVED = (1.0, 0.5, 0.25, 0.125)  # shares of a step
-_SMALL_STEP = 1e-3  # of a parameter, for derivatives
+_PASSES = 3  # of fitting to loads that depend on what is fitted; chosen: bounds the time
+_HALVED = (1.0, 0.5, 0.25, 0.125)  # shares of a step; chosen: if an eighth does not improve, the fit ends
+_SMALL_STEP = 1e-3  # of a parameter, for derivatives; chosen: small beside it, large beside rounding
 
 
 @dataclass(frozen=True)

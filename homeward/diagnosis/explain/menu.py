@@ -17,10 +17,10 @@ from homeward.logs.channels import Array
 from homeward.physics import Robot
 
 SAMPLES = 300
-"""Samples of each drive: five minutes at 1 Hz, a longer drive at a lower rate."""
+"""Samples of each drive: five minutes at 1 Hz, a longer drive at a lower rate. Chosen."""
 
 KNOWN_MASS = 0.2
-"""Mass that is put on the robot in the drive with a known mass, over the robot's own."""
+"""Mass that is put on the robot in the drive with a known mass, over its own. Chosen: the largest at `uncertain`."""
 
 _ACROSS_RAD = np.pi / 2.0  # heading across the wind, which then has no component along the way
 

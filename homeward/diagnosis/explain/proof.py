@@ -24,22 +24,21 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
-from homeward.diagnosis.fit.fitted import Fitted, bounded
+from homeward.diagnosis.fit.fitted import RIDGE, Fitted, bounded
 from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of, per_block
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index, Mask
 
 FOLDS = 5
-"""Of blocks or stretches, over which hypotheses are compared."""
+"""Of blocks or stretches, over which hypotheses are compared. Chosen: as usual, a fifth is held out."""
 
 DRAWS = 1999
 """Residuals with random signs: the least p-value is then 0.0005, a twentieth of FALSE_ALARM_RATE."""
 _SEARCHES = 39  # ten are in the upper quarter, whose mean estimates the tail within a third
-_AS_GOOD = 3  # placebos with as high a score that end a search
+_AS_GOOD = 3  # placebos with as high a score that end a search; chosen: p is then 0.08 or more
 _AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
 _PAST = 5  # windows from which the next residual is predicted: longer than a change is refined
-_WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors above which windows are counted
-_RIDGE = 1e-9  # of a column's norm
+_WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors above which windows are counted; chosen: 0.5 %
 
 
 @dataclass(frozen=True)
@@ -351,7 +350,7 @@ def _ridge(gram: Array, moments: Array) -> Array:
     """Minimise x' gram x / 2 - moment' x for each column of `moments`."""
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     size[size == 0.0] = 1.0
-    scaled = gram / np.outer(size, size) + _RIDGE * np.eye(len(size))
+    scaled = gram / np.outer(size, size) + RIDGE * np.eye(len(size))
     return np.asarray(np.linalg.solve(scaled, moments / size[:, None]) / size[:, None])
 
 

@@ -24,8 +24,8 @@ from homeward.diagnosis.result import Product, Range, Together, Value
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, d_max
 
-_STEP = 1e-3  # of a group, for differences
-_TRIED = 9  # values of a number over its range
+_STEP = 1e-3  # of a group, for differences; chosen: small beside it, large beside rounding
+_TRIED = 9  # values of a number over its range; chosen: steps of an eighth
 _AS_LIKELY = float(chi2.ppf(0.95, 1))  # least likelihood-ratio statistic that is significant at 5 %
 _SIGNS: Mapping[int, Together] = {1: "product", -1: "ratio"}
 

@@ -18,7 +18,7 @@ from homeward.logs.channels import Array, Mask
 if TYPE_CHECKING:
     from homeward.diagnosis.fit.refit import Refit
 
-_RIDGE = 1e-9  # of a column's norm: bounds the weights of collinear columns
+RIDGE = 1e-9  # of a column's norm; chosen: bounds the weights of collinear columns only
 
 
 class Fitted(Protocol):
@@ -72,11 +72,11 @@ def bounded(gram: Array, moment: Array, low: Array, high: Array) -> Array:
         return np.zeros(0)
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     size[size == 0.0] = 1.0
-    scaled = gram / np.outer(size, size) + _RIDGE * np.eye(len(moment))
+    scaled = gram / np.outer(size, size) + RIDGE * np.eye(len(moment))
     solution = np.linalg.solve(scaled, moment / size) / size
     if (solution < low).any() or (solution > high).any():
         values, vectors = np.linalg.eigh(scaled)
-        root = np.sqrt(np.maximum(values, _RIDGE))
+        root = np.sqrt(np.maximum(values, RIDGE))
         matrix, target = root[:, None] * vectors.T, (vectors.T @ (moment / size)) / root
         found = lsq_linear(matrix, target, (low * size - 1e-12, high * size + 1e-12), method="bvls")
         solution = np.clip(found.x / size, low, high)

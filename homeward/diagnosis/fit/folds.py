@@ -10,16 +10,16 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index
 
-_SHORTEST = 10  # windows
+_SHORTEST = 10  # windows; chosen: five seconds, longer than starts and stops
 _STRETCH = 4  # windows: two seconds, the least duration of a level
 _MOST_BLOCKS = 2000  # about; chosen: signs of so many in 8,000 draws (residual_test) take 128 MB
-_CORRELATION_TIMES = 3.0  # blocks are this many correlation times long
+_CORRELATION_TIMES = 3.0  # blocks are so many correlation times long; chosen: their sums then hardly correlate
 _MOST_FOLDS = 10  # of whole runs; chosen: the usual ten
-_LONGEST_LAG = 400  # windows
-_MOST_CORRELATED = 0.9  # largest correlation over a lag: above it is drift, not noise
+_LONGEST_LAG = 400  # windows; chosen: over 200 seconds correlation is drift
+_MOST_CORRELATED = 0.9  # largest correlation over a lag; chosen: above it is drift, not noise
 _BLOCK_FOLDS = 5  # of the blocks of one or two runs; chosen
 FEWEST_RUNS = 3
-"""Runs from which whole runs are held out."""
+"""Runs from which whole runs are held out. Chosen: of two, a fit would rest on one."""
 
 
 def correlation_windows(residual: Array, run: Index) -> float:
@@ -35,7 +35,7 @@ def correlation_windows(residual: Array, run: Index) -> float:
     while lag < min(len(centred) // 4, _LONGEST_LAG) and power > 0.0:
         together = run[lag:] == run[:-lag]
         correlation = float(centred[lag:][together] @ centred[:-lag][together]) / power
-        if correlation < 0.05:
+        if correlation < 0.05:  # chosen: the error of an estimate from 400 windows
             break
         total += 2.0 * correlation
         lag += 1
@@ -84,7 +84,7 @@ def _spread(values: Array, run: Index, lag: int) -> float:
     """Standard deviation of increments over a lag within runs, from their median size."""
     same = run[lag:] == run[:-lag]
     steps = np.abs(values[lag:] - values[:-lag])[same]
-    return 1.4826 * float(np.median(steps)) if len(steps) else 0.0
+    return 1.4826 * float(np.median(steps)) if len(steps) else 0.0  # of normal noise, 1 / ndtri(0.75)
 
 
 def cut_blocks(run: Index, residual: Array | None = None) -> Index:

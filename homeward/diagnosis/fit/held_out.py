@@ -57,7 +57,7 @@ def black_box(
     known = (one for one in (*used, *beside) if np.isfinite(one[rows]).any())  # skip channels that these runs lack
     features = np.column_stack([nominal, *known])
     trees = HistGradientBoostingRegressor(
-        max_iter=150, max_leaf_nodes=15, min_samples_leaf=30, early_stopping=False,
+        max_iter=150, max_leaf_nodes=15, min_samples_leaf=30, early_stopping=False,  # chosen: half of the usual leaves
         random_state=int(rng.integers(2**31)),
     )  # fmt: skip
     with threadpool_limits(1):  # its busy waiting is very slow on a loaded machine

@@ -19,14 +19,14 @@ from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
 _COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel; chosen: two windows, then half of one
-_SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power
-_MOST_RUNS = 5  # in the search: all have the same sensor
-_MOST_SEARCHED = 20_000  # samples of each run: half an hour at 10 Hz
+_SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power; chosen: up to 3 s, by half a window
+_MOST_RUNS = 5  # in the search; chosen: all have the same sensor
+_MOST_SEARCHED = 20_000  # samples of each run; chosen: half an hour at 10 Hz
 _COARSE_DRIFT_S = 0.5  # step of the first search; chosen: Gauss-Newton finds the drift from the nearest
-_GROUNDS = 12  # knots along the way
+_GROUNDS = 12  # knots along the way; chosen: coarse, as a fine profile would absorb the slopes
 _STRETCH_S = 10.0  # longer than a change of speed: errors of stretches count as independent
 _FEWEST_STRETCHES = 12  # two minutes; chosen: errors clustered by fewer are too small (see `rules.CLEAR_DRIFT`)
-_MOST_SAMPLES = 200_000  # over hours of driving a drift is not linear
+_MOST_SAMPLES = 200_000  # chosen: over hours of driving (5.6 at 10 Hz) a drift is not linear
 _ITERATIONS = 4  # Gauss-Newton steps from the best of the coarse drifts; chosen
 
 

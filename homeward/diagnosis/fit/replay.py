@@ -15,7 +15,7 @@ from homeward.physics.effects import payload
 from homeward.physics.terminal_power import at_terminals
 
 _MOST_WINDOWS = 100_000  # beyond it the windows get longer; chosen: bounds time and memory, 14 hours of driving
-_MOST_LOADS = 5  # payload levels at which a run is replayed
+_MOST_LOADS = 5  # payload levels at which a run is replayed; chosen: power is piecewise linear in the load
 
 
 @dataclass(frozen=True)

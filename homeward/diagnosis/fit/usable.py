@@ -163,7 +163,7 @@ def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
         )
     if np.mean(np.abs(run.speed_mps) > STANDSTILL_MPS) == 0.0 and not run.yaw_rate_radps.any():
         remarks.append("the robot stands throughout: the parameters of its drive are not identifiable")
-    elif np.ptp(run.speed_mps) < 0.1 * np.max(np.abs(run.speed_mps)):
+    elif np.ptp(run.speed_mps) < 0.1 * np.max(np.abs(run.speed_mps)):  # chosen: a remark only
         remarks.append("the speed hardly changes: idle power, rolling resistance and drag are confounded")
     if run.unit == "A" and (run.observed > 0.0).all():
         remarks.append("motor current without voltage: torque only, so power, energy and range are not known")

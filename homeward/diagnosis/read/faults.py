@@ -20,7 +20,7 @@ _MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "g
 _CHANNEL_OF = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
 _JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # not wheel speeds: they may jump with their command
 _FEWEST_UPDATES = 20  # known samples or changes; chosen: of fewer, nothing is typical
-_JITTER = 0.34  # of a period, one sample in three
+_JITTER = 0.34  # of a period; chosen: one sample in three
 
 
 def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[str, float]]:

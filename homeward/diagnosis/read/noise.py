@@ -15,9 +15,9 @@ from scipy.optimize import minimize_scalar
 from homeward.diagnosis import rules
 from homeward.logs.channels import Array
 
-_LOG_RATIOS = (-12.0, 26.0)  # of the noise's variance over that of the differences
-_PRECISE = 0.05  # of the logarithm of a ratio of variances: 5 %
-_SWEEPS = 8  # of expectation maximisation
+_LOG_RATIOS = (-12.0, 26.0)  # of the noise's variance over that of the differences; chosen: from no noise to noise only
+_PRECISE = 0.05  # of the logarithm of a ratio of variances; chosen: 5 %, which hardly changes the values
+_SWEEPS = 8  # of expectation maximisation; chosen: bounds the time
 _FREEDOM = 1.0  # degrees of freedom of Student's t: jumps of any size
 _DRAWS = 16  # of the posterior: its variance, averaged over thousands of samples, is known within a few per cent
 
@@ -45,7 +45,7 @@ def white_noise(values: Array) -> float:
     0.1
     """
     second = np.abs(np.diff(values, 2)[(values[1:-1] != 0.0)])
-    return float(1.4826 * np.median(second) / np.sqrt(6.0)) if len(second) else 0.0
+    return float(1.4826 * np.median(second) / np.sqrt(6.0)) if len(second) else 0.0  # of normal noise
 
 
 def smoothed(

@@ -9,7 +9,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.read.signals import Signals, gaps
 from homeward.logs.channels import Array
 
-_PLACES = 40  # cells along the way, compared out and home
+_PLACES = 40  # cells along the way, compared out and home; chosen: 30 or 80 change no test of tests/diagnosis on tilt
 _FEWEST_PLACES = 20  # half of them, so that most of the way was driven both ways
 
 
@@ -53,7 +53,7 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
         return None
     middle = (out + home) / 2.0
     # The error of hills that do not quite mirror is autocorrelated along the way.
-    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, 0.9))
+    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, 0.9))  # as in fit.folds
     error = float(middle.std(ddof=1) / np.sqrt(len(middle)))
     return float(middle.mean()), error * float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
 

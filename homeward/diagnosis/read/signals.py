@@ -24,19 +24,19 @@ from homeward.physics import Robot
 
 Unit = Literal["W", "A"]
 
-_GAP_FACTOR = 10.0  # a step longer than this many median steps is a gap
+_GAP_FACTOR = 10.0  # a step longer than this many median steps is a gap; chosen: single samples may be lost
 WINDOW_S = 0.5
 """Length of the averaging windows, s; longer for a recording with longer steps.
 
 Longer ones hide the accelerations of small fast robots, shorter ones show current ripple and clock errors.
 """
 
-_REACH_S = 3.0  # at top speed, along which position is compared: long against its noise
+_REACH_S = 3.0  # at top speed, along which position is compared; chosen: long against its noise
 _UNCLEAR = 0.05
 """Share of noise in the variance of slopes, up to which slopes met again are recognised. Chosen: a reliability of
 0.95."""
 ODOMETER_PARTS = 10
-"""Parts of the way that must agree on the sign of an odometer's error: by chance all do with probability 2^-9."""
+"""Parts of the way that must agree on the sign of an odometer's error. Chosen: by chance all do with p = 2^-9."""
 
 _FEWEST_TO_SMOOTH = 50  # samples; chosen: a variance is then known within 20 %, sqrt(2 / n)
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")

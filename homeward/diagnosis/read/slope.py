@@ -31,7 +31,7 @@ def slope_along(
     """
     way_m = speed_mps[:-1] * steps_s
     path_m = np.concatenate(([0.0], np.cumsum(np.abs(way_m))))
-    if path_m[-1] < 8.0 * cell_m or not np.isfinite(elevation_m).any():
+    if path_m[-1] < _FEWEST * cell_m or not np.isfinite(elevation_m).any():
         return None
     cells = int(path_m[-1] / cell_m)
     cell_m = float(path_m[-1]) / cells

@@ -26,7 +26,7 @@ _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in grou
 _COVERED = 0.95  # below the upper end of a 90 % interval
 _STAYS = 0.5
 """Share of the samples with the charge of the one before, above which it is shown in steps. Chosen: a majority."""
-_FEWEST_STANDING = 50  # samples to estimate the noise of power
+_FEWEST_STANDING = 50  # samples to estimate the noise of power; as of other channels (read.signals)
 
 
 def uncertainty_of(analysis: Analysis) -> Uncertainty | None:

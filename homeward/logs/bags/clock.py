@@ -11,8 +11,8 @@ from scipy.interpolate import make_interp_spline
 from homeward.logs.channels import Array
 from homeward.logs.times import median_step_s
 
-_GAP = 5.0  # median steps between samples; a longer step is a gap
-_FASTEST_S = 0.02  # a finer clock adds no information on energy
+_GAP = 5.0  # median steps between samples; a longer step is a gap; chosen: a few messages may be lost
+_FASTEST_S = 0.02  # chosen: a finer clock adds no information on energy, which is averaged over 0.5 s
 
 
 def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:

@@ -32,7 +32,7 @@ Fields = dict[str, Array]
 
 _UNKNOWN = -1.0  # of a battery's current and state of charge in PX4: "-1 if unknown" (msg/BatteryStatus.msg)
 _FIX_2D = 2  # GPS of both autopilots: below it there is no position (msg/SensorGps.msg, AP_GPS::GPS_Status)
-_LATEST_US = 2**53  # which a damaged time exceeds: 285 years after the start
+_LATEST_US = 2**53  # which a damaged time exceeds: 285 years after the start, exact in double precision
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ import pandas as pd
 
 from homeward.logs.channels import Array
 
-GRAVITY_MPS2 = 9.80665  # standard gravity
+GRAVITY_MPS2 = 9.80665  # standard gravity (ISO 80000-3), as in `homeward.physics.model`
 _ORIENTATION_S = 1.0  # means over so long: chosen above the pitching of a robot on its wheels
-ACCELERATION_S = 2.0  # the same of an accelerometer, which is noisier
-PLANAR = 1e-4  # sine of a slope below which a pose has none
-_UNIT = 0.05  # how far from 1 the length of a quaternion may be
+ACCELERATION_S = 2.0  # the same of an accelerometer, which is noisier: chosen twice as long
+PLANAR = 1e-4  # sine of a slope below which a pose has none; chosen: 0.006 degrees, below any sensor's resolution
+_UNIT = 0.05  # how far from 1 the length of a quaternion may be; chosen: one of zeros is none, a rounded one is
 
 
 def from_orientation(time_s: Array, quaternion: Array) -> Array | None:

@@ -10,6 +10,7 @@ from homeward.physics.jit import inline
 
 @inline
 def cold_battery(p: Any, s: Any, x: Any, load: Any) -> Any:
+    # At most 0.8: chosen, as 1 would consume an infinite power.
     lost = np.minimum(p.cold_battery_per_k * np.maximum(p.cold_battery_warm_c - x.temperature_c, 0.0), 0.8)
     return np.maximum(load, 0.0) * (lost / (1.0 - lost))
 

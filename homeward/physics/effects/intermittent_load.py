@@ -8,7 +8,8 @@ from homeward.physics.effects.base import Effect, Parameter
 from homeward.physics.jit import inline
 
 ROUNDING_S = 1e-6
-"""A switch so shortly ahead is taken as done, and one so shortly before the end of a step is left to the next."""
+"""A switch so shortly ahead is taken as done, and one so shortly before the end of a step is left to the next.
+Chosen: above the rounding of times in double precision (1e-10 s after ten days), and no time of a load."""
 
 
 @inline

@@ -6,9 +6,10 @@ import math
 
 _CHARGED = 0.1
 """Rise of the state of charge for a charge: monitors that measure voltage rise by some per cent when the robot
-stops."""
+stops. Chosen: above those."""
 _STEP = 0.015
-"""Fall after which a charge is over: more than a step of most monitors."""
+"""Fall after which a charge is over: more than a step of most monitors, which show whole per cents (Smart Battery Data
+Specification 1.1)."""
 
 
 class Charge:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from homeward import quantities
+from homeward.companion.readings import STAYS_S
 from homeward.logs import RecordingError
 from homeward.logs.bags import grade
 from homeward.logs.bags.messages import WrongField, getter
@@ -39,15 +40,14 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 _MOTION = "speed_mps", "wheel_left_mps"
 """Channels of which the first that is received gives the clock."""
 _SETTLES_S = 2.0
-"""Time from the first motion in which topics are discovered but not yet used."""
+"""Time from the first motion in which topics are discovered but not yet used. Chosen: slow topics then have come."""
 _MOST = 1000
-"""Values of a channel that are kept until there is motion."""
+"""Values of a channel that are kept until there is motion. Chosen: bounds memory."""
 _LEAST_SIGNS = 50
-"""Readings while driving from which the sign of a current is determined."""
+"""Readings while driving from which the sign of a current is determined. Chosen: noise has no majority."""
 _SILENT, _LEAST_SILENT_S = 5.0, 2.0
-"""Multiple of the typical interval, and minimum time, after which a topic counts as silent."""
-_SAID_S = 60.0
-"""Time for which a warning is shown. Chosen: long enough to be read."""
+"""Multiple of the typical interval, and minimum time, after which a topic counts as silent. Chosen: single
+messages may be lost."""
 _ELECTRIC = {name for names in POWER for name in names}
 _LAST = {"heading", "heading_rad", "soc"}
 """Channels of which the last value is used, not the mean: directions have none."""
@@ -216,7 +216,7 @@ class Listener:
         for name, (at_s, usual_s) in self._at.items():
             if name in self.sources.values() and now_s - at_s > max(_SILENT * usual_s, _LEAST_SILENT_S):
                 self._say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
-        self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= _SAID_S}
+        self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= STAYS_S}
         return [text for text, _ in self._said.values()]
 
     def _preferred(self, channel: str, options: list[_Option], name: str, values: dict[str, float]) -> _Option | None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-_SLACK_M = 2.0  # poses this near are in one frame, however soon they follow; chosen
-_TOP_SPEEDS = 2.0  # multiple of the top speed that a robot may have had meanwhile; chosen
+_SLACK_M = 2.0  # poses this near are in one frame, however soon they follow; chosen: below a position's error
+_TOP_SPEEDS = 2.0  # multiple of the top speed that a robot may have had meanwhile; chosen: as for speeds that are read
 
 
 class Odometry:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from homeward import quantities
 
 _JUMP_S = 2.0
-"""Allowed difference of a stamp from the time passed since the last one: more than any delay of a message."""
+"""Allowed difference of a stamp from the time passed since the last one: chosen: more than a message is late."""
 _BEHIND_S = 1.0
-"""Delay of the clock without messages, so that the next message is not late."""
+"""Delay of the clock without messages, so that the next message is not late. Chosen: below `_JUMP_S`."""
 
 
 class Stamps:

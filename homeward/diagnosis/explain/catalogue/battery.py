@@ -15,7 +15,7 @@ CONFOUNDED_WITH_LOAD, CONFOUNDED_WITH_COLD = rate_capacity.EFFECT.id, cold_batte
 
 _WARM_C = cold_battery.EFFECT.parameters[1]
 _START_J = breakaway.EFFECT.switch
-_ENDS = (0, 1, 2, 3, 5, 8)  # windows after a start, in steps that grow: four seconds in all
+_ENDS = (0, 1, 2, 3, 5, 8)  # windows after a start, chosen: in steps that grow, four seconds in all
 
 
 def _references(setting: Setting) -> Iterator[Numbers]:

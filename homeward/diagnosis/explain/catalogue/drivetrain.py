@@ -9,7 +9,7 @@ from homeward.physics.effects import Parameter, copper_loss, inertia, motor_heat
 
 _TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)  # tried where a file has no track; chosen: by factors of two, refined afterwards
 _CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)  # tried; chosen: a minute to half an hour, about threefold each
-_TYPICAL_RISE_K = 40.0  # of a winding at mean load
+_TYPICAL_RISE_K = 40.0  # of a winding at mean load; chosen: only its product with per_k is estimated
 _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
 
 

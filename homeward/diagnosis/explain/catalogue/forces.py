@@ -13,7 +13,7 @@ from homeward.logs.channels import Array
 from homeward.physics.effects import hidden_grade, inertia, payload, slip, surface, viscous, wind
 
 _CHANGE = 1e-3  # of C_rr, for a difference quotient; chosen: small beside C_rr, large beside rounding
-_STORM_MPS = 40.0  # no wind is stronger
+_STORM_MPS = 40.0  # chosen: above the lower limit of a hurricane, 33 m/s on the Beaufort scale
 _EXPOSED = {"exposure": 1.0}
 
 
