@@ -112,9 +112,8 @@ def reference_scores(mission: str) -> str:
         rows.append(["optimum, between", f"{_figures(optimum['lower'])} and {_figures(optimum['upper'])}", "", ""])
     versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
     return (
-        f"{found['episodes']} episodes at `uncertain`, seed {found['seed']}; "
-        "[how these are measured](../environments.md#reference-scores).\n\n"
-        f"{table(head, rows)}\n\n```\n{found['command']}\n```\n\n{versions}"
+        f"{found['episodes']} episodes at `uncertain`, seed {found['seed']}, at commit {found['commit']}, by\n\n"
+        f"```\n{found['command']}\n```\n\n{table(head, rows)}\n\n{versions}"
     )
 
 

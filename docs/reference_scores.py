@@ -4,6 +4,7 @@ Each is one run of `evaluate.py`, by the command that the page names; what the p
 """
 
 import json
+import subprocess
 import tempfile
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from homeward.envs import IDS
 AGENTS = ("random", "soc50", "dmax", "dmax_adaptive", "dmax_belief", "planner", "ppo", "ppo_scratch")
 EPISODES, SEED = 500, 7
 KEPT = ("score_mean", "score_ci95", "stranded_rate", "stranded_ci95", "share_of_optimum", "share_of_optimum_at_least")
+COMMIT = ("git", "rev-parse", "--short", "HEAD")
 
 
 def measured(mission: str) -> Path:
@@ -38,6 +40,7 @@ def main(missions: tyro.conf.Positional[tuple[str, ...]] = tuple(IDS), optimum: 
             found = json.loads((out / "evaluation.json").read_text("utf-8"))
         shown = {name: found[name] for name in ("episodes", "seed", "versions", "optimum") if name in found}
         shown["agents"] = {agent: {name: one.get(name) for name in KEPT} for agent, one in found["agents"].items()}
+        shown["commit"] = subprocess.check_output(COMMIT, cwd=Path(__file__).parent, text=True).strip()
         shown["command"] = f"python evaluate.py {words}{' --optimum' * optimum}"
         measured(mission).write_text(json.dumps(shown, indent=1) + "\n", "utf-8")
 

@@ -15,7 +15,7 @@ from homeward.agents.evaluation.summary import Evaluation
 _COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#666666")
 """Okabe and Ito's palette, distinguishable with any colour vision."""
 _UNITS = {"OutAndBack": "furthest distance, m", "Survey": "information", "Patrol": "laps"}
-_GREY = "#888888"
+_GREY = "#666666"
 
 
 def unit_of(mission: str) -> str:

@@ -126,6 +126,7 @@ def test_each_environment_has_a_page_in_the_form_of_gymnasium(site: Path) -> Non
         assert f"<code>{env_id}</code>" in page
         assert re.findall(r'<h2 id="([\w-]+)">', page) == list(headings)
         assert [agent for agent in reference.AGENTS if f"<td><code>{agent}</code></td>" not in page] == []
+        assert "<td>optimum, between</td>" in page
 
 
 def test_links_between_folders_stay_links(site: Path) -> None:
