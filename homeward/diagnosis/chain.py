@@ -40,9 +40,7 @@ Progress = Callable[[str], None]
 
 _CLEAR_OF_TILT = float(norm.isf(rules.FALSE_ALARM_RATE / 2.0))  # standard errors of the tilt of a slope sensor
 
-STAGES = (
-    "reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving",
-)  # fmt: skip
+STAGES = ("reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving")
 """Names that `progress` is called with, in order."""
 
 
@@ -237,10 +235,8 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     off = tuple(one for one in evidence.measured if one.group in known)
     capacity = evidence.capacity
     if capacity is not None and capacity.off:
-        usable = FittedGroup(
-            USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, capacity.ci95, "J", capacity.rivals
-        )  # fmt: skip
-        off = (*off, usable)
+        interval, rivals = capacity.ci95, capacity.rivals
+        off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, interval, "J", rivals))
     if evidence.blocks < rules.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.channel_effects:

@@ -23,6 +23,7 @@ from homeward.logs.channels import Array, Index, Mask
 _ITERATIONS = 6  # most Gauss-Newton steps: a fit ends where the error no longer falls; chosen
 _PASSES = 3  # of fitting to loads that depend on what is fitted; chosen: bounds the time
 _HALVED = (1.0, 0.5, 0.25, 0.125)  # shares of a step; chosen: if an eighth does not improve, the fit ends
+_SIGNIFICANT = 0.05  # as 95 % intervals
 _SMALL_STEP = 1e-3  # of a parameter, for derivatives; chosen: small beside it, large beside rounding
 
 
@@ -137,15 +138,14 @@ class Corrected:
     def all_at_work(self) -> bool:
         """Whether the sizes of each effect significantly differ from zero, and none is at a physical bound.
 
-        Sizes are tested together, as levels of the ground may be confounded with its mean. An effect whose other
-        parameters were fitted too passes: its size may be confounded with them.
+        Levels of the ground may be confounded with its mean, but not all together. An effect whose other parameters
+        were fitted too passes: its size may be confounded with them.
         """
         sized = [at for at, one in enumerate(self.model.unknowns) if one.column is not None]
-        alone = [{*self.model.of(index)} <= {*sized} for index in range(len(self.model.terms))]
-        if (np.array(alone) & (self.p_values > 0.05)).any():
-            return False
+        more = np.array([not {*self.model.of(index)} <= {*sized} for index in range(len(self.model.terms))], np.bool_)
         (low, high), sizes = self.model.bounds[:, sized], self.values[sized]
-        return bool(((sizes < high) & ((sizes > low) | (low == 0.0))).all())
+        inside = (sizes < high) & ((sizes > low) | (low == 0.0))
+        return bool(inside.all() and (more | (self.p_values <= _SIGNIFICANT)).all())
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""
@@ -196,20 +196,10 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     contribution = tuple(
         predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
     )
-    p_values = np.array(
-        [_wald(values[own], spread[np.ix_(own, own)], freedom) for own in map(model.of, range(len(terms)))]
-    )
+    owns = [model.of(index) for index in range(len(terms))]
+    wald = [values[own] @ np.linalg.pinv(spread[np.ix_(own, own)], hermitian=True) @ values[own] for own in owns]
+    p_values = np.array([fisher.sf(one / len(own), len(own), freedom) for one, own in zip(wald, owns, strict=True)])
     return Corrected(model, values, intervals, p_values, at, jacobian[:, groups:], contribution)
-
-
-def _wald(values: Array, spread: Array, freedom: int) -> float:
-    """P-value of the hypothesis that all values are zero, from their covariance, shape (values, values).
-
-    >>> round(_wald(np.array([1.0, -1.0]), np.array([[1.0, 0.9], [0.9, 1.0]]), 50), 6)
-    0.000222
-    """
-    statistic = float(values @ np.linalg.pinv(spread, hermitian=True) @ values) / len(values)
-    return float(fisher.sf(statistic, len(values), freedom))
 
 
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:

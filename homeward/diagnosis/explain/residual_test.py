@@ -174,9 +174,7 @@ def _tested(
 def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
     """Weights of an additive excess and, where the robot file has a load of the drive, of one proportional to it."""
     problem, even = fit.parameters, np.ones(len(runs.observed))
-    standing = 0.0
-    if runs.unit == "W":
-        standing = ancillary_power(problem.nominal, runs.sensing_hz)
+    standing = ancillary_power(problem.nominal, runs.sensing_hz) if runs.unit == "W" else 0.0
     load = np.nan_to_num(np.maximum(problem.predict(runs, problem.start) - standing, 0.0))
     mean = float(load.mean())
     return [(False, even), (True, load / mean)] if float(load.std()) > 0.1 * mean > 0.0 else [(False, even)]
