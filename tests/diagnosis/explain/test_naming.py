@@ -18,7 +18,7 @@ from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose
 from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
-from homeward.diagnosis.explain.joint_fit import fit_model
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.naming import _beside, _half
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks
@@ -362,6 +362,29 @@ def test_a_size_at_the_bound_of_what_is_physical_is_not_at_work(short_drive: Dri
     least = dataclasses.replace(term.hypothesis, bounds=(0.0, 0.1))
     bounded = dataclasses.replace(term, hypothesis=least, high=np.array([0.1]))
     assert not fit_model(fit, [bounded], runs, block).all_at_work()
+
+
+def test_levels_confounded_with_their_mean_are_at_work_together(short_drive: Drive, husky: Robot) -> None:
+    """The mean of the levels of a ground and the rolling resistance are confounded, but a difference of levels is not:
+    no interval of a level excludes zero."""
+
+    runs = average(usable_runs(short_drive(husky), husky)[0])
+    clean, half = refit(runs, husky).predicted, (runs.time_s % 60.0 < 30.0).astype(float)
+
+    def levels(watts: float) -> Corrected:
+        rng = np.random.default_rng(4)
+        noisy = dataclasses.replace(runs, observed=clean + watts * half + rng.normal(0.0, 3.0, len(half)))
+        fit = refit(noisy, husky)
+        columns = np.column_stack([half, 1.0 - half]) + rng.normal(0.0, 1e-3, (len(half), 2))
+        form = next(CATALOGUE["turning"].forms(Setting.of(fit, noisy), False))
+        bounds = np.full(2, 1e6)
+        term = dataclasses.replace(form, columns=columns, low=-bounds, high=bounds, fixed=True)
+        return fit_model(fit, [term], noisy, cut_blocks(runs.run))
+
+    differ = levels(3.0)
+    assert all(low <= 0.0 <= high for low, high in differ.ci95)
+    assert differ.p_values[0] < 0.01
+    assert levels(0.0).p_values[0] > 0.05
 
 
 @pytest.mark.parametrize(
