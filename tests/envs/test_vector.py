@@ -33,10 +33,10 @@ class TwoThreads(Threads):
         self.number = 2
 
     @staticmethod
-    def pay(missions: int) -> bool:
+    def worthwhile(missions: int) -> bool:
         return missions >= 2
 
-    def took(self, seconds: float) -> None:
+    def record(self, seconds: float) -> None:
         pass
 
 
