@@ -15,7 +15,7 @@ from homeward.physics import ancillary_power
 
 _UNSEEN = 0.1
 """Relative standard deviation of a lap's energy, assumed until two laps are measured. Chosen: with 0.05 or
-0.2 instead neither mean score nor stranding rate of 1,000 patrols (seed 31, k = 1) changes: the battery lasts longer."""
+0.2 instead neither mean score nor stranding rate of 1,000 patrols (seed 31, k = 1) changes; the battery lasts on."""
 
 
 @final
