@@ -142,10 +142,10 @@ class Corrected:
         were fitted too passes: its size may be confounded with them.
         """
         sized = [at for at, one in enumerate(self.model.unknowns) if one.column is not None]
-        more = np.array([not {*self.model.of(index)} <= {*sized} for index in range(len(self.model.terms))], np.bool_)
+        others = np.array([not {*self.model.of(at)} <= {*sized} for at in range(len(self.model.terms))], np.bool_)
         (low, high), sizes = self.model.bounds[:, sized], self.values[sized]
         inside = (sizes < high) & ((sizes > low) | (low == 0.0))
-        return bool(inside.all() and (more | (self.p_values <= _SIGNIFICANT)).all())
+        return bool(inside.all() and (others | (self.p_values <= _SIGNIFICANT)).all())
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""

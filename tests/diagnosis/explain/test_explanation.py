@@ -10,7 +10,9 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Recording, diagnose
-from homeward.diagnosis.explain.explanation import _of_another_channel
+from homeward.diagnosis.explain import explanation
+from homeward.diagnosis.explain.explanation import _of_another_channel, _Residual
+from homeward.diagnosis.explain.naming import Naming
 
 
 @pytest.mark.parametrize(
@@ -24,6 +26,26 @@ def test_an_effect_gives_way_to_a_channel_that_explains_more(channel: str, share
     most: Any = SimpleNamespace(channel=SimpleNamespace(name=channel), held_out_gain=share)
     remaining: Any = SimpleNamespace(channel=channel)
     assert _of_another_channel(naming, remaining, most) == gives_way
+
+
+@pytest.mark.parametrize(("ground", "stands"), [(True, True), (False, False)])
+def test_the_place_refutes_a_schedule_unless_a_named_ground_explains_it(
+    monkeypatch: pytest.MonkeyPatch, ground: bool, stands: bool
+) -> None:
+    """The place explains as much as the schedule of a load: alone it refutes the load, beside a named ground not."""
+    for name, found in (("place_gain", 0.9), ("largest_by_motion", 0.0), ("explained", 0.8), ("unexplained", False)):
+        monkeypatch.setattr(explanation, name, lambda *_, found=found: found)
+    monkeypatch.setattr(explanation, "name_missing", lambda *_: Naming())
+    kinds = (("time", False), ("place", True))[: 1 + ground]
+    terms = [SimpleNamespace(axis=axis, hypothesis=SimpleNamespace(by_place=of, channels=())) for axis, of in kinds]
+    named: Any = tuple(SimpleNamespace(term=term, held_out_gain=0.7) for term in terms)
+    corrected: Any = SimpleNamespace(contribution=(None,))
+    most: Any = SimpleNamespace(found=False)
+    nothing: Any = None
+    residual = _Residual(nothing, nothing, most, np.zeros(5, np.intp), nothing, 0, lambda _: None)
+    location: Any = "further from base"
+    naming = residual.checked_against_motion(Naming(named, corrected), location)[0]
+    assert bool(naming.named) == stands
 
 
 def test_a_loss_that_remembers_the_fastest_speed_is_no_load_that_switches(
