@@ -57,8 +57,7 @@ _REACH = 0.625
 home, so that the battery and not the end of the route limits it: of 1,000 missions out and back each, driven by
 `dmax_adaptive` (uncertain) and by `dmax_mapped` (known, also with hidden wind), none reached the end."""
 _MOST_CROSSINGS = 10_000
-"""Places that may be crossed in one decision: each is an iteration of the kernel, and this many take about
-2 ms. Chosen."""
+"""Places that may be crossed in one decision: each is an iteration of the kernel. Chosen: they take about 2 ms."""
 _LONGEST = {OUT_AND_BACK: 4.0, SURVEY: 4.0, PATROL: 1.0}
 """Longest route, over d_max. A robot comes home from half a d_max. On a route of four d_max, cut into `MAX_PLACES`,
 that is eight places, and on a longer one it would hardly leave the first. A patrol must at least reach its far post."""
