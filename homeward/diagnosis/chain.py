@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.random import Generator
 from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
@@ -94,12 +95,13 @@ def analyse(
     if not usable:
         untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
+    rng = np.random.default_rng(seed)
     with threadpool_limits(1):  # busy waiting between threads slows many small products
-        evidence, fit = _gather(average(usable, rules.SAMPLES_A_WINDOW), robot, seed, progress)
+        evidence, fit = _gather(average(usable, rules.SAMPLES_A_WINDOW), robot, rng, progress)
     verdict, off = _conclude(evidence)
-    choice = choose_file(robot, verdict, evidence, seed)
+    choice = choose_file(robot, verdict, evidence, rng)
     if choice.held_out is not None:
-        arm = score(choice.held_out, evidence.runs, evidence.block, evidence.trip, seed)
+        arm = score(choice.held_out, evidence.runs, evidence.block, evidence.trip, rng)
         evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
         fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
     found = missing_physics(evidence)
@@ -108,7 +110,7 @@ def analyse(
     nominal = evidence.predictions.get("nominal")
     reach = None
     if nominal is not None and choice.replayed is not None:
-        reach = recorded_range((robot, corrected), (nominal, choice.replayed), evidence.runs, seed)
+        reach = recorded_range((robot, corrected), (nominal, choice.replayed), evidence.runs, rng)
     of_range = evidence.runs.unit == "W" and verdict != "unknown_physics"
     diagnosis = Diagnosis(
         robot.name,
@@ -130,7 +132,7 @@ def analyse(
     return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
 
 
-def _gather(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Evidence, Fit]:
+def _gather(runs: Runs, robot: Robot, rng: Generator, progress: Progress) -> tuple[Evidence, Fit]:
     progress("refitting")
     fitted = refit(runs, robot)
     blocks = independent_blocks(fitted, runs)
@@ -138,13 +140,13 @@ def _gather(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Ev
     fold, held_out_by = cut_folds(runs, block)
     enough = int(block.max()) + 1 >= rules.FEWEST_BLOCKS
     progress("testing what remains")
-    found = dependences(fitted, runs, blocks, fold, seed) if enough else []
-    explanation = explain(fitted, runs, found, block, fold, seed, progress)
+    found = dependences(fitted, runs, blocks, fold, rng) if enough else []
+    explanation = explain(fitted, runs, found, block, fold, rng, progress)
     corrected = explanation.naming.corrected
     if corrected is not None and any(one.term.axis == "time" for one in explanation.naming.named):
         # A change at one moment of a run does not predict other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
-    capacity, shown = find_effects(fitted, _fault_free(runs, corrected), block, seed) if enough else (None, ())
+    capacity, shown = find_effects(fitted, _fault_free(runs, corrected), block, rng) if enough else (None, ())
     progress("proving")
     # A group that is held because an effect compensates for it is confounded with the effect.
     named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
@@ -157,7 +159,7 @@ def _gather(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Ev
         corrected = left_open.spanning
         known = left_open.spanned(_known(named, corrected, runs, block), runs, block)
         together = left_open.products(runs, block)
-    predicted = _predictions(fitted, corrected, explanation.empirical, runs, fold, seed)
+    predicted = _predictions(fitted, corrected, explanation.empirical, runs, fold, rng)
     evidence = Evidence(
         runs,
         fitted,
@@ -178,7 +180,7 @@ def _gather(runs: Runs, robot: Robot, seed: int, progress: Progress) -> tuple[Ev
         together,
         joint(corrected or plain, runs, block),
     )
-    arms = {name: score(one, runs, block, evidence.trip, seed) for name, one in predicted.items()}
+    arms = {name: score(one, runs, block, evidence.trip, rng) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
@@ -208,13 +210,12 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple
 
 
 def _predictions(
-    fitted: Refit, corrected: Corrected | None, empirical: Empirical | None, runs: Runs, fold: Index, seed: int
+    fitted: Refit, corrected: Corrected | None, empirical: Empirical | None, runs: Runs, fold: Index, rng: Generator
 ) -> dict[str, Array]:
     """Held-out predictions of each arm, shape (windows,)."""
     problem = fitted.parameters
     arms = {"nominal": problem.predict(runs, problem.start)} if problem.current_known else {}
     arms["refit"] = held_out(lambda chosen: fitted.fitted_to(chosen, runs.observed).replayed(runs), fold)
-    rng = np.random.default_rng(seed)
 
     def beside(columns: Array) -> Array:
         return held_out(lambda chosen: with_columns(fitted, chosen, runs.observed, columns), fold)

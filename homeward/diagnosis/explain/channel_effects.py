@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+from numpy.random import Generator
 from scipy.optimize import minimize_scalar
 from scipy.stats import binom, norm, spearmanr
 
@@ -67,12 +68,14 @@ class Capacity:
     rivals: tuple[str, ...] = ()  # losses that explain the charge as well, with the file's capacity
 
 
-def find_effects(fit: Refit, runs: Runs, block: Index, seed: int) -> tuple[Capacity | None, tuple[ChannelEffect, ...]]:
+def find_effects(
+    fit: Refit, runs: Runs, block: Index, rng: Generator
+) -> tuple[Capacity | None, tuple[ChannelEffect, ...]]:
     """Effects identified by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
     robot = fit.parameters.nominal
-    sag = _sag(robot, runs, block, seed)
+    sag = _sag(robot, runs, block, rng)
     inside_w = np.zeros(len(runs.observed)) if sag is None else sag.contribution
-    capacity, shown = _state_of_charge(fit, runs, inside_w, block, seed)
+    capacity, shown = _state_of_charge(fit, runs, inside_w, block, rng)
     found = (sag, shown, _odometer(fit, runs))
     return capacity, tuple(one for one in found if one is not None)
 
@@ -83,8 +86,8 @@ class _Reading:
     The energy drawn in a gap is unknown. Columns have shape (known windows, columns).
     """
 
-    def __init__(self, values: Array, runs: Runs, block: Index, seed: int) -> None:
-        self.known, self.seed = np.isfinite(values), seed
+    def __init__(self, values: Array, runs: Runs, block: Index) -> None:
+        self.known = np.isfinite(values)
         follows = (np.diff(runs.run) == 0) & (np.diff(runs.time_s) < _GAP * runs.duration_s[1:])
         self.stretch = np.concatenate([[0], np.cumsum(~follows)])[self.known]
         self.run = runs.run[self.known]
@@ -108,27 +111,27 @@ class _Reading:
         found = _fit(columns, self.target)
         return found, standard_errors(columns, self.target - columns @ found, self.block)
 
-    def proof(self, base: Array, added: Array, tried: Sequence[Array] = ()) -> Proof | None:
+    def proof(self, base: Array, added: Array, rng: Generator, tried: Sequence[Array] = ()) -> Proof | None:
         """Evidence that the added columns, best of those tried, explain the channel beside the base; None if weak."""
         design = np.column_stack([base, added])
         before, after = (
             held_out(lambda chosen, of=of: of @ _fit(of[chosen], self.target[chosen]), self.block % FOLDS)  # type: ignore[misc]
             for of in (base, design)
         )
-        gained = gain(self.target, before, after, self.block, self.seed)
+        gained = gain(self.target, before, after, self.block, rng)
         bic_gain = delta_bic(self.target, before, after, self.run, added.shape[1])
         if bic_gain < rules.STRONG_BIC or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             return None
-        p_value = self._p_value(base, added, np.column_stack([added, *tried]))
+        p_value = self._p_value(base, added, np.column_stack([added, *tried]), rng)
         return None if p_value > rules.FALSE_ALARM_RATE else Proof(bic_gain, gained.share, p_value)
 
-    def _p_value(self, base: Array, added: Array, tried: Array) -> float:
+    def _p_value(self, base: Array, added: Array, tried: Array, rng: Generator) -> float:
         """P-value: how often, on random signs of blocks, some column tried explains as much as the best added."""
         residual, own = (one - base @ _fit(base, one) for one in (self.target, tried))
         sums = per_block(own * residual[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
         sums = sums[:, spread > 0.0] / spread[spread > 0.0]
-        signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], (DRAWS, len(sums)))
+        signs = rng.choice([-1.0, 1.0], (DRAWS, len(sums)))
         reached = float(np.abs(sums.sum(axis=0))[: added.shape[1]].max(initial=0.0))
         return float((1 + np.sum(np.abs(signs @ sums).max(axis=1, initial=0.0) >= reached)) / (DRAWS + 1))
 
@@ -147,7 +150,7 @@ def _matters(lost_w: Array, runs: Runs) -> bool:
     return float(lost_w @ runs.duration_s) >= rules.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
 
 
-def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> ChannelEffect | None:
+def _sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffect | None:
     """Internal resistance by the voltage, beside the file's, where it loses a material share of the energy."""
     voltage_v = runs.context.get("voltage_v", np.zeros(1))
     known = voltage_v > 0.0
@@ -156,12 +159,12 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> ChannelEffect | N
     entry = battery.INTERNAL_RESISTANCE.entry
     in_file_ohm = robot.effects.get(entry.id, {}).get(entry.switch.name, 0.0)
     current_a = np.where(known, runs.observed / np.where(known, voltage_v, 1.0), 0.0)
-    channel = _Reading(np.where(known, voltage_v + in_file_ohm * current_a, np.nan), runs, block, seed)
+    channel = _Reading(np.where(known, voltage_v + in_file_ohm * current_a, np.nan), runs, block)
     base, drawn = channel.summed(current_a)[:, None], -channel.within(current_a)[:, None]
     found, errors = channel.fit(np.column_stack([base, drawn]))
     ohm, wide = float(found[-1]), rules.NORMAL_95 * float(errors[-1])
     lost_w = max(ohm, 0.0) * current_a**2
-    proof = channel.proof(base, drawn) if _matters(lost_w, runs) else None
+    proof = channel.proof(base, drawn, rng) if _matters(lost_w, runs) else None
     if proof is None or in_file_ohm + ohm > entry.switch.high:
         return None
     air = runs.context.get("temperature_c")
@@ -175,7 +178,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, seed: int) -> ChannelEffect | N
 
 
 def _state_of_charge(
-    fit: Refit, runs: Runs, inside_w: Array, block: Index, seed: int
+    fit: Refit, runs: Runs, inside_w: Array, block: Index, rng: Generator
 ) -> tuple[Capacity | None, ChannelEffect | None]:
     """Capacity by the state of charge, and an effect that changes its fall; None of both where it hardly fell."""
     robot, soc = fit.parameters.nominal, runs.context.get("soc")
@@ -184,7 +187,7 @@ def _state_of_charge(
     of_run = pd.Series(soc).groupby(runs.run)  # NaN of a run that lacks it
     if float((of_run.max() - of_run.min()).sum()) < rules.LEAST_FALL:
         return None, None
-    channel = _Reading(-soc, runs, block, seed)
+    channel = _Reading(-soc, runs, block)
     drawn = channel.summed((runs.observed + inside_w) / robot.usable_energy_j)[:, None]
     (rate,), (error,) = channel.fit(drawn)
     if rate <= 0.0:
@@ -194,11 +197,11 @@ def _state_of_charge(
     capacity = Capacity(
         robot.usable_energy_j, float(robot.usable_energy_j / rate), (float(low), float(high)), bool(off)
     )
-    misread = _misread(fit, runs, channel, drawn, block)
+    misread = _misread(fit, runs, channel, drawn, block, rng)
     if misread is not None:
         return dataclasses.replace(capacity, off=False), misread
     losses = _Losses(fit, runs, channel, drawn)
-    both = (losses.found(), _fading(channel, runs, drawn))
+    both = (losses.found(rng), _fading(channel, runs, drawn, rng))
     found = sorted((one for one in both if one is not None), key=lambda one: -_gained(one.proof))
     if not found:
         return dataclasses.replace(capacity, rivals=losses.instead(float(rate)) if off else ()), None
@@ -208,7 +211,7 @@ def _state_of_charge(
     return dataclasses.replace(capacity, off=False), best
 
 
-def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, block: Index, seed: int) -> list[Term]:
+def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, block: Index) -> list[Term]:
     """Hypotheses that the state of charge does not contradict: it falls by the true energy, whatever a meter reads.
 
     Where it falls by the energy that was read, the meter is right; where it falls by that less the error of a faulty
@@ -218,26 +221,24 @@ def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, 
     misread = [term for term in candidates if term.misread]
     if soc is None or runs.unit != "W" or not misread or not np.isfinite(soc).any():
         return list(candidates)
-    channel = _Reading(-soc, runs, block, seed)
+    channel = _Reading(-soc, runs, block)
     drawn = channel.summed(runs.observed)[:, None]
     as_read = drawn @ _fit(drawn, channel.target)
-    gains: dict[int, float] = {}  # for a fault of the meter, as a difference of BIC
-    errors: dict[int, float] = {}
+    found: list[tuple[float, float]] = []  # squared error, and gain of a fault of the meter as a difference of BIC
     for term in misread:
         design = np.column_stack([base, term.columns])
         weights = _fit(design, setting.residual)
         true = channel.summed(runs.observed - term.columns @ weights[base.shape[1] :])[:, None]
-        gains[id(term)] = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
-        errors[id(term)] = float(np.sum((setting.residual - design @ weights) ** 2))
-    best = min(errors, key=lambda one: errors[one])
-    return [
-        one
-        for one in candidates
-        if (gains[id(one)] > -rules.STRONG_BIC if one.misread else one.axis != "time" or gains[best] < rules.STRONG_BIC)
-    ]
+        gained = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
+        found.append((float(np.sum((setting.residual - design @ weights) ** 2)), gained))
+    wrong = {id(term) for term, (_, gained) in zip(misread, found, strict=True) if gained <= -rules.STRONG_BIC}
+    no_load = min(found)[1] >= rules.STRONG_BIC
+    return [one for one in candidates if id(one) not in wrong and (one.misread or one.axis != "time" or not no_load)]
 
 
-def _misread(fit: Refit, runs: Runs, channel: _Reading, drawn: Array, block: Index) -> ChannelEffect | None:
+def _misread(
+    fit: Refit, runs: Runs, channel: _Reading, drawn: Array, block: Index, rng: Generator
+) -> ChannelEffect | None:
     """A fault of the meter that power shows, be it too little to be named: less its error, the charge falls by the
     energy drawn, at least as well as with a capacity for each run."""
     setting, per_run = Setting.of(fit, runs), drawn * (channel.run[:, None] == np.unique(channel.run))
@@ -252,7 +253,7 @@ def _misread(fit: Refit, runs: Runs, channel: _Reading, drawn: Array, block: Ind
         true = drawn - channel.summed(added / fit.parameters.nominal.usable_energy_j)[:, None]
         predicted = true @ _fit(true, channel.target)
         by_ageing = delta_bic(channel.target, predicted, fades, channel.run, per_run.shape[1] - 1)
-        proof = channel.proof(drawn, true)
+        proof = channel.proof(drawn, true, rng)
         if proof is None or by_ageing >= rules.STRONG_BIC or not _matters(np.abs(added), runs):
             continue
         wide = rules.NORMAL_95 * float(standard_errors(design, setting.residual - design @ weights, block)[-1])
@@ -283,10 +284,10 @@ class _Losses:
             for shape in one.shapes(setting)
         ]
 
-    def found(self) -> ChannelEffect | None:
+    def found(self, rng: Generator) -> ChannelEffect | None:
         """The loss that explains most beside a capacity, if one is proven."""
         tried = [added for *_, added in self.tried]
-        proofs = [(self.channel.proof(self.drawn, added, tried), one, shape) for one, shape, added in self.tried]
+        proofs = [(self.channel.proof(self.drawn, added, rng, tried), one, shape) for one, shape, added in self.tried]
         proven = [(proof, one, shape) for proof, one, shape in proofs if proof is not None]
         if not proven:
             return None
@@ -367,7 +368,7 @@ class _Losses:
         return np.nan_to_num(np.asarray(added, dtype=np.float64))
 
 
-def _fading(channel: _Reading, runs: Runs, drawn: Array) -> ChannelEffect | None:
+def _fading(channel: _Reading, runs: Runs, drawn: Array, rng: Generator) -> ChannelEffect | None:
     """Ageing: a capacity that shrinks from run to run."""
     numbers = np.unique(channel.run)
     if len(numbers) < FEWEST_RUNS:
@@ -375,7 +376,7 @@ def _fading(channel: _Reading, runs: Runs, drawn: Array) -> ChannelEffect | None
     per_run = drawn * (channel.run[:, None] == numbers)
     rate, errors = channel.fit(per_run)
     shrinks = bool((np.diff(rate) >= -2.0 * (errors[1:] + errors[:-1])).all()) and rate[-1] > rate[0]
-    proof = channel.proof(drawn, per_run[:, 1:]) if shrinks else None
+    proof = channel.proof(drawn, per_run[:, 1:], rng) if shrinks else None
     if proof is None:
         return None
     ends = 1.0 - 1.0 / np.maximum(rate[-1] + rules.NORMAL_95 * errors[-1] * np.array([-1.0, 1.0]), 1e-9)
@@ -388,15 +389,11 @@ def _fading(channel: _Reading, runs: Runs, drawn: Array) -> ChannelEffect | None
     if not _matters(lost_w, runs) or lost.max() > battery.AGEING.entry.switch.high:
         return None
     return ChannelEffect(
-        battery.AGEING,
-        {battery.AGEING.entry.switch.name: last},
-        lost_w,
-        proof,
-        _confounders(rate, runs, numbers),
+        battery.AGEING, {battery.AGEING.entry.switch.name: last}, lost_w, proof, _confounders(rate, runs, numbers),
         "The battery fades from run to run, as the state of charge falls faster than the energy drawn implies: in "
         f"the last run {last.value:.0%} of the usable energy is lost, which explains {_gained(proof):.0%} of the "
         "held-out squared error of the state of charge.",
-    )
+    )  # fmt: skip
 
 
 def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:

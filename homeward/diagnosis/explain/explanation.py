@@ -49,7 +49,7 @@ def explain(
     found: list[Dependence],
     block: Index,
     fold: Index,
-    seed: int,
+    rng: np.random.Generator,
     progress: Callable[[str], None],
 ) -> Explanation:
     """Explain the residual of a refit by `found`, its dependences on channels and time, significant ones first.
@@ -60,7 +60,7 @@ def explain(
     if not found:
         return Explanation()
     progress("locating")
-    residual = _Residual(fit, runs, found[0], block, fold, seed, progress)
+    residual = _Residual(fit, runs, found[0], block, fold, rng, progress)
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
     naming = residual.naming()
@@ -77,7 +77,7 @@ def explain(
     empirical = None
     scheduled = bool(naming.named) and naming.named[0].term.axis == "time" and most.channel.name != "time_s"
     if location is not None and (not naming.named or scheduled):
-        empirical = propose(fit, runs, block, fold, seed)
+        empirical = propose(fit, runs, block, fold, rng)
     if naming.named and empirical is not None:
         if empirical.held_out_gain > max(naming.named[0].held_out_gain, residual.by(naming)):
             # A recorded channel explains more than what is named with a schedule, which is for unrecorded causes.
@@ -87,7 +87,7 @@ def explain(
     remaining = None if naming.corrected is None else residual.remaining(naming.corrected)
     if remaining is not None and most.found and _of_another_channel(naming, remaining, most):
         naming, remaining = naming.nothing_named(), None
-        empirical = propose(fit, runs, block, fold, seed)
+        empirical = propose(fit, runs, block, fold, rng)
     return Explanation(naming, location, empirical, remaining)
 
 
@@ -100,7 +100,7 @@ class _Residual:
     most: Dependence  # with the largest gain
     block: Index  # (windows,)
     by_run: Index  # (windows,)
-    seed: int
+    rng: np.random.Generator
     progress: Callable[[str], None]
 
     @property
@@ -110,11 +110,11 @@ class _Residual:
 
     def naming(self, varying: bool = True) -> Naming:
         """The effects that are named."""
-        return name_missing(self.fit, self.runs, self.block, self.seed, self.progress, varying)
+        return name_missing(self.fit, self.runs, self.block, self.rng, self.progress, varying)
 
     def by_motion(self) -> float:
         """Share of the residual that motion explains."""
-        return motion_gain(self.fit, self.runs, self.fold, self.seed)
+        return motion_gain(self.fit, self.runs, self.fold, self.rng)
 
     def by(self, naming: Naming) -> float:
         """Share of the residual that the named effects explain."""
@@ -123,10 +123,10 @@ class _Residual:
     def remaining(self, corrected: Corrected) -> RemainingDependence | None:
         """The residual of the corrected model where, by the test of the refit's, it depends on a channel."""
         blocks = independent_blocks(corrected, self.runs)
-        most = dependences(corrected, self.runs, blocks, self.by_run, self.seed)[0]
+        most = dependences(corrected, self.runs, blocks, self.by_run, self.rng)[0]
         if not most.found or most.channel.name == "time_s":
             return None
-        formula = propose(corrected, self.runs, blocks.channels, self.by_run, self.seed)
+        formula = propose(corrected, self.runs, blocks.channels, self.by_run, self.rng)
         return RemainingDependence(most.channel.name, locate(most, self.runs), formula)
 
     def instead_of_parameters(self, naming: Naming) -> Naming:
@@ -160,9 +160,9 @@ class _Residual:
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming) else naming.nothing_named()), location
         on_ground = any(one.term.hypothesis.by_place for one in naming.named)
-        by_place = 0.0 if on_ground else place_gain(self.fit, self.runs, self.seed)
+        by_place = 0.0 if on_ground else place_gain(self.fit, self.runs, self.rng)
         by_named = max(first.held_out_gain, self.by(naming))  # motion may be the cause of others that are named
-        by_motion = largest_by_motion(self.fit, self.runs, self.block, self.seed)
+        by_motion = largest_by_motion(self.fit, self.runs, self.block, self.rng)
         if by_motion < by_named and by_place < rules.BY_PLACE * by_named:
             return naming, location
         again = self.naming(varying=False)
@@ -177,7 +177,7 @@ class _Residual:
             return True
         if naming.corrected is None or share < rules.HALF * by_motion:
             return False
-        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.seed, rules.CLEARLY_BETTER)
+        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.rng, rules.CLEARLY_BETTER)
 
 
 def _of_another_channel(naming: Naming, remaining: RemainingDependence, most: Dependence) -> bool:

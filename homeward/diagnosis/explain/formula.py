@@ -72,7 +72,7 @@ class Empirical:
         return f"{self.symbol} = {formula.removeprefix('+ ') if formula[0] == '+' else formula.replace('- ', '-', 1)}"
 
 
-def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Empirical | None:
+def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.Generator) -> Empirical | None:
     """Find a formula that fits the residual of a refit; None where none is validated.
 
     Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each.
@@ -86,10 +86,10 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Em
         best = int(np.argmax(scores))
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
         bic_gain = delta_bic(runs.observed, before, after, runs.run) - float(library.cost[best])
-        gained = gain(runs.observed, before, after, block, seed)
+        gained = gain(runs.observed, before, after, block, rng)
         if bic_gain < rules.VERY_STRONG_BIC or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
-        p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), seed)
+        p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), rng)
         if p_value_of_term > 1.0 / (rules.PLACEBOS + 1):
             break
         chosen, total_bic_gain, p_value = [*chosen, best], total_bic_gain + bic_gain, max(p_value, p_value_of_term)
@@ -97,7 +97,7 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, seed: int) -> Em
         return None
     chosen, alternatives = _reconsidered(search, chosen)
     columns = library.columns(chosen)
-    gained = gain(runs.observed, search.held_out([]), search.held_out(chosen), block, seed)
+    gained = gain(runs.observed, search.held_out([]), search.held_out(chosen), block, rng)
     sizes, errors = _coefficients(fit, runs, block, columns)
     terms = tuple(
         EmpiricalTerm(library.texts[one], size, (size - error, size + error), library.units[one], others)
@@ -209,9 +209,9 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
     return final, alternatives
 
 
-def _placebo_p_value(search: Search, present: Sequence[int], score: float, seed: int) -> float:
+def _placebo_p_value(search: Search, present: Sequence[int], score: float, rng: np.random.Generator) -> float:
     """P-value: share of searches, this one included, that score as high on placebos, channels shifted in time."""
-    rng, parts = np.random.default_rng(seed), search.library.parts
+    parts = search.library.parts
     found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(rules.PLACEBOS)]
     return (1 + sum(one >= score for one in found)) / (rules.PLACEBOS + 1)
 

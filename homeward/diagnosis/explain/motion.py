@@ -9,6 +9,7 @@ effects that channels identify, where the trees explain clearly more than they d
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.random import Generator
 from scipy.signal import lfilter
 
 from homeward.diagnosis import rules
@@ -34,9 +35,9 @@ def _held_out_error(model: Fitted, runs: Runs, fold: Index) -> float:
     return float(residual @ residual)
 
 
-def motion_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
+def motion_gain(fit: Fitted, runs: Runs, fold: Index, rng: Generator) -> float:
     """Share of a model's squared error, held out by fold, that trees on the motion and its history explain."""
-    return _gain(fit, runs, fold, _by_trees(fit, runs, fold, seed, MOTION, _history(fit, runs)))
+    return _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, MOTION, _history(fit, runs)))
 
 
 def _gain(fit: Fitted, runs: Runs, fold: Index, after: float) -> float:
@@ -44,7 +45,7 @@ def _gain(fit: Fitted, runs: Runs, fold: Index, after: float) -> float:
     return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
 
 
-def largest_by_motion(fit: Fitted, runs: Runs, block: Index, seed: int) -> float:
+def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> float:
     """Held-out gain of a schedule up to which motion accounts for it, so that no unrecorded cause is needed.
 
     Motion that causes a load does so in every run: where there are enough runs, whole ones are held out. Motion that
@@ -53,19 +54,19 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, seed: int) -> float
     shape (windows,), and motion must explain nearly as much.
     """
     fold, by = cut_folds(runs, block)
-    by_motion = motion_gain(fit, runs, fold, seed)
+    by_motion = motion_gain(fit, runs, fold, rng)
     if by == "block":
         return by_motion / rules.EQUIVALENT
-    return by_motion / rules.OF_MOTION if by_motion > _clock_gain(fit, runs, fold, seed) else 0.0
+    return by_motion / rules.OF_MOTION if by_motion > _clock_gain(fit, runs, fold, rng) else 0.0
 
 
-def _clock_gain(fit: Fitted, runs: Runs, fold: Index, seed: int) -> float:
+def _clock_gain(fit: Fitted, runs: Runs, fold: Index, rng: Generator) -> float:
     """The same as `motion_gain` by the time since the start of a run."""
     elapsed_s = runs.time_s - runs.time_s[np.searchsorted(runs.run, runs.run)]
-    return _gain(fit, runs, fold, _by_trees(fit, runs, fold, seed, (), [elapsed_s]))
+    return _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, (), [elapsed_s]))
 
 
-def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
+def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
     """The same by the place on the way and the height climbed since the start, with whole runs held out.
 
     What changes in the same places on other days does not depend on time. 0 of fewer than three runs.
@@ -76,21 +77,20 @@ def place_gain(fit: Fitted, runs: Runs, seed: int) -> float:
     climbed_m = np.nan_to_num(sine) * runs.context["speed_mps"] * runs.duration_s
     for run in range(len(runs.signals)):
         climbed_m[runs.run == run] = np.cumsum(climbed_m[runs.run == run])
-    return _gain(fit, runs, runs.run, _by_trees(fit, runs, runs.run, seed, ("place_m",), [climbed_m]))
+    return _gain(fit, runs, runs.run, _by_trees(fit, runs, runs.run, rng, ("place_m",), [climbed_m]))
 
 
-def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, seed: int, share: float) -> bool:
+def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, rng: Generator, share: float) -> bool:
     """Whether trees on the present motion, beside a fit, have less than a share of the squared error of a model with
     effects, held out by fold, shape (windows,): by run, where there are enough."""
-    after = _by_trees(fit, runs, fold, seed, MOTION)
+    after = _by_trees(fit, runs, fold, rng, MOTION)
     return after < share * _held_out_error(named, runs, fold)
 
 
 def _by_trees(
-    fit: Fitted, runs: Runs, fold: Index, seed: int, channels: Sequence[str], beside: Sequence[Array] = ()
+    fit: Fitted, runs: Runs, fold: Index, rng: Generator, channels: Sequence[str], beside: Sequence[Array] = ()
 ) -> float:
     """Held-out squared error of boosted trees on channels and further features, beside a fit."""
-    rng = np.random.default_rng(seed)
 
     def predicted(chosen: Mask) -> Array:
         return black_box(runs, fit.fitted_to(chosen, runs.observed).predicted, chosen, rng, channels, beside)

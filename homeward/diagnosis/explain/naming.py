@@ -12,6 +12,7 @@ from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
+from numpy.random import Generator
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import terms
@@ -77,7 +78,7 @@ class Naming:
 
 
 def name_missing(
-    fit: Refit, runs: Runs, block: Index, seed: int, progress: Callable[[str], None], varying: bool = True
+    fit: Refit, runs: Runs, block: Index, rng: Generator, progress: Callable[[str], None], varying: bool = True
 ) -> Naming:
     """Name the effects that explain the residual of the refit; windows of one block, (windows,), are dependent.
 
@@ -96,22 +97,22 @@ def name_missing(
         progress("naming")
         candidates = terms(setting, tuple(one.term.effect for one in named), varying)
         model = corrected or fit
-        candidates = not_contradicted(candidates, model.jacobian, setting, block, seed)
+        candidates = not_contradicted(candidates, model.jacobian, setting, block)
         bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, expected_error)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
-        for found in _best(bench, seed):
+        for found in _best(bench, rng):
             if corrected is not None and not all(_beside(one, named, by_motion) for one in found):
                 continue
             found, fitted = _fitted(material, (*named, *found), runs, block)
             found = found[len(named) :]
-            if fitted.all_at_work() and _draws_energy(fitted, runs) and _replays(fitted, model, runs, fold, seed):
+            if fitted.all_at_work() and _draws_energy(fitted, runs) and _replays(fitted, model, runs, fold, rng):
                 break
         else:
             break  # no candidate passes with a significant size in the joint replay
         named += found
         corrected = fitted
-        by_motion = cache(partial(largest_by_motion, fitted, runs, block, seed))
+        by_motion = cache(partial(largest_by_motion, fitted, runs, block, rng))
         setting = corrected.model.setting(runs, corrected.theta, corrected.values)
         setting = replace(setting, residual=runs.observed - corrected.predicted)
     return Naming(tuple(named), corrected, ranking, absorbed)
@@ -146,13 +147,13 @@ def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
     return all(float(np.abs(w * runs.duration_s).sum()) >= least for one, w in terms if one.axis != "steady")
 
 
-def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, seed: int) -> bool:
+def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, rng: Generator) -> bool:
     """Whether a replay with the effects, not only its linearisation, predicts held-out windows better."""
     predicted = [
         held_out(lambda chosen, one=one: one.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
         for one in (before, after)
     ]
-    replayed = gain(runs.observed, predicted[0], predicted[1], fold, seed)
+    replayed = gain(runs.observed, predicted[0], predicted[1], fold, rng)
     return replayed.share >= rules.SMALLEST_GAIN_TO_NAME
 
 
@@ -163,7 +164,7 @@ def _rank(bench: Bench) -> tuple[Ranked, ...]:
     return tuple(sorted(ranked, key=lambda one: -one.delta_bic))
 
 
-def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
+def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     """Validated hypotheses: first that with the lowest BIC, alone or as the stronger half of the best pair; then the
     pair, where each half is significant only beside the other; then the next best alone, by BIC or by their steps."""
     if not bench.candidates:
@@ -183,10 +184,10 @@ def _best(bench: Bench, seed: int) -> Iterator[tuple[Named, ...]]:
             if both > best + rules.STRONG_BIC:
                 best, pair = both, (one, other)
     preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), alone)
-    proven = partial(_proven, bench, alone=alone, independent=independent, seed=seed)
+    proven = partial(_proven, bench, alone=alone, independent=independent, rng=rng)
     yield from ((found,) for index in dict.fromkeys([preferred, pair[0]]) if (found := proven(index)))
     if len(pair) == 2:
-        halves = [_half(bench.with_base(other), one, independent, seed) for one, other in (pair, pair[::-1])]
+        halves = [_half(bench.with_base(other), one, independent, rng) for one, other in (pair, pair[::-1])]
         if all(halves):
             yield tuple(one for one in halves if one)
     in_steps = sorted(filter(bench.is_in_steps, most), key=bench.innovations_bic, reverse=True)
@@ -199,11 +200,11 @@ def _alone(bench: Bench, independent: float) -> Array:
     return np.array([bench.score(share, independent, index) for index, share in enumerate(bench.shares.tolist())])
 
 
-def _half(bench: Bench, chosen: int, independent: float, seed: int) -> Named | None:
+def _half(bench: Bench, chosen: int, independent: float, rng: Generator) -> Named | None:
     """One of a pair beside the other, or what the data cannot separate from it there and has a higher prior."""
     alone = _alone(bench, independent)
     tried = dict.fromkeys([_likeliest(bench, chosen, alone), chosen])
-    return next(filter(None, (_proven(bench, index, alone, independent, seed) for index in tried)), None)
+    return next(filter(None, (_proven(bench, index, alone, independent, rng) for index in tried)), None)
 
 
 def _best_forms(bench: Bench, scores: Array) -> list[int]:
@@ -244,7 +245,7 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     return min([chosen, *equals], key=preference)
 
 
-def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: int) -> Named | None:
+def _proven(bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator) -> Named | None:
     """A hypothesis with its evidence, where it passes every test; otherwise None."""
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
@@ -262,10 +263,10 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, seed: i
     if explained <= bench.channel_error * _followed(bench, chosen):
         return None  # errors of the channels explain as much
     without, with_it = bench.predictions(chosen)
-    interval = gain(bench.target, without, with_it, bench.block, seed).ci95
+    interval = gain(bench.target, without, with_it, bench.block, rng).ci95
     if interval[0] <= 0.0:
         return None
-    p_value = bench.p_value(chosen, independent, seed)
+    p_value = bench.p_value(chosen, independent, rng)
     if p_value > rules.FALSE_ALARM_RATE:
         return None
     if bench.held_out_bic(chosen) < rules.STRONG_BIC:  # identified by its steps: rivals by the same evidence
@@ -311,7 +312,7 @@ def _rivals(bench: Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
     return tuple(found.values())
 
 
-def shifted_in_time(columns: Array, rng: np.random.Generator) -> Array:
+def shifted_in_time(columns: Array, rng: Generator) -> Array:
     """Placebo: columns, (windows, columns), shifted circularly over all runs by a random time, which are no cause."""
     margin = len(columns) // 10
     return np.roll(columns, int(rng.integers(margin, len(columns) - margin)), axis=0)

@@ -247,9 +247,8 @@ class Bench:
                 result[split.held] = split.columns[np.ix_(split.held, columns)] @ weights
         return without, with_it
 
-    def p_value(self, chosen: int, independent: float, seed: int) -> float:
+    def p_value(self, chosen: int, independent: float, rng: np.random.Generator) -> float:
         """P-value: how often noise alone gives some hypothesis as high a score, a search repeated on every placebo."""
-        rng = np.random.default_rng(seed)
         term = self.candidates[chosen]
         if term.schedule is None:
             reached = self.score(self.share(chosen), independent, chosen)

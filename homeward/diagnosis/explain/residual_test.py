@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 from scipy.stats import rankdata
 
 from homeward.diagnosis import rules
@@ -124,14 +125,14 @@ def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
     return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady))
 
 
-def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int = 0) -> list[Dependence]:
+def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Generator) -> list[Dependence]:
     """Test the residuals of a refit against time and every channel: found ones first, the largest gain first."""
     residual = runs.observed - fit.predicted
     # Two families of tests, each with half of the false alarm rate. A change in one run does not predict another:
     # for time hold out stretches.
     found = [
-        *_tested(fit, runs, list(_by_channel(fit, runs, residual, block.channels)), block.channels, fold, seed),
-        *_tested(fit, runs, list(_by_time(fit, runs, residual, block.time)), block.time, block.time % 5, seed),
+        *_tested(fit, runs, list(_by_channel(fit, runs, residual, block.channels)), block.channels, fold, rng),
+        *_tested(fit, runs, list(_by_time(fit, runs, residual, block.time)), block.time, block.time % 5, rng),
     ]
     best = max((one.held_out_gain for one in found if one.found and one.channel is not _TIME), default=0.0)
 
@@ -144,7 +145,7 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, seed: int =
 
 
 def _tested(
-    fit: Fitted, runs: Runs, tests: Sequence[_Test], block: Index, fold: Index, seed: int
+    fit: Fitted, runs: Runs, tests: Sequence[_Test], block: Index, fold: Index, rng: Generator
 ) -> Iterator[Dependence]:
     """One family of tests, with the share of the held-out squared error that a step per bin explains."""
     residual = runs.observed - fit.predicted
@@ -156,7 +157,7 @@ def _tested(
         if folds
         else residual
     )
-    p_values = _family_p_values(fit, residual, block, tests, seed)
+    p_values = _family_p_values(fit, residual, block, tests, rng)
     for one, p_value in zip(tests, p_values.tolist(), strict=True):
         design = np.column_stack([fit.jacobian, _indicators(one.bin, one.weight)])
         after, gain = residual, 0.0
@@ -276,9 +277,9 @@ def _studentised(draws: Array, sums: Array) -> Array:
     return np.asarray((draws / np.where(spread > 0.0, spread, np.inf)) ** 2)
 
 
-def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence[_Test], seed: int) -> Array:
+def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence[_Test], rng: Generator) -> Array:
     """P-value of each candidate, corrected for all tests by the bootstrap distribution of the smallest."""
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
+    signs = rng.choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
     signs[0] = 1.0  # the recorded residual
     bread = np.linalg.pinv(fit.jacobian.T @ fit.jacobian, rcond=1e-12)
     scores = per_block(fit.jacobian * residual[:, None], block)

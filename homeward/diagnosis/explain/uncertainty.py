@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.random import Generator
 from scipy.stats import chi2
 
 from homeward.diagnosis import rules
@@ -104,7 +105,7 @@ def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together
     return Product(of, Value(value, (value - wide, value + wide), unit), together)
 
 
-def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, seed: int) -> Range | None:
+def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, rng: Generator) -> Range | None:
     """Range of a robot that goes on driving as it was recorded, m; None of motor current or without driving.
 
     Usable energy over energy per metre: as recorded, and as two robot files, the given one and corrected.toml, predict
@@ -119,7 +120,7 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
     number = np.unique(piece, return_inverse=True)[1]
     energy_j, way_m = (np.bincount(number, one) for one in (drawn_j, path_m))
     low, high = bootstrap(
-        np.stack([energy_j, way_m]), seed, lambda drawn: (after.usable_energy_j * drawn[1] / drawn[0])[drawn[0] > 0.0]
+        np.stack([energy_j, way_m]), rng, lambda drawn: (after.usable_energy_j * drawn[1] / drawn[0])[drawn[0] > 0.0]
     )
     nominal_m, file_m = (
         float(robot.usable_energy_j * path_m.sum() / max(float((one * runs.duration_s).sum()), 1e-9))

@@ -66,13 +66,13 @@ def black_box(
     return predicted
 
 
-def gain(observed: Array, before: Array, after: Array, block: Index, seed: int) -> Gain:
+def gain(observed: Array, before: Array, after: Array, block: Index, rng: np.random.Generator) -> Gain:
     """Share by which one prediction lowers another's squared held-out error, its interval by bootstrap over blocks.
 
     All have shape (windows,); `before` is the held-out prediction of the simpler model.
     """
     sums: Array = np.stack([np.bincount(block, (observed - one) ** 2) for one in (before, after)]).astype(np.float64)
-    interval = bootstrap(sums, seed, lambda drawn: 1.0 - drawn[1] / np.maximum(drawn[0], 1e-300))
+    interval = bootstrap(sums, rng, lambda drawn: 1.0 - drawn[1] / np.maximum(drawn[0], 1e-300))
     return Gain(1.0 - float(sums[1].sum() / max(sums[0].sum(), 1e-300)), interval)
 
 
@@ -86,9 +86,9 @@ def delta_bic(observed: Array, before: Array, after: Array, run: Index, freedom:
     return float(independent * np.log(without / with_it) - freedom * np.log(independent))
 
 
-def bootstrap(sums: Array, seed: int, of: Callable[[Array], Array]) -> tuple[float, float]:
+def bootstrap(sums: Array, rng: np.random.Generator, of: Callable[[Array], Array]) -> tuple[float, float]:
     """95 % interval of a function `of` sums over blocks, shape (sums, blocks), by block bootstrap."""
-    chosen = np.random.default_rng(seed).integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
+    chosen = rng.integers(sums.shape[1], size=(_DRAWS, sums.shape[1]))
     low, high = np.quantile(of(sums[:, chosen].sum(axis=2)), [0.025, 0.975])
     return float(low), float(high)
 
@@ -107,7 +107,7 @@ def range_accuracy_pct(predicted: Array, runs: Runs, fold: Index) -> float | Non
     return float(100.0 * np.mean(np.maximum(1.0 - off, 0.0)))
 
 
-def score(predicted: Array, runs: Runs, block: Index, trip: Index, seed: int) -> Arm:
+def score(predicted: Array, runs: Runs, block: Index, trip: Index, rng: np.random.Generator) -> Arm:
     """Errors of a held-out prediction, (windows,), those of energy by trip; intervals by block bootstrap."""
     error = predicted - runs.observed
     squared = error**2
@@ -121,7 +121,7 @@ def score(predicted: Array, runs: Runs, block: Index, trip: Index, seed: int) ->
         float(np.sqrt(squared.mean())),
         1.0 - float(squared.sum()) / variance if variance > 0.0 else None,
         float(100.0 * np.mean(np.abs(missed_j[counted]) / drawn_j[counted])) if of_trips else None,
-        bootstrap(sums, seed, lambda drawn: np.sqrt(drawn[0] / drawn[1])),
+        bootstrap(sums, rng, lambda drawn: np.sqrt(drawn[0] / drawn[1])),
     )
 
 

@@ -107,15 +107,15 @@ def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
     return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.HALF).any(axis=1))
 
 
-def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> FileChoice:
+def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
     """Choose the robot of corrected.toml, from `robot` as its file has it.
 
     The effects must predict held-out windows better than the refit, and the energy (the charge) of trips no worse; the
     fitted parameters better than the given file. Nothing is changed where the verdict is no mismatch: a difference
     within the noise is no correction. Parameters that compensate for unknown physics are reported as no measurement.
-    Effects of the battery shown by voltage or state of charge are added. The seed is that of a bootstrap over trips.
+    Effects of the battery shown by voltage or state of charge are added. `rng` draws a bootstrap over trips.
     """
-    choice = _proven(robot, verdict, evidence, seed)
+    choice = _proven(robot, verdict, evidence, rng)
     changed, file, capacity = choice.robot, choice.file, evidence.capacity
     if shown := [one.in_file for one in evidence.channel_effects if one.in_file]:
         for numbers in shown:
@@ -126,7 +126,7 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -
     return replace(choice, robot=changed, file=file)
 
 
-def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> FileChoice:
+def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
     runs, nominal = evidence.runs, evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
         why = "the verdict requires no change of the robot file"
@@ -141,7 +141,7 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Fi
     model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
     if model is not None:
         after = _held_out(robot, model, evidence)
-        worse = worse_than(evidence.predictions["refit"], after, runs, evidence.trip, seed)
+        worse = worse_than(evidence.predictions["refit"], after, runs, evidence.trip, rng)
         if not worse:
             why = "replayed as written, it predicts held-out windows better than the refit"
             why += f"; {reason}" if reason else ""
@@ -149,7 +149,7 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Fi
             return FileChoice(changed, after, by_file, CorrectedFile("corrected", why))
         caveat = f"with the missing physics that a robot file can express, {worse}; "
     after = _held_out(robot, evidence.plain, evidence)
-    worse = worse_than(nominal, after, runs, evidence.trip, seed)
+    worse = worse_than(nominal, after, runs, evidence.trip, rng)
     if worse:
         return FileChoice(
             robot, nominal, nominal, CorrectedFile("nominal", f"{caveat}with its parameters fitted, {worse}")
@@ -159,7 +159,7 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, seed: int) -> Fi
     return FileChoice(changed, after, by_file, CorrectedFile("refit", why))
 
 
-def worse_than(before: Array, after: Array, runs: Runs, trip: Index, seed: int) -> str:
+def worse_than(before: Array, after: Array, runs: Runs, trip: Index, rng: np.random.Generator) -> str:
     """Why to prefer the held-out prediction `before` to `after`, shape (windows,) each; empty if not.
 
     The interval of the trips' errors is by bootstrap; `trip` numbers the trips, shape (windows,).
@@ -168,7 +168,7 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: Index, seed: int) 
     if errors[0] >= errors[1]:
         return f"the held-out error would be {errors[0]:.4g} {runs.unit} instead of {errors[1]:.4g}"
     misses = [np.abs(np.bincount(trip, (one - runs.observed) * runs.duration_s)) for one in (after, before)]
-    if bootstrap((misses[0] - misses[1])[None], seed, lambda drawn: drawn[0])[0] > 0.0:
+    if bootstrap((misses[0] - misses[1])[None], rng, lambda drawn: drawn[0])[0] > 0.0:
         consumed, unit = ("energy", "J") if runs.unit == "W" else ("charge", "A s")
         return (
             f"the {consumed} of a held-out trip would be off by {misses[0].mean():.3g} {unit} on average instead of "

@@ -78,7 +78,7 @@ def shown(
     fit = refit(runs, robot)
     block = cut_blocks(runs.run, runs.observed - fit.predicted)
     groups = {one.group.name: one for one in estimates(fit, runs, block)}
-    return *find_effects(fit, runs, block, seed=0), groups
+    return *find_effects(fit, runs, block, rng=np.random.default_rng(0)), groups
 
 
 @pytest.fixture(scope="module")

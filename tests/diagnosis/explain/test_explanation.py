@@ -42,7 +42,9 @@ def test_the_place_refutes_a_schedule_unless_a_named_ground_explains_it(
     corrected: Any = SimpleNamespace(contribution=(None,))
     most: Any = SimpleNamespace(found=False)
     nothing: Any = None
-    residual = _Residual(nothing, nothing, most, np.zeros(5, np.intp), nothing, 0, lambda _: None)
+    residual = _Residual(
+        nothing, nothing, most, np.zeros(5, np.intp), nothing, np.random.default_rng(0), lambda _: None
+    )
     location: Any = "further from base"
     naming = residual.checked_against_motion(Naming(named, corrected), location)[0]
     assert bool(naming.named) == stands

@@ -59,7 +59,7 @@ def prepared(recordings: list[Recording], robot: Robot) -> tuple[Refit, Runs, np
 
 def proposed(recordings: list[Recording], robot: Robot) -> Empirical | None:
     """The formula for some recordings."""
-    return propose(*prepared(recordings, robot), seed=0)
+    return propose(*prepared(recordings, robot), rng=np.random.default_rng(0))
 
 
 def weight_w(robot: Robot, channels: Channels) -> np.ndarray:

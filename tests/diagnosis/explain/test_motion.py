@@ -36,5 +36,5 @@ def test_motion_accounts_for_a_load_that_it_switches(
         power_w = run.channels["power_w"] + 40.0 * on(number, run.channels)
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
     runs = average(usable_runs(recordings, husky)[0])
-    gained = largest_by_motion(refit(runs, husky), runs, cut_blocks(runs.run), seed=0)
+    gained = largest_by_motion(refit(runs, husky), runs, cut_blocks(runs.run), rng=np.random.default_rng(0))
     assert gained > 1.0 if by_motion else gained < 0.5

@@ -446,7 +446,12 @@ def test_half_of_a_pair_has_its_rivals_beside_the_other_and_physics_comes_before
         return max(same, key=of.share)
 
     beside = bench.with_base(best("breakaway", bench))
-    half = _half(beside, best("sensor_offset", beside), beside.independent(best("sensor_offset", beside)), seed=0)
+    half = _half(
+        beside,
+        best("sensor_offset", beside),
+        beside.independent(best("sensor_offset", beside)),
+        rng=np.random.default_rng(0),
+    )
     assert half is not None and half.term.effect == "standby"
     assert "sensor_offset" in [one.effect for one in half.rivals]
 

@@ -52,7 +52,7 @@ def test_the_best_of_all_recorded_causes_is_rarely_significant_in_noise(fit: tup
     p_values = []
     for seed in range(12):
         bench = bench_of(fit, slow_noise(fit, seed), "steady")
-        p_values.append(bench.p_value(*best(bench), seed))
+        p_values.append(bench.p_value(*best(bench), np.random.default_rng(seed)))
     assert np.mean(np.array(p_values) <= FALSE_ALARMS) <= 2.5 * FALSE_ALARMS
     assert np.median(p_values) > 0.2
 
@@ -61,7 +61,7 @@ def test_levels_found_in_noise_are_found_in_placebos_too(fit: tuple[Refit, Runs]
     p_values = []
     for seed in range(8):
         bench = bench_of(fit, slow_noise(fit, seed, 0.95), "time")
-        p_values.append(bench.p_value(*best(bench), seed))
+        p_values.append(bench.p_value(*best(bench), np.random.default_rng(seed)))
     assert np.sum(np.array(p_values) <= FALSE_ALARM_RATE) <= 1
     assert np.median(p_values) > 0.1
 
@@ -90,7 +90,7 @@ def test_a_step_and_a_load_that_comes_and_goes_are_beyond_chance(fit: tuple[Refi
             key=bench.share,
         )
         assert bench.share(chosen) > 0.3
-        assert bench.p_value(chosen, independent, 0) < 1e-4
+        assert bench.p_value(chosen, independent, np.random.default_rng(0)) < 1e-4
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.3])

@@ -32,7 +32,7 @@ def smallest_p_value(recording: Recording) -> float:
     fit = refit(runs, robot)
     blocks = independent_blocks(fit, runs)
     fold, _ = cut_folds(runs, blocks.channels)
-    return min(one.p_value for one in dependences(fit, runs, blocks, fold))
+    return min(one.p_value for one in dependences(fit, runs, blocks, fold, np.random.default_rng(0)))
 
 
 def test_p_values_are_no_smaller_than_chance_makes_them() -> None:

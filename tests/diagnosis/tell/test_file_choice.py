@@ -95,4 +95,4 @@ def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(shor
 def test_a_file_must_be_better_and_its_trips_no_worse(after: np.ndarray, reason: str) -> None:
     runs: Any = SimpleNamespace(observed=np.full(4, 10.0), duration_s=np.full(4, 0.5), unit="W")
     before = runs.observed + np.array([2.0, -2.0, 2.0, -2.0])
-    assert worse_than(before, runs.observed + after, runs, np.array([0, 0, 1, 1]), 0) == reason
+    assert worse_than(before, runs.observed + after, runs, np.array([0, 0, 1, 1]), np.random.default_rng(0)) == reason
