@@ -18,7 +18,7 @@ from homeward.envs.options import Known
 from homeward.envs.state import GO, RETURN
 
 RISK = 1e-3
-"""Of not getting home, which the companion is told to accept."""
+"""Probability of not getting home that the companion accepts."""
 
 
 @final
