@@ -318,12 +318,13 @@ def counts() -> str:
 
 
 def results(heading: str) -> str:
-    """A section of the page of results, for inclusion in other pages."""
-    sections = re.split(r"^## +(.+)\n", (ROOT / "docs" / "results.md").read_text("utf-8"), flags=re.MULTILINE)
-    found = dict(zip(sections[1::2], sections[2::2], strict=True))
-    if heading not in found:
-        raise KeyError(f"results.md has no section {heading!r}, only {', '.join(found)}")
-    return found[heading].strip()
+    """A section of the page of results, with its subsections, for inclusion in other pages."""
+    page = (ROOT / "docs" / "results.md").read_text("utf-8")
+    sections = {found[2]: found for found in re.finditer(r"^(##+) +(.+)\n", page, re.MULTILINE)}
+    if heading not in sections:
+        raise KeyError(f"results.md has no section {heading!r}, only {', '.join(sections)}")
+    found = sections[heading]
+    return re.split(rf"^#{{2,{len(found[1])}}} ", page[found.end() :], maxsplit=1, flags=re.MULTILINE)[0].strip()
 
 
 @functools.cache
@@ -370,14 +371,18 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Insert the generated parts. A link to a file outside the site becomes the file's name."""
-    filled = re.sub(
-        r"^<!-- generated: (\w+) ?(.*?) -->$",
-        lambda mark: GENERATED[mark[1]](*filter(None, [mark[2]])),
-        markdown,
-        flags=re.MULTILINE,
-    )
+    filled = re.sub(r"^<!-- generated: (\w+) ?(.*?) -->$", _generated, markdown, flags=re.MULTILINE)
     up = r"\.\./" * (page.file.src_uri.count("/") + 1)
     return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", _outside, filled)
+
+
+def _generated(mark: re.Match[str]) -> str:
+    """A part, its highest headings one level below the section of the page in which the comment is."""
+    part = GENERATED[mark[1]](*filter(None, [mark[2]]))
+    headings = re.compile(r"^(##+) ", re.MULTILINE)
+    above = len(["#", *headings.findall(mark.string[: mark.start()])][-1])
+    highest = min(map(len, headings.findall(part)), default=above)
+    return headings.sub(lambda found: "#" * (len(found[1]) - highest + above + 1) + " ", part)
 
 
 def _outside(link: re.Match[str]) -> str:

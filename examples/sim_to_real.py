@@ -57,7 +57,7 @@ Array = NDArray[np.float64]
 MISSION, SITE = "Survey", "uncertain"
 NOMINAL = "husky"
 MISSING = {
-    "turning": {"scrub": 0.6},  # recordings of a Husky on asphalt show 0.59, see README.md
+    "turning": {"scrub": 0.6},  # recordings of a Husky on asphalt show 0.59, see docs/results.md
     "surface": {"gain": 1.5},  # rough patches roll up to 2.5 times as hard
     "compute": {"power_w": 60.0, "base_share": 0.5},  # a second computer, for the camera
 }

@@ -19,7 +19,7 @@ go is the middle third, at two deviations, so that a stop and a return have a pr
 
 _VALUE_SCALE = 0.1
 """Scale of the value's hidden units, from d_max: beyond the potential a tenth of a good score is left to learn, and
-steps as large as for numbers around 1 make the value noisy (docs/learning.md, What failed)."""
+steps as large as for numbers around 1 make the value noisy (docs/results.md, What failed in training)."""
 
 
 class ResidualPolicy(ActorCriticPolicy):

@@ -15,8 +15,8 @@ _BY_START = {
     SCRATCH: {"learning_rate": 3e-3, "entropy": 0.0},
     DMAX: {"learning_rate": 2e-3, "entropy": 0.003},
 }
-"""Defaults by start. The bonus keeps exploration from d_max and harms from nothing (docs/learning.md, What failed); the
-step sizes are chosen, and no comparison of them is recorded."""
+"""Defaults by start. The bonus keeps exploration from d_max and harms from nothing (docs/results.md, What failed
+in training); the step sizes are chosen, and no comparison of them is recorded."""
 
 
 class DivergedError(TrainingError):
@@ -42,7 +42,7 @@ class PPOSettings:
     n_envs: int = 512
     """Missions side by side. Chosen."""
     n_steps: int = 64
-    """Decisions of each mission between two updates; with 16 or 32 surveys score less (docs/learning.md)."""
+    """Decisions of each mission between two updates; with 16 or 32 surveys score less (docs/results.md)."""
     batch_size: int = 4096
     """Decisions in a gradient step; divides n_envs times n_steps. Chosen: eight steps a pass."""
     epochs: int = 4
@@ -52,7 +52,7 @@ class PPOSettings:
     discount: float = 0.9997
     """Discount factor, also of the shaping; the way home takes about a hundred decisions and must still count."""
     gae_lambda: float = 0.98
-    """Lambda of generalised advantage estimation; with 0.9 patrols are unlearned from dmax (docs/learning.md)."""
+    """Lambda of generalised advantage estimation; with 0.9 patrols are unlearned from dmax (docs/results.md)."""
     clip: float = 0.2
     """Clip range: largest change of an action's probability ratio in an update, as in the paper."""
     entropy: float | None = None

@@ -32,7 +32,7 @@ class OracleError(ValueError):
 
 
 _TOGETHER = 20
-"""Episodes of one parallel task. Chosen: 0.2 to 8 s of work (docs/optimum.md: 0.01 to 0.4 s an episode), far more than
+"""Episodes of one parallel task. Chosen: 0.2 to 8 s of work (docs/results.md: 0.01 to 0.4 s an episode), far more than
 a task takes to start."""
 
 

@@ -16,7 +16,7 @@ from homeward.physics import ancillary_power
 
 RISK = 1e-6
 """Probability of stranding in the chance constraint of each decision: at least 99.9 % of missions get home, see
-docs/evaluation.md."""
+docs/results.md."""
 _MISSED = 0.2
 """Prior probability that the forecast is of another wind, as on the routes `hidden_wind`. Chosen: ten times that of
 `BeliefDmaxRule`, for safety in such winds."""

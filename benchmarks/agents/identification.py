@@ -1,4 +1,4 @@
-"""Accuracy of the estimated energy of the way home, with robot and wind estimated: the tables of docs/estimation.md.
+"""Accuracy of the estimated energy of the way home, with robot and wind estimated: tables of docs/results.md.
 
 `python benchmarks/agents/identification.py` drives missions out for some decisions, gets the distribution of the energy
 of the way home from two estimators, and drives home to measure it, as a share of a full battery. The estimators are

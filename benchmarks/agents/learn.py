@@ -1,4 +1,4 @@
-"""Train policies for all missions, starts and seeds, and compare them: the tables of docs/learning.md.
+"""Train policies for all missions, starts and seeds, and compare them: tables of docs/results.md.
 
 `python benchmarks/agents/learn.py` trains as train.py does, for as long as each mission needs. It prints the scores of
 the first, the last and the best policy of the learning curve, greedy and sampled, on unseen episodes, and those of

@@ -1,6 +1,6 @@
 """A stress test of the shield, for `evaluate.py`: a policy with random speed, sensing and stops that never turns back.
 
-docs/evaluation.md has the command. `homeward.agents.shield.reckless.Onward` never turns either.
+docs/results.md has the command. `homeward.agents.shield.reckless.Onward` never turns either.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A policy that turns when the companion advises it, to measure its stranding rate and distances.
 
-`homeward evaluate` compares it with the shield of a policy that never turns (docs/on_the_robot.md has the command).
+`homeward evaluate` compares it with the shield of a policy that never turns (docs/results.md has the command).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from homeward.envs.options import Known
 from homeward.envs.state import GO, RETURN
 
 RISK = 1e-3
-"""Of not getting home, which the companion is told to accept."""
+"""Probability of not getting home that the companion accepts."""
 
 
 @final

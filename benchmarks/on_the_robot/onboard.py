@@ -3,7 +3,7 @@
 `python benchmarks/on_the_robot/onboard.py` drives missions of an environment by a policy that ships, asked through
 `homeward.companion.Companion(policy=...)` with what the environment's instruments read. Beforehand it is given all that
 the environment's agents know, the forecast of the wind alone, or nothing, and nothing while it follows `turn_now`. It
-prints what docs/on_the_robot.md quotes.
+prints what docs/results.md quotes.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 `python benchmarks/on_the_robot/soak.py --minutes 60` starts a simulated robot in another process, which publishes
 battery state, odometry and IMU at 20 Hz on the loopback interface alone, and subscribes as `homeward watch --ros2`
-does. It prints the figures of docs/ros2.md: resident memory after a tenth, half and all of the time, number of
+does. It prints the figures of docs/results.md: resident memory after a tenth, half and all of the time, number of
 messages, and time of a step.
 """
 

@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 
 from homeward import quantities
 from homeward.diagnosis.tell.figures import MOST_RUNS, described
-from homeward.diagnosis.tell.notation import PLAIN, labels, page, templates
+from homeward.diagnosis.tell.notation import GRID, PLAIN, labels, page, templates
 from homeward.physics import Robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.predictions import Watched
@@ -91,6 +91,7 @@ def figure(runs: Sequence[Watched]) -> Markup:
         height=90 + 260 * len(shown), margin={"l": 60, "r": 15, "t": 30, "b": 45}, dragmode=False,
         legend={"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"}, **PLAIN,
     )  # fmt: skip
+    made.update_xaxes(**GRID).update_yaxes(**GRID)
     made.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
     says = (
         f"{_RESTS[shown[0].unit]}, over the way left in m, of {len(shown)} run{'s' * (len(shown) > 1)}: predicted with "

@@ -32,7 +32,7 @@ _STRETCHES = 48
 way each; more take longer."""
 _MOST_FED = 20_000
 """Maximum number of samples; longer recordings are averaged over neighbours. Chosen: an update takes 0.3 ms
-(docs/on_the_robot.md), so that these take six seconds."""
+(docs/results.md), so that these take six seconds."""
 
 
 class Rest:

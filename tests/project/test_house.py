@@ -14,7 +14,8 @@ MOST_FILES = 15
 ACROSS = {
     "agents/policies/test_shipped_policies", "commands/test_parallel_commands",
     "diagnosis/read/test_instruments", "diagnosis/test_command_line", "diagnosis/test_second_diagnosis",
-    "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "envs/test_randomise",
+    "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "docs/test_headlines",
+    "envs/test_randomise",
     "envs/test_true_robot", "examples/test_other_stacks", "physics/test_paper", "project/test_house",
     "project/test_makefile", "project/test_packaging", "project/test_release", "robots/test_presets", "test_broken",
     "test_killed", "test_mutated",

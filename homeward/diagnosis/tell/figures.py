@@ -19,14 +19,14 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.tell.notation import PLAIN, number
+from homeward.diagnosis.tell.notation import GRID, PLAIN, number
 from homeward.diagnosis.tell.series import PARQUET
 from homeward.logs.channels import Array, Index
 
 MOST_RUNS = 12  # of which a page has plots; chosen
 _MOST_POINTS = 2000  # of a line; chosen: more than pixels
 _MOST_DOTS = 800  # windows drawn behind the means; chosen
-_SHOWN_S = 120.0  # of a long run at first; chosen: starts and stops can be told apart
+_SHOWN_S = 120.0  # of a long run at first; chosen: starts and stops can be distinguished
 _INK, _NOMINAL, _REFIT, _CORRECTED = "#1f2933", "#7b8794", "#c92a2a", "#0b7285"
 _LINES: Mapping[str, Mapping[str, Any]] = {
     "recorded": {"color": _INK, "width": 1.2},
@@ -267,6 +267,7 @@ def embedded(figure: go.Figure, name: str, says: str, top: int = 8, zooms: bool 
         margin={"l": 58, "r": 10, "t": top, "b": 46}, dragmode="zoom" if zooms else False, hovermode="x unified",
         legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"}, **PLAIN,
     )  # fmt: skip
+    figure.update_xaxes(**GRID).update_yaxes(**GRID)
     figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
     text = figure.to_html(
         full_html=False, include_plotlyjs=False, div_id=f"figure-{name}", default_height="100%",

@@ -16,7 +16,7 @@ from homeward.watch.ros2.network import Network
 
 PERIOD_S = 0.1
 """Time over which messages are combined. Chosen: ten updates a second, of 0.3 ms each
-(docs/on_the_robot.md), take 0.3 % of a core."""
+(docs/results.md), take 0.3 % of a core."""
 _PUBLISH_S = 1.0
 """Time after which an advice is published again; an important change is published at once. Chosen."""
 _SILENT_S = 2.0

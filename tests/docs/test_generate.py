@@ -1,0 +1,92 @@
+"""Pages include sections of the page of results, and no figure has a second home."""
+
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("mkdocs", reason="the site needs the extra docs")
+
+from docs import generate
+
+SECTION = re.compile(r"^### ([^\n]+)\n(.*?)(?=^###? |\Z)", re.MULTILINE | re.DOTALL)
+INCLUDE = re.compile(r"^(.*)\n\n<!-- generated: results (.+) -->$", re.MULTILINE)
+COMMITS = re.compile(r"\bcommits?\s+[0-9a-f]{7}\b")
+PAGE = "# Results\n\n## Food\n\n### Bread\n\nEach slice:\n\n#### Crust\n\n7 mm\n\n### Tea\n\nhot\n\n## Room\n\nlarge\n"
+
+
+def anchor(heading: str) -> str:
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.fixture
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "results.md").write_text(PAGE)
+    monkeypatch.setattr(generate, "ROOT", tmp_path)
+
+
+@pytest.fixture(scope="module")
+def pages(root: Path) -> dict[str, str]:
+    """All pages by their path; those of environments lie in a folder."""
+    docs = root / "docs"
+    return {path.relative_to(docs).as_posix(): path.read_text("utf-8") for path in docs.rglob("*.md")}
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize(
+    ("heading", "body"),
+    [("Bread", "Each slice:\n\n#### Crust\n\n7 mm"), ("Crust", "7 mm"), ("Tea", "hot"), ("Room", "large")],
+)
+def test_a_section_ends_before_the_next_that_is_not_part_of_it(heading: str, body: str) -> None:
+    assert generate.results(heading) == body
+
+
+@pytest.mark.usefixtures("small")
+def test_a_section_that_the_page_lacks_is_refused_by_name() -> None:
+    with pytest.raises(KeyError, match=r"no section 'Cake', only Food, Bread"):
+        generate.results("Cake")
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize(("above", "below"), [("# Kitchen", "##"), ("# Kitchen\n\n## Table", "###")])
+def test_headings_that_are_included_come_below_that_of_the_page(above: str, below: str) -> None:
+    page = SimpleNamespace(file=SimpleNamespace(src_uri="kitchen.md"))
+    filled = generate.on_page_markdown(f"{above}\n\n<!-- generated: results Bread -->\n\nthe end\n", page)
+    assert filled == f"{above}\n\nEach slice:\n\n{below} Crust\n\n7 mm\n\nthe end\n"
+
+
+def test_every_include_is_below_a_link_to_its_section(pages: dict[str, str]) -> None:
+    """Those who read the file itself see no more than the link."""
+    included = [(name, *found) for name, page in pages.items() for found in INCLUDE.findall(page)]
+    assert len(included) == sum(page.count("<!-- generated: results ") for page in pages.values()) > 20
+    assert [one for one in included if f"[Results](results.md#{anchor(one[2])})" not in one[1]] == []
+
+
+def test_every_section_has_a_name_of_its_own_and_is_in_the_contents(pages: dict[str, str]) -> None:
+    headings = re.findall(r"^###? (.+)$", pages["results.md"], re.MULTILINE)
+    assert len(set(headings)) == len(headings)
+    contents, _, _ = pages["results.md"].partition("\n## ")
+    assert re.findall(r"\[(.+?)\]\(#(.+?)\)", contents) == [(heading, anchor(heading)) for heading in headings]
+
+
+def test_every_section_says_at_which_commit_it_was_measured_or_that_nobody_noted_it(pages: dict[str, str]) -> None:
+    sections = SECTION.findall(pages["results.md"])
+    assert len(sections) > 20
+    said = re.compile(
+        rf"{COMMITS.pattern}|commit(?: and machine)?\s+not\s+recorded|same command, commit", re.IGNORECASE
+    )
+    assert [heading for heading, text in sections if not said.search(with_scores(text))] == []
+
+
+def with_scores(section: str) -> str:
+    """A section with the reference scores that it generates."""
+    return re.sub(
+        r"<!-- generated: reference_scores (.+) -->", lambda mark: generate.reference_scores(mark[1]), section
+    )
+
+
+def test_no_other_page_says_at_which_commit_something_was_measured(pages: dict[str, str]) -> None:
+    """What was measured is on the page of results; elsewhere a commit is where a version ended."""
+    assert [name for name, page in pages.items() if name != "results.md" and COMMITS.search(page)] == []

@@ -1,0 +1,118 @@
+"""Headline figures of the README are those of the page of results; here each is computed from it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+WORDS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+FIGURE = re.compile(rf"\d|\b(?:{'|'.join(WORDS[2:])}|half|third|quarter|twice|hundred|thousand|million)\b")
+
+
+class Results:
+    """The page of results, by sections."""
+
+    def __init__(self, page: str) -> None:
+        parts = re.split(r"^###? (.+)\n", page, flags=re.MULTILINE)
+        self._sections = dict(zip(parts[1::2], parts[2::2], strict=True))
+
+    def text(self, heading: str) -> str:
+        """A section in one line."""
+        return " ".join(self._sections[heading].split())
+
+    def rows(self, heading: str) -> Iterator[dict[str, str]]:
+        """Rows of all tables of a section: cells by the name of their column."""
+        for table in re.findall(r"(?:^\|.*\n?)+", self._sections[heading], re.MULTILINE):
+            head, _, *lines = ([cell.strip() for cell in line.strip("|").split(" |")] for line in table.splitlines())
+            yield from (dict(zip(head, line, strict=True)) for line in lines)
+
+    def cell(self, heading: str, row: str, column: str) -> str:
+        """The one cell of a column in the row that has a cell `row`."""
+        (found,) = (one[column] for one in self.rows(heading) if column in one and row in one.values())
+        return found
+
+    def number(self, heading: str, row: str, column: str) -> float:
+        """The first number of that cell."""
+        found = re.match(r"[-+]?[\d.]+", self.cell(heading, row, column))
+        assert found is not None, (heading, row, column)
+        return float(found[0])
+
+    def in_ten(self, heading: str, *rows: str) -> str:
+        """How many of ten, in a word, of what the cells `4 of 5` of some rows count."""
+        found = [one for one in self.rows(heading) if set(rows) & set(one.values())]
+        assert len(found) == len(rows)
+        counts = [re.fullmatch(r"(\d+) of (\d+)", cell) for one in found for cell in one.values()]
+        some, of = (sum(int(count[i]) for count in counts if count) for i in (1, 2))
+        return f"{WORDS[round(10 * some / of)]} of ten"
+
+
+def train_and_simulate(results: Results) -> str:
+    """Of the policies that a training keeps."""
+    best = results.number("How much is learned", "OutAndBack", "`dmax_adaptive`")
+    gains = (
+        results.number("How much is learned", f"OutAndBack, `{start}`", "kept minus best rule")
+        for start in ("dmax", "scratch")
+    )
+    return (
+        "on OutAndBack, PPO scores {:.0f} % above the best d_max rule if it starts from such a rule, {:.0f} % if it "
+        "starts from nothing".format(*(100.0 * gain / best for gain in gains))
+    )
+
+
+def compare_agents(results: Results) -> str:
+    share = results.cell("How close the bound and the rollout are", "OutAndBack", "planner over rollout")
+    return f"on OutAndBack in still weather, the planner reaches {share} of the score found with full knowledge"
+
+
+def diagnose_logs(results: Results) -> str:
+    before_a, after_a = (
+        results.number("Real recordings", "Husky, ice, 13 runs", column)
+        for column in ("RMSE nominal", "`corrected.toml`, replayed")
+    )
+    return (
+        f"Husky on ice: the held-out error of the motor current falls from {before_a:.1f} A to {after_a:.1f} A with "
+        "the corrected file"
+    )
+
+
+def watch_a_robot(results: Results) -> str:
+    found = re.search(
+        r"Of ([\d,]+) missions \(.*?\) (none|\d+) strands? with either", results.text("Strandings with the companion")
+    )
+    assert found is not None
+    stranded = found[2].replace("none", "0")
+    return f"{stranded} of {found[1]} simulated missions that turn when the companion says so strand"
+
+
+def when_not_to_use(results: Results) -> str:
+    singles = ("found first, low noise", "middle noise", "high noise")
+    single, both = (results.in_ten("Concealed cases", *rows) for rows in (singles, ("both by name",)))
+    return f"names one missing effect in {single} [concealed cases](docs/concealed.md), and two at once in {both}"
+
+
+TABLE = (train_and_simulate, compare_agents, diagnose_logs, watch_a_robot)
+
+
+@pytest.fixture(scope="module")
+def results(root: Path) -> Results:
+    return Results((root / "docs" / "results.md").read_text("utf-8"))
+
+
+def part_of(root: Path, heading: str) -> str:
+    """A section of the README."""
+    page = (root / "README.md").read_text("utf-8")
+    return page.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+
+
+def test_the_table_of_the_readme_has_the_figures_of_the_results(root: Path, results: Results) -> None:
+    lines = [line for line in part_of(root, "I want to ...").splitlines() if line.startswith("| ")][1:]
+    headlines = [line.split(" | ")[2] for line in lines]
+    assert headlines == [sentence(results) for sentence in TABLE]
+
+
+def test_the_limits_of_the_readme_have_the_figures_of_the_results(root: Path, results: Results) -> None:
+    limits = " ".join(part_of(root, "When not to use this").split())
+    sentence = when_not_to_use(results)
+    assert sentence in limits
+    assert FIGURE.findall(limits.replace(sentence, "")) == [], "a figure that is compared with no result"
