@@ -1,7 +1,5 @@
 """The table `[uncertainty]` of corrected.toml: uncertainty of the robot, from held-out errors."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Time series of recorded and predicted power: Parquet for data frames, MCAP for PlotJuggler and Foxglove."""
 
-from __future__ import annotations
-
 import io
 import re
 import tempfile
