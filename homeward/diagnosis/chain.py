@@ -17,12 +17,11 @@ from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.naming import shifted_in_time
-from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
 from homeward.diagnosis.fit.channel_errors import tilt_error
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
-from homeward.diagnosis.fit.folds import cut_folds
+from homeward.diagnosis.fit.folds import FOLDS, cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
@@ -252,7 +251,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     observed = evidence.runs.observed
     before, after = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
     # A gain below the instruments' own errors, or below that required of an effect, is no wrong parameter.
-    least = max(rules.SMALLEST_GAIN * before, (2.0 * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
+    least = max(rules.SMALLEST_GAIN * before, (rules.CLEAR * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
     least = max(least, (_CLEAR_OF_TILT * tilt_error(evidence.fitted, evidence.runs)) ** 2)
     p_value = better(refitted, nominal, observed, evidence.block)
     if p_value > rules.FALSE_ALARM_RATE or before - after < least:

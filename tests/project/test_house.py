@@ -12,14 +12,14 @@ CODE = ("homeward", "envs", "agents", "benchmarks")
 MOST_FILES = 15
 """In a folder; `effects` holds one file an effect."""
 ACROSS = {
-    "agents/policies/test_shipped_policies", "commands/test_parallel_commands",
-    "diagnosis/read/test_instruments", "diagnosis/test_command_line", "diagnosis/test_second_diagnosis",
+    "agents/policies/test_shipped_policies", "commands/test_parallel_commands", "diagnosis/read/test_instruments",
+    "diagnosis/test_command_line", "diagnosis/test_second_diagnosis", "diagnosis/test_thresholds",
     "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "docs/test_headlines",
     "envs/test_randomise",
     "envs/test_true_robot", "examples/test_other_stacks", "physics/test_paper", "project/test_house",
     "project/test_makefile", "project/test_packaging", "project/test_release", "robots/test_presets", "test_broken",
-    "test_killed", "test_mutated",
-    "test_layers", "test_parallel_cluster", "watch/ros2/test_command", "watch/ros2/test_page",
+    "test_killed", "test_mutated", "test_layers", "test_parallel_cluster", "watch/ros2/test_command",
+    "watch/ros2/test_page",
 }  # fmt: skip
 """Tests of what is in no one file: files that ship, pages, commands, and what several files do together."""
 

@@ -18,21 +18,17 @@ import ruptures
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import WINDOW_S
 from homeward.logs.channels import Array, Index
 
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
 
-_STOPS_MPS = 0.05  # mean speed of a window; chosen above STANDSTILL_MPS: a short stop leaves no window without motion
-_AROUND_S = 4.0  # largest error of an estimated moment; as far as it is refined, 2 _SHORTEST windows
-_SHORTEST = 4  # windows in a block, on average: two seconds, the least duration of a level (fit.folds)
+_AROUND = 2 * rules.SHORTEST_LEVEL  # windows: as far as a change is refined, and the largest error of its moment
 _MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
-_FEWEST_BLOCKS = 8  # by time or place; chosen: fewer are not searched
 SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # penalties: shares of the squared residual; chosen: about threefold each
-_MOST_LEVELS = 4  # of a schedule; chosen
 _PLACES = 150  # blocks along the way; chosen
 _KNOTS = (6, 12, 24)  # hats of the profiles; chosen: coarse to fine by factors of two
-_SAME = 0.02  # share of windows in which two schedules may differ and count as the same; chosen
 
 
 @dataclass(frozen=True)
@@ -94,8 +90,8 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     for run, changes in zip(np.unique(runs.run), within, strict=True):
         here = np.flatnonzero(runs.run == run)
         for change in changes:
-            near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND_S]
-            at_standstill.append(bool((speeds[near] < _STOPS_MPS).any()))
+            near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND * WINDOW_S]
+            at_standstill.append(bool((speeds[near] < rules.STOPS_MPS).any()))
     return all(at_standstill) if how == "standing" else not at_standstill or not all(at_standstill)
 
 
@@ -120,7 +116,7 @@ def search(
     """
     if axis == "time":
         parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
-        blocks = min(len(residual) // _SHORTEST, _MOST_BLOCKS)
+        blocks = min(len(residual) // rules.SHORTEST_LEVEL, _MOST_BLOCKS)
     else:
         place_m, blocks = place_of(runs), _PLACES
         parts = [] if place_m is None else [np.argsort(place_m, kind="stable")]
@@ -128,7 +124,7 @@ def search(
     if whole == 0.0 or weight == 0.0:
         return []
     cuts = [_blocks(shape[part], max(1, round(blocks * float(shape[part] @ shape[part]) / weight))) for part in parts]
-    if sum(len(cut) for cut in cuts) < _FEWEST_BLOCKS:
+    if sum(len(cut) for cut in cuts) < rules.FEWEST_PIECES:
         return []
     moments = [np.add.reduceat((shape * residual)[part], cut) for part, cut in zip(parts, cuts, strict=True)]
     weights = [
@@ -149,9 +145,10 @@ def search(
             level[part] = own
             changes += int(np.count_nonzero(np.diff(own))) + int(own[0] != 0)
         exact = _refined(level, shape, residual, parts)
-        same = [at for at, one in enumerate(found) if one.levels == levels and np.mean(one.level != exact) < _SAME]
-        if same:
-            found[same[0]] = replace(found[same[0]], found_by=(*found[same[0]].found_by, share))
+        for at, one in enumerate(found):
+            if one.levels == levels and np.mean(one.level != exact) < rules.SAME_SCHEDULE:
+                found[at] = replace(one, found_by=(*one.found_by, share))
+                break
         else:
             found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual), (share,)))
     return found
@@ -184,7 +181,7 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
     total = float((weight * (size - mean) ** 2).sum())
     level, levels = np.zeros(len(size), dtype=np.intp), 1
     explained = 0.0
-    for count, groups in enumerate(_groups(distinct, times, min(_MOST_LEVELS, len(distinct))), start=2):
+    for count, groups in enumerate(_groups(distinct, times, min(rules.MOST_LEVELS, len(distinct))), start=2):
         number = groups[which]
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
@@ -242,7 +239,7 @@ def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]
             continue
         limits = np.concatenate(([0], (changes[1:] + changes[:-1]) // 2, [len(part)]))
         for change, first, last in zip(changes, limits[:-1], limits[1:], strict=True):
-            here = part[max(first, change - 2 * _SHORTEST) : min(last, change + 2 * _SHORTEST)]
+            here = part[max(first, change - _AROUND) : min(last, change + _AROUND)]
             before, after = level[part[change - 1]], level[part[change]]
             error = [(residual[here] - size[one] * shape[here]) ** 2 for one in (before, after)]
             missed = np.concatenate(([0.0], np.cumsum(error[0] - error[1])))

@@ -20,13 +20,12 @@ from scipy.stats import binom, norm, spearmanr
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import CATALOGUE, battery, instruments, terms
-from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term
-from homeward.diagnosis.explain.proof import DRAWS, FOLDS
-from homeward.diagnosis.fit.folds import FEWEST_RUNS, per_block
+from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Hypothesis, Numbers, Setting, Term
+from homeward.diagnosis.explain.proof import DRAWS
+from homeward.diagnosis.fit.folds import FOLDS, per_block
 from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.refit import Refit, standard_errors
 from homeward.diagnosis.fit.replay import Runs, WithEffects
-from homeward.diagnosis.read.signals import ODOMETER_PARTS
 from homeward.diagnosis.result import Proof, Value
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot
@@ -35,7 +34,6 @@ from homeward.physics.terminal_power import lost_inside
 USABLE_ENERGY = "usable energy"
 """Name of the parameter identified from the state of charge."""
 
-_GAP = 1.5  # windows; half-way to a missing one
 _SEARCHED = 3.0  # upper end of the search, over the linear estimate; chosen: room for one that bends
 
 
@@ -88,7 +86,7 @@ class _Reading:
 
     def __init__(self, values: Array, runs: Runs, block: Index) -> None:
         self.known = np.isfinite(values)
-        follows = (np.diff(runs.run) == 0) & (np.diff(runs.time_s) < _GAP * runs.duration_s[1:])
+        follows = (np.diff(runs.run) == 0) & (np.diff(runs.time_s) < rules.WINDOWS_APART * runs.duration_s[1:])
         self.stretch = np.concatenate([[0], np.cumsum(~follows)])[self.known]
         self.run = runs.run[self.known]
         self.block = np.unique(block[self.known], return_inverse=True)[1]
@@ -298,13 +296,11 @@ class _Losses:
         lost_w = self._loss_w(one, shape, size)
         if not _matters(lost_w, self.runs):
             return None
-        step = 1e-3 * max(size, TINY) * (-1.0 if 1.001 * size > switch.high else 1.0)
+        step = SMALL_STEP * max(size, TINY) * (-1.0 if (1.0 + SMALL_STEP) * size > switch.high else 1.0)
         at = self._fallen(one, shape, size)
-        design, slope = self.drawn + at, (self._fallen(one, shape, size + step) - at) / step
-        residual = self._residual_beside_capacity(at)
-        wide = rules.NORMAL_95 * float(
-            standard_errors(np.column_stack([design, slope]), residual, self.channel.block)[-1]
-        )
+        design = np.column_stack([self.drawn + at, (self._fallen(one, shape, size + step) - at) / step])
+        errors = standard_errors(design, self._residual_beside_capacity(at), self.channel.block)
+        wide = rules.NORMAL_95 * float(errors[-1])
         alike = (other.id for share, other, _ in proven if _gained(share) > rules.CONFUSABLE_SHARE * _gained(proof))
         units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
         others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
@@ -318,9 +314,8 @@ class _Losses:
         smaller capacity does; a voltage that was recorded would have shown a resistance."""
         residual = self.channel.target - rate * self.drawn[:, 0]
         most = rules.EQUAL * float(residual @ residual)
-        known = (
-            {battery.INTERNAL_RESISTANCE.id} if (self.runs.context.get("voltage_v", np.zeros(1)) > 0.0).any() else ()
-        )
+        voltage_v = self.runs.context.get("voltage_v", np.zeros(1))
+        known = {battery.INTERNAL_RESISTANCE.id} if (voltage_v > 0.0).any() else ()
         found = []
         for one, shape, added in self.tried:
             (per_size,) = _fit(added, self.channel.target - self.drawn[:, 0])
@@ -371,11 +366,11 @@ class _Losses:
 def _fading(channel: _Reading, runs: Runs, drawn: Array, rng: Generator) -> ChannelEffect | None:
     """Ageing: a capacity that shrinks from run to run."""
     numbers = np.unique(channel.run)
-    if len(numbers) < FEWEST_RUNS:
+    if len(numbers) < rules.FEWEST_RUNS:
         return None
     per_run = drawn * (channel.run[:, None] == numbers)
     rate, errors = channel.fit(per_run)
-    shrinks = bool((np.diff(rate) >= -2.0 * (errors[1:] + errors[:-1])).all()) and rate[-1] > rate[0]
+    shrinks = bool((np.diff(rate) >= -rules.CLEAR * (errors[1:] + errors[:-1])).all()) and rate[-1] > rate[0]
     proof = channel.proof(drawn, per_run[:, 1:], rng) if shrinks else None
     if proof is None:
         return None
@@ -415,7 +410,7 @@ def _odometer(fit: Refit, runs: Runs) -> ChannelEffect | None:
     if not scales.any():
         return None
     # Probability that as many runs disagree in all parts of their way, if the sign of each part is random.
-    p_value = float(binom.sf(np.count_nonzero(scales) - 1, len(scales), 2.0 ** (1 - ODOMETER_PARTS)))
+    p_value = float(binom.sf(np.count_nonzero(scales) - 1, len(scales), 2.0 ** (1 - rules.ODOMETER_PARTS)))
     if p_value > rules.FALSE_ALARM_RATE:
         return None
     one = instruments.ODOMETRY_SCALE

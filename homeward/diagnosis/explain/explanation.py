@@ -16,9 +16,9 @@ from homeward.diagnosis.explain.motion import explained, largest_by_motion, moti
 from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate, where_at_work
-from homeward.diagnosis.explain.proof import FOLDS
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
 from homeward.diagnosis.fit.channel_errors import is_material, times_noise, unexplained
+from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Index

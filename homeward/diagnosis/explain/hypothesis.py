@@ -27,6 +27,7 @@ from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6
 """Share of the largest size of an effect at which its response is linear. Chosen: small, and above rounding."""
+SMALL_STEP = 1e-3  # of a number, for difference quotients; chosen: small beside it, large beside rounding
 
 CHECKS: Mapping[str, str] = {
     "force": "tow the robot over the ground with a spring balance, its drive disengaged",
@@ -38,7 +39,6 @@ CHECKS: Mapping[str, str] = {
 """The measurement that identifies an effect where no drive does, by where it enters."""
 
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
-_COST_OF_A_CHANGE = 3  # parameters per estimated change point (Zhang & Siegmund, 2007)
 _PIECES = 4  # of a rising function; chosen: three bends
 _SUDDEN = ("standing", "once", "repeatedly")
 _PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
@@ -178,10 +178,9 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     rolling_kg = setting.rolling_kg if one.of_rolling else None
     axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
     met_again = change_points.place_of(runs) is not None
+    all_windows = np.ones(len(load), np.bool_)
     for axis in axes:
-        for schedule in one.search(
-            axis, load, setting.residual, runs, np.ones(len(load), np.bool_), change_points.SHARES
-        ):
+        for schedule in one.search(axis, load, setting.residual, runs, all_windows, change_points.SHARES):
             if one.changes == "repeatedly" and schedule.levels > 2:
                 continue  # a switched load is on or off: more levels would fit a drift
             if axis == "time" and one.by_place and met_again and schedule.changes > one.most_changes:
@@ -191,7 +190,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
                 continue
             typical = typical and not one.seldom
             rhythm, spread = one.rhythm(schedule, runs)
-            cost = 1 if change_points.clearly_apart(schedule) else _COST_OF_A_CHANGE
+            cost = 1 if change_points.clearly_apart(schedule) else rules.COST_OF_A_CHANGE
             at_work = schedule.at_work()
             yield Term(
                 one, load[:, None] * at_work, *one.limits(schedule.levels - 1, one.signed),
@@ -270,10 +269,7 @@ class Hypothesis:
     most_changes: int = rules.RARE_CHANGES  # changes in time that it may have in places that are revisited
     of_rolling: bool = False  # whether it is a share of the rolling resistance, in a file as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None if a channel shows it
-    rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = lambda schedule, runs: (
-        {},
-        {},
-    )  # parameters estimated from a schedule
+    rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = lambda schedule, runs: ({}, {})  # from a schedule
     varying: Forms = levels  # forms whose size changes for no recorded reason
 
     bounds: tuple[float, float] | None = None  # of its size, where they are not those of its first parameter

@@ -12,7 +12,7 @@ from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.hypothesis import Setting, Term
+from homeward.diagnosis.explain.hypothesis import SMALL_STEP, Setting, Term
 from homeward.diagnosis.fit.fitted import bounded, excited
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
 from homeward.diagnosis.fit.refit import Refit, covariance, holding
@@ -23,8 +23,6 @@ from homeward.logs.channels import Array, Index, Mask
 _ITERATIONS = 6  # most Gauss-Newton steps: a fit ends where the error no longer falls; chosen
 _PASSES = 3  # of fitting to loads that depend on what is fitted; chosen: bounds the time
 _HALVED = (1.0, 0.5, 0.25, 0.125)  # shares of a step; chosen: if an eighth does not improve, the fit ends
-_SIGNIFICANT = 0.05  # as 95 % intervals
-_SMALL_STEP = 1e-3  # of a parameter, for derivatives; chosen: small beside it, large beside rounding
 
 
 @dataclass(frozen=True)
@@ -145,7 +143,7 @@ class Corrected:
         others = np.array([not {*self.model.of(at)} <= {*sized} for at in range(len(self.model.terms))], np.bool_)
         (low, high), sizes = self.model.bounds[:, sized], self.values[sized]
         inside = (sizes < high) & ((sizes > low) | (low == 0.0))
-        return bool(inside.all() and (others | (self.p_values <= _SIGNIFICANT)).all())
+        return bool(inside.all() and (others | (self.p_values <= rules.SIGNIFICANT)).all())
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""
@@ -303,7 +301,7 @@ def _linearised(model: Model, runs: Runs, theta: Array, values: Array, moving: M
         if one.column is not None and term.linear:
             columns.append(term.columns[:, one.column])
             continue
-        step = _SMALL_STEP * (abs(values[index]) or 1e-3 * (one.high - one.low))
+        step = SMALL_STEP * (abs(values[index]) or SMALL_STEP * (one.high - one.low))
         if values[index] + step > one.high:
             step = -step
         moved = values.copy()

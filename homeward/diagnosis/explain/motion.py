@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.fitted import Fitted
-from homeward.diagnosis.fit.folds import FEWEST_RUNS, cut_folds
+from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import black_box, held_out
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index, Mask
@@ -72,7 +72,7 @@ def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
     What changes in the same places on other days does not depend on time. 0 of fewer than three runs.
     """
     place_m, sine = runs.context.get("place_m"), np.sin(runs.context.get("grade_rad", np.zeros(len(runs.run))))
-    if place_m is None or len(runs.signals) < FEWEST_RUNS:
+    if place_m is None or len(runs.signals) < rules.FEWEST_RUNS:
         return 0.0
     climbed_m = np.nan_to_num(sine) * runs.context["speed_mps"] * runs.duration_s
     for run in range(len(runs.signals)):

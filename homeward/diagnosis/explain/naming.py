@@ -21,9 +21,10 @@ from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.motion import largest_by_motion
-from homeward.diagnosis.explain.proof import FOLDS, Bench
+from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
+from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs

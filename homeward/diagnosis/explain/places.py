@@ -13,11 +13,11 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.residual_test import TESTED, Dependence, ResidualChannel
 from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import WINDOW_S
 from homeward.diagnosis.result import Place
 from homeward.logs.channels import Array, Mask
 
 WHOLE_RUN = "all of the run"
-_PAUSE_S = 2.0  # over which a stretch goes on: the least duration of a level (fit.folds)
 _DECIMALS = 6  # of a value: means of what is zero differ by rounding
 
 
@@ -86,7 +86,7 @@ def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
     weight = np.bincount(number, minlength=len(effect)).astype(np.float64)
     middle = float(np.quantile(effect, 0.5, weights=weight, method="inverted_cdf"))
     spread = effect - middle
-    far = np.abs(spread) > 0.5 * np.max(np.abs(spread))
+    far = np.abs(spread) > rules.HALF * np.max(np.abs(spread))
     rest = np.average(effect[~far], weights=weight[~far]) if (~far).any() else middle
     excess = (effect - rest)[number] * dependence.weight
     inside = far[number]
@@ -142,7 +142,7 @@ def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Ma
     the effect is at work where its contribution, shape (windows,), exceeds `AT_WORK` of its 0.99 quantile.
     """
     inside = _at_work(contribution) if inside is None else inside
-    return _cut(inside, _shares(contribution, runs), runs, condition, _PAUSE_S, edge=1.0)
+    return _cut(inside, _shares(contribution, runs), runs, condition, rules.SHORTEST_LEVEL * WINDOW_S, edge=1.0)
 
 
 def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:

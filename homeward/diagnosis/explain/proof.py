@@ -25,12 +25,9 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.fit.fitted import RIDGE, Fitted, bounded
-from homeward.diagnosis.fit.folds import cut_blocks, cut_stretches, independent_windows, noise_of, per_block
+from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, cut_stretches, independent_windows, noise_of, per_block
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index, Mask
-
-FOLDS = 5
-"""Of blocks or stretches, over which hypotheses are compared. Chosen: as usual, a fifth is held out."""
 
 DRAWS = 1999
 """Residuals with random signs: the least p-value is then 0.0005, a twentieth of FALSE_ALARM_RATE."""
@@ -115,13 +112,8 @@ class Bench:
         everything = np.column_stack([self.model.jacobian, *columns, self.target])
         test = everything[held]
         tested = test.T @ test
-        return _Split(
-            held,
-            everything,
-            tuple(np.arange(a, b) for a, b in pairwise(ends)),
-            everything.T @ everything - tested,
-            tested,
-        )
+        own = tuple(np.arange(a, b) for a, b in pairwise(ends))
+        return _Split(held, everything, own, everything.T @ everything - tested, tested)
 
     def _chosen(self, split: _Split, chosen: tuple[int, ...]) -> Index:
         return np.concatenate([

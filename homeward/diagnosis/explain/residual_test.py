@@ -18,7 +18,7 @@ from scipy.stats import rankdata
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
 from homeward.diagnosis.fit.fitted import Fitted
-from homeward.diagnosis.fit.folds import cut_blocks, per_block
+from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index
@@ -26,8 +26,6 @@ from homeward.physics import ancillary_power
 
 _DRAWS = 8000  # chosen: a p-value of 0.01 then has a standard error of 0.001
 _BINS = 10  # of a channel's values, and cuts of a run in time; chosen
-_FEWEST_BLOCKS_A_BIN = 5  # chosen: four or fewer have at most 16 patterns of signs
-_FEWEST_A_BIN = 8  # windows; chosen: a mean is then known to a third of the noise, 1 / sqrt(8)
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,7 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Genera
     # for time hold out stretches.
     found = [
         *_tested(fit, runs, list(_by_channel(fit, runs, residual, block.channels)), block.channels, fold, rng),
-        *_tested(fit, runs, list(_by_time(fit, runs, residual, block.time)), block.time, block.time % 5, rng),
+        *_tested(fit, runs, list(_by_time(fit, runs, residual, block.time)), block.time, block.time % FOLDS, rng),
     ]
     best = max((one.held_out_gain for one in found if one.found and one.channel is not _TIME), default=0.0)
 
@@ -152,11 +150,9 @@ def _tested(
     total = max(float(residual @ residual), 1e-300)
     least = meter_error(runs)
     folds = bool(np.ptp(fold))
-    before = (
-        runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)
-        if folds
-        else residual
-    )
+    before = residual
+    if folds:
+        before = runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)
     p_values = _family_p_values(fit, residual, block, tests, rng)
     for one, p_value in zip(tests, p_values.tolist(), strict=True):
         design = np.column_stack([fit.jacobian, _indicators(one.bin, one.weight)])
@@ -178,7 +174,8 @@ def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
     standing = ancillary_power(problem.nominal, runs.sensing_hz) if runs.unit == "W" else 0.0
     load = np.nan_to_num(np.maximum(problem.predict(runs, problem.start) - standing, 0.0))
     mean = float(load.mean())
-    return [(False, even), (True, load / mean)] if float(load.std()) > 0.1 * mean > 0.0 else [(False, even)]
+    changes = float(load.std()) > rules.HARDLY_CHANGES * mean > 0.0
+    return [(False, even), (True, load / mean)] if changes else [(False, even)]
 
 
 def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
@@ -191,7 +188,7 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
         for scaled, weight in weights if channel.scales else weights[:1]:
             inside = known & (weight != 0.0)
             reached = np.unique(np.column_stack([number, block])[inside], axis=0)[:, 0]
-            covered = np.bincount(reached, minlength=int(number.max()) + 1) >= _FEWEST_BLOCKS_A_BIN
+            covered = np.bincount(reached, minlength=int(number.max()) + 1) >= rules.FEWEST_BLOCKS_A_BIN
             bins = _indicators(number, weight)[:, covered]
             slope = (weight * rank)[:, None]
             # Only the part that the refit cannot absorb is tested.
@@ -261,7 +258,7 @@ def _edges(values: Array) -> Array:
     count = np.bincount(np.searchsorted(edges, values, side="right"), minlength=len(edges) + 1)
     kept = [0]  # a bin with too few values joins the one before it, the first the one after it
     for k in range(1, len(count)):
-        if count[k] >= _FEWEST_A_BIN and count[kept[-1] : k].sum() >= _FEWEST_A_BIN:
+        if count[k] >= rules.FEWEST_A_BIN and count[kept[-1] : k].sum() >= rules.FEWEST_A_BIN:
             kept.append(k)
     return np.asarray(edges[np.array(kept[1:], np.intp) - 1])
 

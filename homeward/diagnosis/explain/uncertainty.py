@@ -14,7 +14,7 @@ from numpy.random import Generator
 from scipy.stats import chi2
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
+from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.channel_errors import meter_error
 from homeward.diagnosis.fit.folds import independent_windows
@@ -25,9 +25,8 @@ from homeward.diagnosis.result import Product, Range, Together, Value
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, d_max
 
-_STEP = 1e-3  # of a group, for differences; chosen: small beside it, large beside rounding
 _TRIED = 9  # values of a number over its range; chosen: steps of an eighth
-_AS_LIKELY = float(chi2.ppf(0.95, 1))  # least likelihood-ratio statistic that is significant at 5 %
+_AS_LIKELY = float(chi2.ppf(1.0 - rules.SIGNIFICANT, 1))  # least likelihood-ratio statistic that is significant
 _SIGNS: Mapping[int, Together] = {1: "product", -1: "ratio"}
 
 
@@ -65,13 +64,13 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
     found = []
     for index in np.flatnonzero(model.groups.held):
         group, larger = problem.groups[index], theta.copy()
-        larger[index] *= 1.0 + _STEP
+        larger[index] *= 1.0 + SMALL_STEP
         with_more = model.model.predict(runs, larger, model.values)
         column = with_more - model.predicted
         for number, one in enumerate(model.model.unknowns):
             added = model.contribution[one.term]
             more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
-            scales = float(more @ added) / max(_STEP * float(added @ added), 1e-300)
+            scales = float(more @ added) / max(SMALL_STEP * float(added @ added), 1e-300)
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
             if cosine > rules.CONFOUNDED and scales > rules.CONFOUNDED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
@@ -116,7 +115,7 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
     if runs.unit == "A" or path_m.sum() <= 0.0 or drawn_j.sum() <= 0.0:
         return None
     before, after = robots
-    piece = runs.run if len(runs.signals) > 2 else np.cumsum(runs.duration_s) // 60.0
+    piece = runs.run if len(runs.signals) >= rules.FEWEST_RUNS else np.cumsum(runs.duration_s) // 60.0
     number = np.unique(piece, return_inverse=True)[1]
     energy_j, way_m = (np.bincount(number, one) for one in (drawn_j, path_m))
     low, high = bootstrap(
@@ -200,10 +199,8 @@ class Open:
                 found.append(_product((one, other), value, wide, unit, together))
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
-            wide = (
-                rules.NORMAL_95 * sum(powers[0][name] * error.get(name, 0.0) for name in pair)
-                + rules.PRODUCT_SPREAD * value
-            )
+            own = sum(powers[0][name] * error.get(name, 0.0) for name in pair)
+            wide = rules.NORMAL_95 * own + rules.PRODUCT_SPREAD * value
             found.append(_product(pair, value, wide, runs.unit, "mean power"))
         return tuple(found)
 

@@ -10,16 +10,10 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index
 
-_SHORTEST = 10  # windows; chosen: five seconds, longer than starts and stops
-_STRETCH = 4  # windows: two seconds, the least duration of a level
 _MOST_BLOCKS = 2000  # about; chosen: signs of so many in 8,000 draws (residual_test) take 128 MB
-_CORRELATION_TIMES = 3.0  # blocks are so many correlation times long; chosen: their sums then hardly correlate
 _MOST_FOLDS = 10  # of whole runs; chosen: the usual ten
-_LONGEST_LAG = 400  # windows; chosen: over 200 seconds correlation is drift
-_MOST_CORRELATED = 0.9  # largest correlation over a lag; chosen: above it is drift, not noise
-_BLOCK_FOLDS = 5  # of the blocks of one or two runs; chosen
-FEWEST_RUNS = 3
-"""Runs from which whole runs are held out. Chosen: of two, a fit would rest on one."""
+FOLDS = 5
+"""Of blocks or stretches, where whole runs are too few or not held out. Chosen: as usual, a fifth is held out."""
 
 
 def correlation_windows(residual: Array, run: Index) -> float:
@@ -32,10 +26,10 @@ def correlation_windows(residual: Array, run: Index) -> float:
     centred = residual - residual.mean()
     power = float(centred @ centred)
     total, lag = 1.0, 1
-    while lag < min(len(centred) // 4, _LONGEST_LAG) and power > 0.0:
+    while lag < min(len(centred) // 4, rules.LONGEST_LAG) and power > 0.0:
         together = run[lag:] == run[:-lag]
         correlation = float(centred[lag:][together] @ centred[:-lag][together]) / power
-        if correlation < 0.05:  # chosen: the error of an estimate from 400 windows
+        if correlation < rules.UNCORRELATED:
             break
         total += 2.0 * correlation
         lag += 1
@@ -72,7 +66,7 @@ def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)
         short, long = _spread(residual, run, lag) ** 2, _spread(residual, run, 2 * lag) ** 2
         if short <= 0.0 or long <= 0.0:
             continue
-        phi = float(np.clip(long / short - 1.0, 0.0, _MOST_CORRELATED)) ** (1.0 / lag)
+        phi = float(np.clip(long / short - 1.0, 0.0, rules.MOST_CORRELATED)) ** (1.0 / lag)
         variance = short / (2.0 * (1.0 - phi**lag))
         correlation = (1.0 + phi) / (1.0 - phi)
         if variance * correlation > best.long_run**2:
@@ -93,8 +87,8 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
     Blocks are shortened where fewer than `FEWEST_BLOCKS` would remain.
     """
     correlation = 0.0 if residual is None else correlation_windows(residual, run)
-    length = max(_SHORTEST, len(run) // _MOST_BLOCKS, int(np.ceil(_CORRELATION_TIMES * correlation)))
-    length = max(_SHORTEST, min(length, len(run) // (rules.FEWEST_BLOCKS + len(np.unique(run)))))
+    length = max(rules.SHORTEST_BLOCK, len(run) // _MOST_BLOCKS, int(np.ceil(rules.CORRELATION_TIMES * correlation)))
+    length = max(rules.SHORTEST_BLOCK, min(length, len(run) // (rules.FEWEST_BLOCKS + len(np.unique(run)))))
     block = np.empty(len(run), dtype=np.intp)
     following = 0
     for one in np.unique(run):
@@ -113,15 +107,15 @@ def per_block(values: Array, block: Index) -> Array:
 
 
 def cut_stretches(run: Index) -> Index:
-    """Number within its run of each window's stretch of `_STRETCH` windows, shape (windows,)."""
+    """Number within its run of each window's stretch of `SHORTEST_LEVEL` windows, shape (windows,)."""
     first = np.searchsorted(run, run)
-    return (np.arange(len(run)) - first) // _STRETCH
+    return (np.arange(len(run)) - first) // rules.SHORTEST_LEVEL
 
 
 def cut_folds(runs: Runs, block: Index) -> tuple[Index, Literal["run", "block"]]:
     """Fold of each window, shape (windows,), and its kind: whole runs or, of fewer than three, series of blocks."""
     count = len(runs.signals)
-    if count >= FEWEST_RUNS:
+    if count >= rules.FEWEST_RUNS:
         return runs.run % _MOST_FOLDS if count > _MOST_FOLDS else runs.run, "run"
     blocks = int(block.max()) + 1
-    return block * min(_BLOCK_FOLDS, blocks) // blocks, "block"
+    return block * min(FOLDS, blocks) // blocks, "block"

@@ -24,9 +24,6 @@ _MOST_RUNS = 5  # in the search; chosen: all have the same sensor
 _MOST_SEARCHED = 20_000  # samples of each run; chosen: half an hour at 10 Hz
 _COARSE_DRIFT_S = 0.5  # step of the first search; chosen: Gauss-Newton finds the drift from the nearest
 _GROUNDS = 12  # knots along the way; chosen: coarse, as a fine profile would absorb the slopes
-_STRETCH_S = 10.0  # longer than a change of speed: errors of stretches count as independent
-_FEWEST_STRETCHES = 12  # two minutes; chosen: errors clustered by fewer are too small (see `rules.CLEAR_DRIFT`)
-_MOST_SAMPLES = 200_000  # chosen: over hours of driving (5.6 at 10 Hz) a drift is not linear
 _ITERATIONS = 4  # Gauss-Newton steps from the best of the coarse drifts; chosen
 
 
@@ -82,7 +79,7 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
     best = min(errors, key=lambda late: float(errors[late].sum()))
     if best < rules.SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
         return 0.0
-    return best if float(errors[best].sum()) < (1.0 - rules.SMALLEST_LAG_GAIN) * _by_power(searched, robot) else 0.0
+    return best if float(errors[best].sum()) < (1.0 - rules.SMALLEST_GAIN) * _by_power(searched, robot) else 0.0
 
 
 def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
@@ -128,8 +125,8 @@ def _drift(run: Signals, robot: Robot) -> float:
     The best of a few drifts, then Gauss-Newton on lag and drift together with the coefficients; the drift's standard
     error is clustered by stretch.
     """
-    stretch = (run.time_s - run.time_s[0]) // _STRETCH_S
-    if stretch[-1] < _FEWEST_STRETCHES or len(run.time_s) > _MOST_SAMPLES:
+    stretch = (run.time_s - run.time_s[0]) // rules.INDEPENDENT_S
+    if stretch[-1] < rules.FEWEST_STRETCHES or len(run.time_s) > rules.MOST_SAMPLES_OF_A_DRIFT:
         return 0.0
     columns, since = drive_columns(run, robot, run.grade_rad), _since(run)
 
@@ -157,4 +154,4 @@ def _drift(run: Signals, robot: Robot) -> float:
     # The derivative of a noisy channel is noise, which some lag fits by chance: power itself must be explained better.
     without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)
     with_it = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
-    return drift_s if with_it < (1.0 - rules.SMALLEST_LAG_GAIN) * without else 0.0
+    return drift_s if with_it < (1.0 - rules.SMALLEST_GAIN) * without else 0.0

@@ -183,13 +183,13 @@ def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tupl
     weights = np.linalg.lstsq(beside, column, rcond=None)[0] if len(others) else np.zeros(0)
     own = column - beside @ weights
     size = np.abs(weights) * np.linalg.norm(beside, axis=0)
-    mixed = tuple(groups[o].symbol for o in others[size > 0.2 * np.linalg.norm(column)])  # chosen
+    mixed = tuple(groups[o].symbol for o in others[size > rules.MIXED * np.linalg.norm(column)])
     if own @ own < rules.COLLINEAR * (column @ column):
         return "confounded", mixed
     same_run = runs.run[1:] == runs.run[:-1]
     if groups[j].measured and same_run.any():
         lagged = float((own[1:] * own[:-1])[same_run].mean() / (own * own).mean())
-        if lagged < rules.NOISE_ONLY and own @ own < 0.01 * (column @ column):  # a tenth of its size; chosen
+        if lagged < rules.NOISE_ONLY and own @ own < rules.OWN_PART * (column @ column):
             return "confounded", mixed
     return "fitted", ()
 

@@ -110,7 +110,7 @@ def _lacks(recording: Recording) -> str | None:
     if lacks := lacking(recording.channels):
         return f"has no {lacks}"
     missing = 1.0 - float(known(recording).mean())
-    if missing > rules.MOST_MISSING:
+    if missing > rules.HALF:
         return (
             f"motion or power is missing in {missing:.0%} of the samples; where they are logged in rows of their own, "
             "put both into each row (pandas.merge_asof does)"
@@ -135,7 +135,7 @@ def fault_of(run: Signals, robot: Robot) -> str | None:
         return "power is negative while it drives: power drawn must be positive (factor -1 in a mapping file)"
     quick = float(np.quantile(np.abs(run.speed_mps), 0.99))
     if quick > rules.TOO_FAST * robot.max_speed_mps:
-        guess = "; km/h?" if quick / 3.6 <= 1.2 * robot.max_speed_mps else ""
+        guess = "; km/h?" if quick / 3.6 <= rules.AS_FAST_IN_KMH * robot.max_speed_mps else ""
         return (
             f"drives at {quick:.3g} m/s, while {robot.name} reaches {robot.max_speed_mps:g} m/s: "
             f"another robot or another unit{guess}"
@@ -163,7 +163,7 @@ def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
         )
     if np.mean(np.abs(run.speed_mps) > STANDSTILL_MPS) == 0.0 and not run.yaw_rate_radps.any():
         remarks.append("the robot stands throughout: the parameters of its drive are not identifiable")
-    elif np.ptp(run.speed_mps) < 0.1 * np.max(np.abs(run.speed_mps)):  # chosen: a remark only
+    elif np.ptp(run.speed_mps) < rules.HARDLY_CHANGES * np.max(np.abs(run.speed_mps)):
         remarks.append("the speed hardly changes: idle power, rolling resistance and drag are confounded")
     if run.unit == "A" and (run.observed > 0.0).all():
         remarks.append("motor current without voltage: torque only, so power, energy and range are not known")

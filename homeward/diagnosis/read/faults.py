@@ -10,7 +10,7 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.read.noise import white_noise
-from homeward.diagnosis.read.signals import speed_of
+from homeward.diagnosis.read.signals import WINDOW_S, speed_of
 from homeward.logs.channels import Array, Index, Mask
 from homeward.logs.recordings import Recording
 from homeward.physics import Robot
@@ -19,8 +19,6 @@ _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
 _MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad", "elevation_m")
 _CHANNEL_OF = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
 _JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # not wheel speeds: they may jump with their command
-_FEWEST_UPDATES = 20  # known samples or changes; chosen: of fewer, nothing is typical
-_JITTER = 0.34  # of a period; chosen: one sample in three
 
 
 def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[str, float]]:
@@ -78,7 +76,7 @@ def _spikes(values: Array) -> Mask:
     """Samples far from both their neighbours and beyond the range of all others."""
     spikes = np.zeros(len(values), dtype=bool)
     known = np.flatnonzero(np.isfinite(values))
-    if len(known) < _FEWEST_UPDATES:
+    if len(known) < rules.FEWEST_SAMPLES:
         return spikes
     one = values[known]
     beside = np.pad(one, 1, mode="reflect")
@@ -100,7 +98,7 @@ def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mas
     starts_s = time_s[1:][moves[1:] & ~moves[:-1]]
     near, with_one = np.zeros(len(time_s), dtype=bool), 0
     for start_s in starts_s.tolist():
-        around = np.abs(time_s - start_s) <= rules.AT_THE_START_S
+        around = np.abs(time_s - start_s) <= WINDOW_S
         with_one += bool((spikes & around).any())
         near |= around
     return near & (2 * with_one > len(starts_s))
@@ -144,7 +142,7 @@ def _updates(values: Array) -> Index | None:
     """
     known = np.isfinite(values)
     change = np.flatnonzero(np.diff(values[known]) != 0.0) + 1
-    if len(change) < _FEWEST_UPDATES:
+    if len(change) < rules.FEWEST_SAMPLES:
         return None
     apart = np.diff(change)
     typical = int(np.median(apart))
@@ -152,7 +150,7 @@ def _updates(values: Array) -> Index | None:
         return None
     whole = np.maximum(np.rint(apart / typical), 1.0)
     off = np.abs(apart - whole * typical)
-    if float((off <= (_JITTER * typical if typical > 2 else 0.0)).mean()) < rules.HELD:
+    if float((off <= (rules.JITTER * typical if typical > 2 else 0.0)).mean()) < rules.HELD:
         return None
     # A fresh reading may equal the one before, as at rest.
     spans = zip(change[:-1], change[1:], whole.astype(int), strict=True)

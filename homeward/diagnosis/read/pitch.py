@@ -10,7 +10,6 @@ from homeward.diagnosis.read.signals import Signals, gaps
 from homeward.logs.channels import Array
 
 _PLACES = 40  # cells along the way, compared out and home; chosen: 30 or 80 change no test of tests/diagnosis on tilt
-_FEWEST_PLACES = 20  # half of them, so that most of the way was driven both ways
 
 
 def tilt(run: Signals) -> tuple[float, float] | None:
@@ -28,7 +27,7 @@ def tilt(run: Signals) -> tuple[float, float] | None:
         closed = slice(near[0], near[-1])
         onward_m = float(steps_m[closed].sum())
         open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), rules.CLOSED * length_m / 2.0)
-        if abs(onward_m) > 0.5 * length_m:
+        if abs(onward_m) > rules.HALF * length_m:
             mean = float(slope[closed] @ steps_m[closed]) / onward_m
             return mean, float(np.std(slope)) * open_m / abs(onward_m)
     return _both_ways(run, slope)
@@ -49,11 +48,11 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
             sides.append(np.bincount(place[chosen], slope[chosen], _PLACES) / np.where(count > 0, count, np.nan))
     both = np.isfinite(sides[0]) & np.isfinite(sides[1])
     out, home = sides[0][both], sides[1][both]
-    if len(out) < _FEWEST_PLACES or not (np.ptp(out) and np.ptp(home)) or np.corrcoef(out, home)[0, 1] > -rules.SAME:
+    if len(out) < rules.HALF * _PLACES or not np.ptp(out) * np.ptp(home) or np.corrcoef(out, home)[0, 1] > -rules.SAME:
         return None
     middle = (out + home) / 2.0
     # The error of hills that do not quite mirror is autocorrelated along the way.
-    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, 0.9))  # as in fit.folds
+    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, rules.MOST_CORRELATED))
     error = float(middle.std(ddof=1) / np.sqrt(len(middle)))
     return float(middle.mean()), error * float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
 

@@ -24,7 +24,6 @@ from homeward.physics import Robot
 
 Unit = Literal["W", "A"]
 
-_GAP_FACTOR = 10.0  # a step longer than this many median steps is a gap; chosen: single samples may be lost
 WINDOW_S = 0.5
 """Length of the averaging windows, s; longer for a recording with longer steps.
 
@@ -32,13 +31,6 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 """
 
 _REACH_S = 3.0  # at top speed, along which position is compared; chosen: long against its noise
-_UNCLEAR = 0.05
-"""Share of noise in the variance of slopes, up to which slopes met again are recognised. Chosen: a reliability of
-0.95."""
-ODOMETER_PARTS = 10
-"""Parts of the way that must agree on the sign of an odometer's error. Chosen: by chance all do with p = 2^-9."""
-
-_FEWEST_TO_SMOOTH = 50  # samples; chosen: a variance is then known within 20 %, sqrt(2 / n)
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
 _CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
 
@@ -105,7 +97,7 @@ def signals(
     recorded = speed / (1.0 + scale)
     speed = _without_noise("speed_mps", recorded, time_s, error)
     speed = _at_rest(
-        recorded, speed, max(rules.STANDSTILL_SHARE * robot.max_speed_mps, 2.0 * error.get("speed_mps", 0.0))
+        recorded, speed, max(rules.STANDSTILL_SHARE * robot.max_speed_mps, rules.CLEAR * error.get("speed_mps", 0.0))
     )
     filled = [name for name in _FILLED if name in kept and np.isnan(kept[name]).any()]
     kept |= {name: _interpolated(kept[name], time_s) for name in filled}
@@ -117,7 +109,7 @@ def signals(
     direction = np.where(speed < 0.0, -1.0, 1.0)
     if "base_distance_m" in kept and len(time_s) > 1:
         driven_m, reach_m = path_m(np.abs(speed), time_s), _REACH_S * robot.max_speed_mps
-        clear = grade is not None and error.get("grade_rad", 0.0) ** 2 <= _UNCLEAR * float(np.var(grade))
+        clear = grade is not None and error.get("grade_rad", 0.0) ** 2 <= rules.UNCLEAR * float(np.var(grade))
         slope = grade if clear else None
         direction, context["place_m"] = along_the_way(kept["base_distance_m"], driven_m, slope, reach_m)
     context |= {"accel_mps2": accel, "speed_mps": speed}
@@ -161,14 +153,15 @@ def known(recording: Recording) -> Mask:
 
 def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> float:
     """Relative error of the speed by a recorded distance; 0 unless all parts of the way agree that there is one."""
-    if "distance_m" not in kept or len(time_s) < ODOMETER_PARTS:
+    if "distance_m" not in kept or len(time_s) < rules.ODOMETER_PARTS:
         return 0.0
     covered_m, driven_m = np.diff(kept["distance_m"]), np.abs(speed[:-1]) * steps_s(time_s)
     moving = driven_m > 0.0
     if not moving.any() or not np.isfinite(covered_m).all() or (covered_m < -rules.RESET_M).any():
         return 0.0
     covered_m, driven_m = np.abs(covered_m[moving]), driven_m[moving]
-    part = np.minimum((np.cumsum(driven_m) / driven_m.sum() * ODOMETER_PARTS).astype(np.intp), ODOMETER_PARTS - 1)
+    passed = np.cumsum(driven_m) / driven_m.sum()
+    part = np.minimum((passed * rules.ODOMETER_PARTS).astype(np.intp), rules.ODOMETER_PARTS - 1)
     by_part = np.bincount(part, driven_m) / np.maximum(np.bincount(part, covered_m), 1e-9) - 1.0
     if not ((by_part > rules.SAME_ODOMETER).all() or (by_part < -rules.SAME_ODOMETER).all()):
         return 0.0
@@ -211,7 +204,7 @@ def _straight(rate: Array, time_s: Array, error: float) -> Array:
     The power of turning rises steeply with the size of the rate: noise about zero would count as a turn.
     """
     size = max(1, round(WINDOW_S / median_step_s(time_s)))
-    return np.where(np.abs(uniform_filter1d(rate, size)) < rules.STRAIGHT * error, 0.0, rate)
+    return np.where(np.abs(uniform_filter1d(rate, size)) < rules.CLEAR * error, 0.0, rate)
 
 
 def slope_of(
@@ -255,7 +248,7 @@ def _rises(elevation_m: Array) -> bool:
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:
     """The channel, smoothed where its noise is material in its window means or, of speed, in their changes."""
-    if len(values) < _FEWEST_TO_SMOOTH or not np.ptp(values):
+    if len(values) < rules.FEWEST_TO_SMOOTH or not np.ptp(values):
         return values
     size = max(1, round(WINDOW_S / median_step_s(time_s)))
     noise = white_noise(values)
@@ -298,7 +291,7 @@ class Windows:
 def steps_s(time_s: Array) -> Array:
     """Time between samples, s, shape (n - 1,); of a gap the median step, as its driving is unknown."""
     steps, typical = np.diff(time_s), median_step_s(time_s)
-    return np.where(steps > _GAP_FACTOR * typical, typical, steps)
+    return np.where(steps > rules.GAP * typical, typical, steps)
 
 
 def path_m(speed: Array, time_s: Array) -> Array:
@@ -308,7 +301,7 @@ def path_m(speed: Array, time_s: Array) -> Array:
 
 def gaps(time_s: Array) -> Index:
     """Indices of samples after which the recording has a gap."""
-    return np.flatnonzero(np.diff(time_s) > _GAP_FACTOR * median_step_s(time_s))
+    return np.flatnonzero(np.diff(time_s) > rules.GAP * median_step_s(time_s))
 
 
 def windows(time_s: Array, window_s: float) -> Windows:
@@ -320,4 +313,4 @@ def windows(time_s: Array, window_s: float) -> Windows:
         starts.append(part[0] + np.flatnonzero(np.diff(number, prepend=-1.0)))
     start = np.concatenate(starts).astype(np.intp)
     counts = np.diff(np.append(start, len(time_s)))
-    return Windows(start, counts >= 0.5 * np.median(counts))
+    return Windows(start, counts >= rules.HALF * np.median(counts))

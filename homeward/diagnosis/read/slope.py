@@ -10,8 +10,6 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.read.noise import smoothed
 from homeward.logs.channels import Array
 
-_STEEPEST = 1.0  # rise over run: no ground robot climbs it
-_FEWEST = 8  # heights, to estimate a level, a slope, and their variances; chosen: twice what is estimated
 _MIDDLE = 0.1  # weight of the middle of a plateau over its edges: known to half a step only
 
 
@@ -31,7 +29,7 @@ def slope_along(
     """
     way_m = speed_mps[:-1] * steps_s
     path_m = np.concatenate(([0.0], np.cumsum(np.abs(way_m))))
-    if path_m[-1] < _FEWEST * cell_m or not np.isfinite(elevation_m).any():
+    if path_m[-1] < rules.FEWEST_HEIGHTS * cell_m or not np.isfinite(elevation_m).any():
         return None
     cells = int(path_m[-1] / cell_m)
     cell_m = float(path_m[-1]) / cells
@@ -46,13 +44,13 @@ def slope_along(
         total = total**2 / np.maximum(np.bincount(cell, weight**2, cells), 1e-24)
     if not np.ptp(height[weight > 0.0]):
         return np.zeros(len(elevation_m)), 0.0
-    if int((total > 0.0).sum()) < _FEWEST:
+    if int((total > 0.0).sum()) < rules.FEWEST_HEIGHTS:
         return None
     onward = np.bincount(cell[:-1], way_m, cells)
     turns_back = np.abs(np.diff(np.sign(onward))) > 1.0
     bends = np.where(turns_back[:-1] | turns_back[1:], 0.0, 1.0)
     found = smoothed(mean, 2, total, bends, kinks)
-    rise = np.clip(np.diff(found.values) / cell_m, -_STEEPEST, _STEEPEST)
+    rise = np.clip(np.diff(found.values) / cell_m, -rules.STEEPEST, rules.STEEPEST)
     # Beside the noise: within a cell the slope may be that of the cell before or after.
     error = float(np.hypot(np.std(np.diff(found.draws, axis=1)) / cell_m, np.std(np.diff(rise)) / 2.0))
     # In reverse the slope along forward travel has the other sign.

@@ -13,11 +13,6 @@ from homeward.logs.channels import Array
 
 _COMPARED = 50  # places before and after a peak; chosen: half or twice as many change no test of test_way.py
 _SHIFTS = 9  # places where a turn may be, around a peak of a noisy distance; chosen, 5 or 17 alike
-_SHARP = 0.9  # fall of the distance on both sides of a turn over the way driven: no corner of a loop is as acute
-# Shares of a variance, chosen on 40 drives of seed 301 of benchmarks/concealed: turns have 0.06 and 0.28 at most, and
-# no loop is below both.
-_AS_FAR = 0.1  # that distances before and after a turn may differ by
-_REVERSED = 0.35  # that slopes before and, reversed, after it may
 
 
 def along_the_way(base_m: Array, driven_m: Array, slope: Array | None, reach_m: float) -> tuple[Array, Array]:
@@ -67,12 +62,12 @@ def _turns_back(driven_m: Array, base_m: Array, slope: Array, peaks_m: Array, re
         return np.asarray(found - found.mean())  # a slope sensor may be tilted
 
     beside_m = np.interp(peaks_m[1] + reach_m * np.array([-1.0, 0.0, 1.0]), driven_m, base_m)
-    if 2.0 * beside_m[1] - beside_m[0] - beside_m[2] >= 2.0 * _SHARP * reach_m:
+    if 2.0 * beside_m[1] - beside_m[0] - beside_m[2] >= 2.0 * rules.SHARP * reach_m:
         return True
     shifts_m = np.linspace(-0.5, 0.5, _SHIFTS) * reach_m
     shifted = [sides(base_m, shift_m) for shift_m in shifts_m.tolist()]
     errors = [float(np.mean((one[0] - one[1]) ** 2)) / 2.0 - white_noise(base_m) ** 2 for one in shifted]
     best = int(np.argmin(errors))
     slopes = sides(slope, float(shifts_m[best]))
-    as_far = errors[best] <= _AS_FAR * float(np.var(shifted[best]))
-    return as_far and float(np.mean((slopes[0] + slopes[1]) ** 2)) / 2.0 <= _REVERSED * float(np.var(slopes))
+    as_far = errors[best] <= rules.AS_FAR * float(np.var(shifted[best]))
+    return as_far and float(np.mean((slopes[0] + slopes[1]) ** 2)) / 2.0 <= rules.REVERSED * float(np.var(slopes))

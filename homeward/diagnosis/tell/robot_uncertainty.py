@@ -22,9 +22,6 @@ FittedTo = Literal["nothing", "others", "all"]
 
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
 _COVERED = 0.95  # below the upper end of a 90 % interval
-_STAYS = 0.5
-"""Share of the samples with the charge of the one before, above which it is shown in steps. Chosen: a majority."""
-_FEWEST_STANDING = 50  # samples to estimate the noise of power; as of other channels (read.signals)
 
 
 def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
@@ -139,7 +136,7 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     """Noise of the instruments, estimated from the recordings; that of power at standstill."""
     runs, found = evidence.runs, dict[str, float]()
     stood = [run.observed[run.speed_mps == 0.0] for run in runs.signals]
-    parts = [white_noise(one) for one in stood if len(one) >= _FEWEST_STANDING]
+    parts = [white_noise(one) for one in stood if len(one) >= rules.FEWEST_TO_SMOOTH]
     if parts:
         found["power_noise"] = float(np.median(parts)) / mean_w
         found["reading_s"] = float(np.median([median_step_s(run.time_s) for run in runs.signals]))
@@ -149,7 +146,7 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     charges = [run.context["soc"][np.isfinite(run.context["soc"])] for run in runs.signals if "soc" in run.context]
     steps = np.concatenate([np.abs(np.diff(one)) for one in charges]) if charges else np.empty(0)
     if steps.any():
-        stays = float(np.mean(steps == 0.0)) > _STAYS
+        stays = float(np.mean(steps == 0.0)) > rules.HALF
         found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
         found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(one) for one in charges]))
     return tuple(

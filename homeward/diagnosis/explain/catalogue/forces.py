@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from homeward.diagnosis.explain.hypothesis import CHECKS, Hypothesis, Numbers, Setting, Term, level_name
+from homeward.diagnosis.explain.hypothesis import CHECKS, SMALL_STEP, Hypothesis, Numbers, Setting, Term, level_name
 from homeward.diagnosis.explain.menu import Drive
 from homeward.diagnosis.fit.parameter_groups import DRAG, ROLLING
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.logs.channels import Array
 from homeward.physics.effects import hidden_grade, inertia, payload, slip, surface, viscous, wind
 
-_CHANGE = 1e-3  # of C_rr, for a difference quotient; chosen: small beside C_rr, large beside rounding
 _STORM_MPS = 40.0  # chosen: above the lower limit of a hurricane, 33 m/s on the Beaufort scale
 _EXPOSED = {"exposure": 1.0}
 
@@ -20,8 +19,8 @@ _EXPOSED = {"exposure": 1.0}
 def _rougher(one: Hypothesis, setting: Setting) -> Array:
     """Contribution per unit of relative rise of the rolling resistance, W or A, shape (windows,)."""
     theta = setting.theta.copy()
-    theta[ROLLING] += _CHANGE * setting.rolling_kg
-    return (setting.parameters.predict(setting.runs, theta, setting.present) - setting.predicted) / _CHANGE
+    theta[ROLLING] += SMALL_STEP * setting.rolling_kg
+    return (setting.parameters.predict(setting.runs, theta, setting.present) - setting.predicted) / SMALL_STEP
 
 
 def _rougher_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:

@@ -58,7 +58,7 @@ def _ratios(runs: Runs) -> list[float]:
         every = max(1, round(_FIX_S / median_step_s(run.time_s)))
         path_m = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * np.diff(run.time_s))))[::every]
         straight = np.abs(np.diff(run.base_distance_m[::every]))
-        away = straight > 0.5 * np.diff(path_m)  # not in a turn, where the path is longer than the change of distance
+        away = straight > rules.HALF * np.diff(path_m)  # not in a turn, where the path exceeds the change of distance
         covered_m = float(straight[away].sum())
         ratios.append(float(np.diff(path_m)[away].sum()) / covered_m if covered_m > 0.0 else 1.0)
     return ratios
