@@ -14,8 +14,8 @@ MOST_FILES = 15
 ACROSS = {
     "agents/policies/test_shipped_policies", "commands/test_parallel_commands",
     "diagnosis/read/test_instruments", "diagnosis/test_command_line", "diagnosis/test_second_diagnosis",
-    "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "envs/test_randomise",
-    "envs/test_true_robot", "examples/test_other_stacks", "physics/test_paper", "project/test_house",
+    "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "envs/conditions/test_randomise",
+    "envs/conditions/test_true_robot", "examples/test_other_stacks", "physics/test_paper", "project/test_house",
     "project/test_makefile", "project/test_packaging", "project/test_release", "robots/test_presets", "test_broken",
     "test_killed", "test_mutated",
     "test_layers", "test_parallel_cluster", "watch/ros2/test_command", "watch/ros2/test_page",
