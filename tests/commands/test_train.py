@@ -516,10 +516,3 @@ def test_settings_are_written_with_the_run(finished: Path) -> None:
     settings = json.loads((finished / RUN).read_text())["settings"]
     assert settings["n_envs"] == TINY.n_envs
     assert settings["robot"] == "rusti_computer"
-
-
-def test_defaults_follow_the_start_and_what_is_given_stays() -> None:
-    from_dmax, given = PPOSettings(), PPOSettings(entropy=0.01)
-    from_scratch = dataclasses.replace(from_dmax, start="scratch")
-    assert from_scratch.by_start["entropy"] < from_dmax.by_start["entropy"]
-    assert given.by_start == from_dmax.by_start | {"entropy": 0.01}
