@@ -15,14 +15,9 @@ _BY_START = {
     SCRATCH: {"learning_rate": 3e-3, "entropy": 0.0},
     DMAX: {"learning_rate": 2e-3, "entropy": 0.003},
 }
-<<<<<<< HEAD
-"""Defaults by start. The bonus keeps exploration from d_max and harms from nothing (docs/results.md, What failed
-in training); the step sizes are chosen, and no comparison of them is recorded."""
-=======
-"""Defaults by start. The bonus keeps exploration from d_max and harms from nothing (docs/learning.md, What failed). On
-surveys from a rule, with a step size of 1e-3 instead of 3e-3 an update changed hardly any choice (0.2 to 2 % were
-clipped; one training seed, docs/learning.md at commit 2fa234d). 2e-3 and 3e-3 are chosen, and not compared."""
->>>>>>> h5
+"""Defaults by start. The bonus keeps exploration from d_max and harms from nothing (docs/results.md, What failed in
+training). On surveys from a rule, with a step size of 1e-3 instead of 3e-3 an update changed hardly any choice (0.2 to
+2 % were clipped; one training seed, docs/learning.md at commit 2fa234d). 2e-3 and 3e-3 are chosen, and not compared."""
 
 
 class DivergedError(TrainingError):

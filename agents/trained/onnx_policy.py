@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from homeward.physics import Robot, load_robot
 INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
 
 
+@final
 class OnnxPolicy(Policy):
     """Runs an exported network in onnxruntime, with the estimator beside it.
 

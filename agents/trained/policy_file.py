@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from gymnasium import spaces
@@ -50,6 +50,7 @@ def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
     return silenced(actions, modes(actions) != GO)
 
 
+@final
 @dataclass(frozen=True)
 class NetworkPolicy(Policy):
     """A network with tanh between its layers; it takes the most likely action, or the mean one in a continuous space.

@@ -18,7 +18,7 @@ from homeward.envs.actions import MODES, decode_actions
 from homeward.envs.routes import Route
 from homeward.estimation.prior import EAST
 from tests.companion.robots import Driven
-from tests.envs.reading import SEED, ReadRobot
+from tests.envs.conditions.reading import SEED, ReadRobot
 
 
 def compare(mission: str, start: str, seed: int = SEED) -> tuple[list[str], int, float]:

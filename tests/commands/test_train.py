@@ -39,9 +39,7 @@ from homeward.agents.trained.run_folder import (
     PREVIOUS,
     RUN,
     TENSORBOARD,
-    RunState,
     locked,
-    open_run,
 )
 from homeward.envs.features import NAMES
 from homeward.envs.options import Options, known_of
@@ -257,23 +255,6 @@ def test_a_damaged_curve_is_one_line(finished: Path, tmp_path: Path, content: st
             main(tiny(out, resume=True))
 
 
-@pytest.mark.parametrize("name", [RUN, DESCRIPTION])
-@pytest.mark.parametrize("content", ["[" * 100_000, '{"training": {"steps": 1e400}}', " " * 2_000_000])
-def test_hostile_json_is_one_line(finished: Path, tmp_path: Path, name: str, content: str) -> None:
-    out = copied(finished, tmp_path / "run")
-    (out / name).write_text(content)
-    with pytest.raises(TrainingError, match=f"{name} (is damaged|does not describe a training run)"):
-        main(tiny(out, resume=True))
-
-
-def test_a_pipe_is_no_run(finished: Path, tmp_path: Path) -> None:
-    out = copied(finished, tmp_path / "run")
-    (out / DESCRIPTION).unlink()
-    os.mkfifo(out / DESCRIPTION)
-    with pytest.raises(TrainingError, match=f"{DESCRIPTION} is damaged"):
-        main(tiny(out, resume=True))
-
-
 def test_nothing_is_replaced_by_what_cannot_be_trained(
     finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -294,15 +275,6 @@ def test_two_trainings_do_not_share_a_folder(finished: Path, tmp_path: Path, roo
     assert (second.returncode, second.stderr) == (2, said)
     assert [entry.name for entry in out.iterdir()] == [LOCK]
     assert (main(tiny(out)) / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
-
-
-@pytest.mark.parametrize("changes", [{}, {"seed": 1}])
-def test_fewer_steps_never_replace_a_longer_finished_run(finished: Path, tmp_path: Path, changes: Any) -> None:
-    out = copied(finished, tmp_path / "run")
-    before = contents(out)
-    with pytest.raises(TrainingError, match=rf"trained on {STEPS} steps, which a run of 1 steps must not replace"):
-        main(tiny(out, steps=1, resume=True, replace=True, **changes))
-    assert contents(out) == before
 
 
 def test_resuming_an_empty_folder_begins(tmp_path: Path, finished: Path) -> None:
@@ -364,13 +336,6 @@ def test_replacing_trains_anew_once_and_says_so(
     assert load_policy(out).description["made_with"]["physics"] == "changed"
 
 
-def test_replacing_leaves_what_is_no_run(tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(TrainingError, match="contains no training run"):
-        main(tiny(tmp_path, replace=True))
-    assert [entry.name for entry in tmp_path.iterdir()] == ["notes.txt"]
-
-
 def test_a_robot_file_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, out = tmp_path / "robot.toml", tmp_path / "run"
     robot.write_text(load_robot("rusti_computer").to_toml())
@@ -420,17 +385,6 @@ def test_more_steps_continue_a_finished_run(tmp_path: Path) -> None:
     main(tiny(tmp_path))  # finished
 
 
-def test_an_extension_that_was_interrupted_is_not_taken_for_finished(finished: Path, tmp_path: Path) -> None:
-    out = copied(finished, tmp_path / "run")
-    run = json.loads((out / RUN).read_text())
-    longer = run["settings"] | {"steps": 2 * STEPS}
-    for _ in range(2):
-        assert open_run(out, longer, run["made_with"], resume=True, replace=False) is RunState.CONTINUED
-    with pytest.raises(TrainingError, match=f"of {STEPS} steps: continue it with --resume"):
-        open_run(out, longer, run["made_with"], resume=False, replace=False)
-    assert json.loads((out / RUN).read_text())["extended_from"] == [STEPS]
-
-
 def test_a_run_killed_before_its_policy_was_written_writes_it(
     finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -469,22 +423,6 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
     ours, theirs = (measure(policy, options, 0, 0.0) for policy in (first, rule))
     assert ours.score == pytest.approx(theirs.score, rel=0.05)
     assert len(load_policy(tmp_path / LAST).layers[0][0].T) == len(NAMES) + len(COLUMNS)
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("notes.txt", "", "not empty and contains no training run"),
-        (RUN, "{}", "does not describe"),
-        (RUN, "\x00", "does not"),
-    ],
-)
-def test_a_foreign_folder_is_left_alone(tmp_path: Path, name: str, content: str, message: str) -> None:
-    (tmp_path / name).write_text(content)
-    (tmp_path / CHECKPOINT).touch()
-    with pytest.raises(TrainingError, match=message):
-        main(tiny(tmp_path))
-    assert {entry.name for entry in tmp_path.iterdir()} == {name, CHECKPOINT}
 
 
 @pytest.mark.parametrize(
@@ -578,10 +516,3 @@ def test_settings_are_written_with_the_run(finished: Path) -> None:
     settings = json.loads((finished / RUN).read_text())["settings"]
     assert settings["n_envs"] == TINY.n_envs
     assert settings["robot"] == "rusti_computer"
-
-
-def test_defaults_follow_the_start_and_what_is_given_stays() -> None:
-    from_dmax, given = PPOSettings(), PPOSettings(entropy=0.01)
-    from_scratch = dataclasses.replace(from_dmax, start="scratch")
-    assert from_scratch.by_start["entropy"] < from_dmax.by_start["entropy"]
-    assert given.by_start == from_dmax.by_start | {"entropy": 0.01}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from homeward.envs.observer import Observer, Read
-from tests.envs.reading import ReadRobot
+from tests.envs.conditions.reading import ReadRobot
 
 
 def follow(robot: ReadRobot, observer: Observer, seed: int, most: int = 150) -> int:
