@@ -42,42 +42,45 @@ from tests.estimation.world import (
 
 
 def test_where_all_is_linear_it_is_least_squares() -> None:
-    """In still air a reading is rolling and weight times what the slopes say, plus what is known: regression on both,
-    with the prior as two more readings."""
-    prior = CALM._replace(rolling_sd=0.144, mass_sd=0.058, rolling=1.05, mass=1.1, power_noise=0.05)
+    """In still air a reading is gain, rolling and weight times what the model and the slopes say: regression on all
+    three, with the prior as three more readings."""
+    prior = CALM._replace(
+        gain_sd=0.02, rolling_sd=0.144, mass_sd=0.058, rolling=1.05, mass=1.1, power_noise=0.05
+    )  # fmt: skip
     estimator = alone(prior)
     v, rng = estimator.vehicle, np.random.default_rng(0)
     before = estimator.estimate()
-    truth, of = np.array([1.3, 1.18]), [ROLLING, WEIGHT]
+    truth, of = np.array([1.03, 1.3, 1.18]), [GAIN, ROLLING, WEIGHT]
     sines = rng.normal(0.0, 0.03, 40)
-    rows, known, readings = [], [], []
+    rows, readings = [], []
     for k, sine in enumerate(sines):
         # From the middle of a place to that of the next: half of the way has the slope of each.
         parts = [(0.5 * PLACE_M, one) for one in sines[max(k - 1, 0) : k + 1]]
         way_m = sum(length_m for length_m, _ in parts)
         dt_s = way_m / 0.5
-        rows.append(sum(np.array([rolling(v, one), climbing(v, one)]) * length_m for length_m, one in parts) / v.full_j)
-        known.append((drag(v, 0.5, 0.0) * way_m + v.idle_w * dt_s) / v.full_j)
-        readings.append((rows[-1] @ truth + known[-1]) * (1.0 + 0.05 * rng.normal()))
-        power_w = float(readings[-1]) * v.full_j / dt_s
-        read(estimator, dt_s, (k + 0.5) * PLACE_M, power_w=power_w, sine=sine)
+        rolls_j = sum(rolling(v, one) * length_m for length_m, one in parts)
+        climbs_j = sum(climbing(v, one) * length_m for length_m, one in parts)
+        others_j = drag(v, 0.5, 0.0) * way_m + v.idle_w * dt_s
+        rows.append(np.array([others_j, rolls_j, climbs_j]) / v.full_j)
+        readings.append(rows[-1] @ truth * (1.0 + 0.05 * rng.normal()))
+        read(estimator, dt_s, (k + 0.5) * PLACE_M, power_w=float(readings[-1]) * v.full_j / dt_s, sine=sine)
     measured, precision = np.array(rows), 1.0 / (0.05 * np.array(readings)) ** 2
     own = before.covariance[0][np.ix_(of, of)]
-    information = np.linalg.inv(own) + measured.T * precision @ measured
-    covariance = np.linalg.inv(information)
-    mean = covariance @ (
-        np.linalg.solve(own, before.mean[0, of]) + measured.T * precision @ (np.array(readings) - known)
-    )
+    covariance = np.linalg.inv(np.linalg.inv(own) + measured.T * precision @ measured)
+    mean = covariance @ (np.linalg.solve(own, before.mean[0, of]) + measured.T * precision @ np.array(readings))
     after = estimator.estimate()
     # Up to the one reading in a thousand that may be an outlier.
-    assert np.abs((after.mean[0, of] - mean) / np.sqrt(np.diag(covariance))).max() < 0.02
-    np.testing.assert_allclose(after.covariance[0][np.ix_(of, of)], covariance, rtol=0.03)
+    sd = np.sqrt(np.diag(covariance))
+    assert np.abs((after.mean[0, of] - mean) / sd).max() < 0.02
+    scale = np.outer(sd, sd)
+    np.testing.assert_allclose(after.covariance[0][np.ix_(of, of)] / scale, covariance / scale, atol=0.03)
     # The energy used is the sum of what was driven, and that of the ground between home and here its rolling part.
     whole = measured.sum(axis=0)
-    assert after.mean[0, USED] == pytest.approx(whole @ mean + sum(known), rel=1e-3)
-    np.testing.assert_allclose(after.covariance[0, USED, of], covariance @ whole, rtol=0.05)
-    assert after.mean[0, ROLLED] == pytest.approx(whole[0] * mean[0], rel=1e-3)
-    assert after.covariance[0, ROLLED, ROLLING] == pytest.approx(whole[0] * covariance[0, 0], rel=0.03)
+    assert after.mean[0, USED] == pytest.approx(whole @ mean, rel=1e-3)
+    with_used = covariance @ whole / sd
+    np.testing.assert_allclose(after.covariance[0, USED, of] / sd, with_used, atol=0.03 * np.abs(with_used).max())
+    assert after.mean[0, ROLLED] == pytest.approx(whole[1] * mean[1], rel=1e-3)
+    assert after.covariance[0, ROLLED, ROLLING] == pytest.approx(whole[1] * covariance[1, 1], rel=0.03)
 
 
 def test_states_of_charge_are_least_squares_of_the_capacity() -> None:
