@@ -17,6 +17,7 @@ LONGEST_STEP_S = 30.0
 
 _TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
 _DAY_FIRST = r"^\s*(\d{1,2})\.(\d{1,2})\.(\d{4})(?=\s)"
+_DIGIT = r"\s*[-+]?\d"
 _COMMA = r"(:\d{2}),(?=\d)"
 _UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)
 
@@ -36,6 +37,8 @@ def from_text(column: pd.Series[Any]) -> tuple[pd.Series[Any], str] | None:
         return None
     form = "ISO 8601"
     if pd.api.types.is_string_dtype(column):
+        if not column.dropna().str.match(_DIGIT).all():
+            return None  # pandas takes "now" and "today" for the present
         column = column.str.replace(_COMMA, r"\1.", regex=True)
         if column.str.match(_DAY_FIRST).all():
             column, form = column.str.replace(_DAY_FIRST, r"\3-\2-\1", regex=True), "day.month.year"

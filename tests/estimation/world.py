@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.estimation import READING_DTYPE, Prior
-from homeward.physics import Robot, ancillary_power, optimal_speed
+from homeward.estimation import READING_DTYPE, Estimator, Prior, vehicle_of
+from homeward.physics import Robot, ancillary_power, load_robot, optimal_speed
 from homeward.physics.model import GRAVITY_MPS2
 
 Array = NDArray[Any]
+ROBOT = load_robot("rusti_computer")
+COUNT = 300
 PLACES = 64
 KNOTS = 8
 
@@ -200,3 +202,54 @@ class World:
             total += np.where(self.position_m > 1e-6, self.drive(-1.0, self.cruise_mps, 0.0)[0], 0.0)
         self.__dict__.update(kept)
         return total
+
+
+def begin(world: World, rough: bool = False, **prior: Any) -> Estimator:
+    known = prior_of(world.robot, world.instruments, rough=rough, route_m=world.route_m, **prior)
+    estimator = Estimator(vehicle_of(world.robot, world.place_m), known, PLACES, world.count)
+    estimator.begin(np.ones(world.count, np.bool_), *world.forecast.T)
+    return estimator
+
+
+def drive(world: World, estimator: Estimator, decisions: int, change: Any = None) -> None:
+    """Drive out, every eighth decision at half speed; `change` may spoil what is read."""
+    for decision in range(decisions):
+        world.drive(1.0, 0.55 if decision % 8 == 1 else world.cruise_mps, 0.0)
+        readings = world.read()
+        if change is not None:
+            change(decision, readings)
+        estimator.update(readings, np.ones(world.count, np.bool_))
+
+
+def home_error(world: World, estimator: Estimator) -> tuple[Array, Array, Array]:
+    """Way home beyond what was believed, its standard deviation, and whether the margin is below its 1e-3 quantile."""
+    home_j = world.way_home_j(99)
+    total = estimator.margin(estimator.plans(world.home_cost_j), 1e-3).total
+    margin_j = (world.capacity_j - world.used_j - home_j) * world.gain
+    return home_j / world.capacity_j - total["cost_share"], total["cost_share_sd"], margin_j < total["margin_low_j"]
+
+
+CALM = Prior(
+    capacity=1.0, capacity_sd=0.0, rolling=1.0, rolling_sd=0.0, mass=1.0, mass_sd=0.0, wind_sd_mps=0.0,
+    forecast_sd_mps=0.0, missed=0.0, model_error=0.0, slope_within_place=0.0,
+)  # fmt: skip
+"""A robot as in its file, in still air: of which the filter knows everything."""
+PLACE_M = 25.0
+
+
+def alone(prior: Prior, east_mps: float = 0.0, north_mps: float = 0.0) -> Estimator:
+    """An estimator of one robot, cruising at 0.5 m/s, that begins with this forecast of the wind."""
+    estimator = Estimator(vehicle_of(ROBOT, PLACE_M, 0.5), prior, PLACES, 1)
+    estimator.begin(np.ones(1, np.bool_), np.array([east_mps]), np.array([north_mps]))
+    return estimator
+
+
+def read(estimator: Estimator, dt_s: float, position_m: float, **of: float) -> None:
+    """Give it a reading on a way to the east, level unless `of` says so; what `of` lacks was not read."""
+    reading = np.full(1, np.nan, READING_DTYPE)
+    reading["time_s"], reading["position_m"] = estimator.state["robot"]["time_s"] + dt_s, position_m
+    reading["sine"], reading["other_j"], reading["speed_mps"] = 0.0, 0.0, 0.5
+    reading["east"], reading["north"] = 1.0, 0.0
+    for name, value in of.items():
+        reading[name] = value
+    estimator.update(reading, np.ones(1, np.bool_))

@@ -7,35 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from homeward.datasets import DATASETS, fetch
-from homeward.diagnosis import Recording, RecordingError, load_columns, read_recording
+from homeward.diagnosis import Recording, RecordingError, read_recording
 from homeward.groups.standing import mean_interval, standing_run, stands
+from tests.groups.recorded import noise, standing
 
 Array = NDArray[np.float64]
-
-METER = """
-header = ["index", "volt", "milliamp"]
-sample_hz = 10.0
-[columns]
-voltage_v = "volt"
-current_a = { column = "milliamp", factor = 1e-3 }
-"""
-
-
-def noise(rng: np.random.Generator, count: int, phi: float) -> Array:
-    """Autoregressive noise of standard deviation 1."""
-    drawn: Array = lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], rng.standard_normal(count + 1000))[1000:]
-    return drawn
-
-
-def standing(power_w: Array, name: str = "run.csv", step_s: float = 0.5, **channels: Array) -> Recording:
-    """A recording of a robot that stands."""
-    time_s = step_s * np.arange(len(power_w), dtype=np.float64)
-    return Recording(
-        name, name, {"time_s": time_s, "speed_mps": np.zeros(len(power_w)), "power_w": power_w, **channels}
-    )
 
 
 def test_only_recorded_zero_motion_is_standing() -> None:
@@ -95,65 +73,6 @@ def test_unusable_standing_runs() -> None:
     for power_w, step_s in ((np.full(100, 7.0), 0.5), (7.0 + np.arange(10.0), 0.5), (7.0 + np.arange(30.0), 0.05)):
         with pytest.raises(RecordingError):
             standing_run(standing(power_w, step_s=step_s))
-
-
-def test_files_without_names_or_times(tmp_path: Path) -> None:
-    (tmp_path / "meter.toml").write_text(METER)
-    lines = [f"{i},12.0,{500 + i % 3}" for i in range(200)]
-    lines[20], lines[50], lines[51] = "20,12.0", "50,12.0,abc", "51,12.0,500,7,8"
-    run = tmp_path / "DATA.TXT"
-    run.write_text("\n".join(lines))
-    recording = read_recording(run, tmp_path / "meter.toml", standing=True)
-    assert len(recording) == 197 and recording.notes == ("3 broken lines are left out",)
-    assert recording.channels["time_s"][[0, 20, -1]] == pytest.approx([0.0, 2.1, 19.9])  # a lost line keeps its time
-    assert recording.channels["current_a"][0] == pytest.approx(0.5)
-    run.write_text("\n".join(lines[:60] + ["rubbish"] * 60))
-    with pytest.raises(RecordingError, match="63 of 120 lines do not hold the 3 numbers"):
-        read_recording(run, tmp_path / "meter.toml", standing=True)
-    run.write_bytes(bytes(range(256)) * 20)
-    with pytest.raises(RecordingError, match="lines do not hold"):
-        read_recording(run, tmp_path / "meter.toml", standing=True)
-
-
-def clock(tmp_path: Path, stamps: list[str]) -> Recording:
-    (tmp_path / "clock.toml").write_text(
-        '[columns]\ntime_s = { column = "stamp", whole_seconds = true }\npower_w = "power"\n'
-    )
-    (tmp_path / "run.csv").write_text("stamp,power\n" + "".join(f"{s},{7 + i % 2}\n" for i, s in enumerate(stamps)))
-    return read_recording(tmp_path / "run.csv", tmp_path / "clock.toml", standing=True)
-
-
-def test_whole_seconds_are_spread(tmp_path: Path) -> None:
-    seconds = ["23:59:58"] * 3 + ["23:59:59"] * 10 + ["00:00:00"] * 10 + ["00:00:01"] * 4
-    time_s = clock(tmp_path, seconds).channels["time_s"]
-    np.testing.assert_allclose(np.diff(time_s), 0.1, rtol=1e-9)
-    assert time_s[3] == 86399.0 and time_s[13] == 86400.0
-    assert clock(tmp_path, [str(i // 5) for i in range(30)]).duration_s == pytest.approx(29 / 5)
-    for stamps, said in (
-        (["1"] * 20, "change less than twice"),
-        (["3", "2", "1"], "go back"),
-        (["a"] * 9, "is not a number"),
-    ):
-        with pytest.raises(RecordingError, match=f"run.csv: .*{said}"):
-            clock(tmp_path, stamps)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ('[columns]\npower_w = "p"', "or with sample_hz instead of it"),
-        ('sample_hz = 5\n[columns]\ntime_s = "t"\npower_w = "p"', "or with sample_hz instead of it"),
-        ('sample_hz = "5"\n[columns]\npower_w = "p"', "is not a finite number"),
-        ('sample_hz = -5\n[columns]\npower_w = "p"', "is not between"),
-        ('sample_hz = 5\nheader = ["p", "p"]\n[columns]\npower_w = "p"', "not a list of different names"),
-        ('[columns]\ntime_s = "t"\npower_w = { column = "p", whole_seconds = true }', "is for time_s only"),
-        ('[columns]\ntime_s = { column = "t", whole_seconds = true, factor = 2.0 }', "is not understood"),
-    ],
-)
-def test_wrong_mappings(tmp_path: Path, text: str, said: str) -> None:
-    (tmp_path / "map.toml").write_text(text)
-    with pytest.raises(RecordingError, match=said):
-        load_columns(tmp_path / "map.toml")
 
 
 def test_power_meters_of_the_data_sets(data_folder: Path) -> None:
