@@ -145,11 +145,11 @@ def _fit(
     """Cholesky factor, variance of the noise, and minus twice the log likelihood, at a ratio of variances."""
     factor = cholesky_banded(_with_weight(np.exp(log_ratio) * roughness, weight))
     smooth = cho_solve_banded((factor, False), weight * values)
-    squared = max(float(weight * (values - smooth) @ values), 1e-300)
+    rough = np.diff(smooth, len(roughness) - 1) ** 2  # a difference of large sums could be rounded to less than zero
+    squared = max(float(weight @ (values - smooth) ** 2 + np.exp(log_ratio) * stiffness @ rough), 1e-300)
     known, bound = int((weight > 0.0).sum()), stiffness[stiffness > 0.0]
-    rows = len(bound)
-    free = max(known - (len(values) - rows), 1)
+    free = max(known - (len(values) - len(bound)), 1)
     variance = squared / free if noise is None else noise**2
     minus_two_log_likelihood = free * np.log(variance) + squared / variance + 2.0 * float(np.log(factor[-1]).sum())
-    minus_two_log_likelihood -= rows * log_ratio + float(np.log(bound).sum())
+    minus_two_log_likelihood -= len(bound) * log_ratio + float(np.log(bound).sum())
     return factor, variance, minus_two_log_likelihood
