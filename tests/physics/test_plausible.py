@@ -41,7 +41,8 @@ def test_each_end_of_a_range_is_known_and_what_lies_beyond_is_named(name: str) -
     low, high, unit = _BOUNDS[name]
     husky = load_robot("husky")
     for value, plausible in ((low, True), (0.99 * low, False), (high, True), (1.01 * high, False)):
-        robot = dataclasses.replace(husky, min_speed_mps=1e-3, **{name: value})
+        change: Any = {name: value}
+        robot = dataclasses.replace(husky, min_speed_mps=1e-3, **change)
         said = [text for text in implausible(robot) if text.startswith(f"{name} = ")]
         assert (said == []) == plausible
         assert plausible or said == [f"{name} = {value:g}, where {low:g} to {high:g}{unit and ' ' + unit} is known"]
@@ -59,7 +60,9 @@ def test_a_battery_that_weighs_more_or_holds_more_than_any_is_named_by_its_ratio
 
 def test_ancillary_powers_count_together() -> None:
     husky = load_robot("husky")
-    parts = {name: 5000.0 for name in ("sensing_idle_w", "communication_w", "controller_w", "computer_w")}
+    parts: dict[str, Any] = {
+        name: 5000.0 for name in ("sensing_idle_w", "communication_w", "controller_w", "computer_w")
+    }
     assert implausible(dataclasses.replace(husky, **parts)) == []
     (said,) = implausible(dataclasses.replace(husky, **parts | {"computer_w": 5001.0}))
     assert said.endswith("computer_w = 20001 W, where at most 20000 W is known")
