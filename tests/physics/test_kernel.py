@@ -10,10 +10,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from homeward import Robot, load_robot
+from homeward import Robot
 from homeward.physics import CAUSES, EFFECTS, ancillary_power, d_max, mission_energy
 from homeward.physics.kernel import BASE_CAUSES, Conditions
-from homeward.physics.range import _range_by_kernel
 from tests.physics.drives import PLAIN, STEADY, conditions, drive, quantities, robots, with_effect
 
 EPSILON = float(np.finfo(np.float64).eps)
@@ -165,12 +164,6 @@ def test_kernel_range_is_eq_8(data: st.DataObject, robot: Robot, speed: float, g
     assert float(end["distance_m"]) == pytest.approx(reach_m, rel=1e-9)
 
 
-@given(robot=robots(with_effects=False), duty=st.floats(0.01, 1.0), grade=st.floats(-0.3, 1.2))
-def test_range_by_the_kernel_is_eq_8_at_any_duty_cycle(robot: Robot, duty: float, grade: float) -> None:
-    by_kernel = _range_by_kernel(robot, robot.max_speed_mps, grade, duty, 0.0, robot.usable_energy_j)
-    assert float(by_kernel) == pytest.approx(float(d_max(robot, robot.max_speed_mps, grade, duty)), rel=1e-9)
-
-
 @given(robot=robots(with_effects=False), duty=st.floats(0.01, 1.0), cycles=st.integers(1, 20))
 def test_driving_and_standing_in_turn_is_eq_7(robot: Robot, duty: float, cycles: int) -> None:
     x = STEADY._replace(speed_mps=robot.max_speed_mps, sensing_hz=0.0)
@@ -242,28 +235,3 @@ def test_the_power_of_a_step_is_its_mean() -> None:
     )
     end = drive(robot, [STEADY], 50.0, np.inf)
     assert float(end["power_w"]) * 50.0 == pytest.approx(float(end["ledger_j"].sum()), rel=1e-12)
-
-
-def test_a_range_with_effects_runs_out_where_the_steps_run_out() -> None:
-    robot = dataclasses.replace(
-        load_robot("husky"),
-        effects={
-            "motor_heating": {"per_k": 0.004, "rise_k_per_w": 0.2, "time_constant_s": 1200.0},
-            "internal_resistance": {"ohm": 0.05},
-            "standby": {"power_w": 20.0},
-        },
-    )
-    reach_m = float(d_max(robot, 0.8, 0.02))
-    x = STEADY._replace(speed_mps=0.8, sensing_hz=0.0, sin_grade=np.sin(0.02), cos_grade=np.cos(0.02))
-    end = drive(robot, [x] * 40000, 1.0, speed_mps=0.8)
-    assert end["depleted"]
-    assert float(end["distance_m"]) == pytest.approx(reach_m, rel=1e-4)
-    assert reach_m < 0.9 * float(d_max(dataclasses.replace(robot, effects={}), 0.8, 0.02))
-
-
-def test_a_charge_that_never_ends_has_no_range() -> None:
-    robot = with_effect(PLAIN, "regeneration", share=0.9)
-    assert d_max(robot, 2.0, -0.8) == np.inf
-    free = dataclasses.replace(PLAIN, sensing_idle_w=0.0, communication_w=0.0, controller_w=0.0)
-    assert d_max(free, 2.0, -0.8) == np.inf
-    assert d_max(free, 2.0, -0.8, energy_j=0.0) == d_max(robot, 2.0, -0.8, energy_j=0.0) == 0.0

@@ -7,7 +7,6 @@ import dataclasses
 import io
 import math
 import pickle
-import re
 import time
 import tomllib
 from pathlib import Path
@@ -20,8 +19,6 @@ from hypothesis import strategies as st
 
 from homeward import Robot, RobotError, load_robot
 from homeward.physics import EFFECTS, preset_names
-from homeward.physics.intervals import Bounds
-from homeward.physics.plausible import PlausibilityWarning, implausible
 from homeward.physics.robot import ROBOT_DTYPE
 from tests.physics.drives import PLAIN, robots
 
@@ -96,19 +93,6 @@ def test_bounds_are_open_or_closed_as_printed(field: str) -> None:
                 dataclasses.replace(PLAIN, **{field: end})
         else:
             assert bounds.hold(end)
-
-
-def test_bounds_hold_arrays() -> None:
-    bounds = Bounds(0.0, 1.0, open_low=True)
-    assert str(bounds) == "(0, 1]"
-    assert bounds.hold(np.array([-1.0, 0.0, 0.5, 1.0, 2.0, np.nan])).tolist() == [
-        False,
-        False,
-        True,
-        True,
-        False,
-        False,
-    ]
 
 
 @pytest.mark.parametrize(
@@ -348,27 +332,3 @@ def test_deep_files_are_refused_at_once(tmp_path: Path, text: str) -> None:
     began = time.monotonic()
     assert "not a readable TOML file" in refusal(path)
     assert time.monotonic() - began < 1.0
-
-
-@pytest.mark.parametrize("preset", preset_names())
-def test_presets_are_plausible(preset: str) -> None:
-    assert implausible(load_robot(preset)) == []
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"mass_kg": 50_000.0}, "mass_kg = 50000"),
-        ({"rated_energy_j": 480.0}, "rated_energy_j = 480"),  # watt hours
-        ({"rolling_resistance": 0.9}, "rolling_resistance = 0.9"),
-        ({"nominal_voltage_v": 24_000.0}, "nominal_voltage_v = 24000"),
-        ({"controller_w": 50_000.0}, "W is known"),
-        ({"mass_kg": 9000.0}, "rated_energy_j / mass_kg = 192 J/kg"),
-    ],
-)
-def test_implausible_values_warn(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
-    path = tmp_path / "robot.toml"
-    path.write_text(dataclasses.replace(load_robot("husky"), **changes).to_toml())
-    with pytest.warns(PlausibilityWarning, match=f"robot.toml: .*{re.escape(said)}.*is the unit right") as caught:
-        load_robot(path)
-    assert caught[0].filename == __file__

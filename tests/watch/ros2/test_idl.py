@@ -10,6 +10,8 @@ pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
+from homeward.companion import CompanionError
+from homeward.watch.ros2 import idl
 from homeward.watch.ros2.idl import kind_of, message, struct_of
 
 KINDS = (
@@ -66,3 +68,10 @@ def test_a_message_is_filled_up() -> None:
     state: Any = message("sensor_msgs/msg/BatteryState", voltage=24.5)
     assert (state.voltage, state.header.stamp.sec, state.cell_voltage) == (24.5, 0, [])
     assert len(message("sensor_msgs/msg/Imu").serialize(use_version_2=False)) > 300
+
+
+def test_a_field_without_a_type_in_dds_takes_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(idl._BASES, "float64")
+    idl.struct_of.cache_clear()
+    with pytest.raises(CompanionError, match="a field of type float64 cannot be read"):
+        struct_of("std_msgs/msg/Float64")

@@ -1,0 +1,175 @@
+"""The range on one charge: by hand, by search, and by the kernel where effects are active."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from homeward import Robot, load_robot
+from homeward.physics import d_max, ideal_range, manoeuvring_energy, mission_energy, optimal_speed
+from homeward.physics.range import _range_by_kernel
+from tests.physics.drives import PLAIN, STEADY, drive, quantities, robots, with_effect
+
+
+def test_eq_4_manoeuvring_energy() -> None:
+    assert manoeuvring_energy(7.0, 3.0) == 21.0
+
+
+def test_eq_7_mission_energy() -> None:
+    force_n = 9.80665 + 0.5 * 4.0
+    by_hand = 30.0 * (5.0 / (2.0 * 0.25) + force_n / 0.5)
+    assert mission_energy(PLAIN, 30.0, 2.0, 0.0, 0.25, 50.0) == pytest.approx(by_hand)
+
+
+def test_eq_8_range() -> None:
+    per_metre = 5.0 / (2.0 * 0.25) + (9.80665 + 0.5 * 4.0) / 0.5
+    assert d_max(PLAIN, 2.0, 0.0, 0.25, 50.0) == pytest.approx(1e5 / per_metre)
+    assert d_max(PLAIN, 2.0, 0.0, 0.25, 50.0, energy_j=10.0) == pytest.approx(10.0 / per_metre)
+
+
+def test_optimal_speed_by_hand() -> None:
+    # (P Gamma / (2 c D))^(1/3) with 5 W, 0.5, 0.5 and 0.2
+    assert optimal_speed(PLAIN, 0.0, 0.2, 50.0) == pytest.approx((5.0 * 0.5 / (2.0 * 0.5 * 0.2)) ** (1.0 / 3.0))
+    assert d_max(PLAIN, None, 0.0, 0.2, 50.0) == d_max(PLAIN, optimal_speed(PLAIN, 0.0, 0.2, 50.0), 0.0, 0.2, 50.0)
+
+
+@given(robot=robots(with_effects=False), duty=st.floats(0.05, 1.0), hz=st.floats(0.0, 1.0), grade=st.floats(-1.2, 1.2))
+def test_optimal_speed_is_the_least_of_eq_7(robot: Robot, duty: float, hz: float, grade: float) -> None:
+    speeds = np.linspace(robot.min_speed_mps, robot.max_speed_mps, 2001)
+    searched = mission_energy(robot, 1.0, speeds, grade, duty, hz * robot.max_sensing_hz)
+    best = optimal_speed(robot, grade, duty, hz * robot.max_sensing_hz)
+    assert robot.min_speed_mps <= best <= robot.max_speed_mps
+    closed = mission_energy(robot, 1.0, best, grade, duty, hz * robot.max_sensing_hz)
+    assert closed <= searched.min() * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("grade", [-0.2, -0.11, -0.1, 0.0, 0.3])
+def test_optimal_speed_on_descents_is_where_the_search_finds_it(grade: float) -> None:
+    slippery = dataclasses.replace(PLAIN, drag_ns2_per_m2=2.0, max_speed_mps=20.0)
+    speeds = np.linspace(0.1, 20.0, 200001)
+    searched = speeds[np.argmin(mission_energy(slippery, 1.0, speeds, grade))]
+    assert optimal_speed(slippery, grade) == pytest.approx(searched, abs=2e-4)
+
+
+def test_without_drag_the_fastest_speed_wins() -> None:
+    free = dataclasses.replace(PLAIN, drag_ns2_per_m2=0.0)
+    np.testing.assert_array_equal(optimal_speed(free, np.array([-0.5, 0.0, 0.5])), [4.0, 4.0, 4.0])
+
+
+@given(robot=robots(with_effects=False), speed=st.floats(0.0, 1.0), grade=st.floats(-1.2, 1.2), k=quantities(0.1, 10.0))
+def test_laws_of_scale(robot: Robot, speed: float, grade: float, k: float) -> None:
+    """Ten times the energy goes ten times as far, and a robot with every force and power scaled goes as far as ever."""
+    v = robot.min_speed_mps + speed * (robot.max_speed_mps - robot.min_speed_mps)
+    reach_m = d_max(robot, v, grade)
+    assert d_max(robot, v, grade, energy_j=k * robot.usable_energy_j) == pytest.approx(k * reach_m, rel=1e-9)
+    scaled = dataclasses.replace(
+        robot,
+        mass_kg=k * robot.mass_kg,
+        drag_ns2_per_m2=k * robot.drag_ns2_per_m2,
+        rated_energy_j=k * robot.rated_energy_j,
+        sensing_idle_w=k * robot.sensing_idle_w,
+        communication_w=k * robot.communication_w,
+        controller_w=k * robot.controller_w,
+    )
+    assert d_max(scaled, v, grade) == pytest.approx(reach_m, rel=1e-9)
+    assert ideal_range(scaled) == pytest.approx(ideal_range(robot), rel=1e-9)
+    assert optimal_speed(scaled, grade) == pytest.approx(optimal_speed(robot, grade), rel=1e-9)
+
+
+@given(robot=robots(with_effects=False), speed=st.floats(0.0, 1.0))
+def test_the_range_is_below_the_ideal_one(robot: Robot, speed: float) -> None:
+    v = robot.min_speed_mps + speed * (robot.max_speed_mps - robot.min_speed_mps)
+    assert d_max(robot, v) < ideal_range(robot)
+    assert d_max(robot, v) <= d_max(robot) * (1.0 + 1e-12)
+
+
+def test_effects_that_only_add_power_change_the_range_as_eq_8_says() -> None:
+    """A standing load is s0 by another name, so the kernel's range must be that of Eq. 8 with a larger s0."""
+    by_kernel = d_max(with_effect(PLAIN, "standby", power_w=2.0), 2.0, 0.1, 0.5, 10.0)
+    by_equation = d_max(dataclasses.replace(PLAIN, sensing_idle_w=2.5), 2.0, 0.1, 0.5, 10.0)
+    assert by_kernel == pytest.approx(float(by_equation), rel=1e-9)
+
+
+def test_optimal_speed_with_effects_is_searched() -> None:
+    """Viscous drag b v moves the optimum: P / v^2 = 2 c v / Gamma + b / Gamma."""
+    robot = with_effect(PLAIN, "viscous", drag_ns_per_m=3.0)
+    best = float(optimal_speed(robot, 0.0, 1.0, 50.0))
+    roots = np.roots([2.0 * 0.5, 3.0, 0.0, -5.0 * 0.5])
+    assert best == pytest.approx(float(roots[np.isreal(roots) & (roots.real > 0.0)].real[0]), abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("speed_mps", 0.0),
+        ("speed_mps", -1.0),
+        ("speed_mps", math.nan),
+        ("speed_mps", math.inf),
+        ("grade_rad", 5.71),
+        ("grade_rad", math.nan),
+        ("duty", 0.0),
+        ("duty", 1.1),
+        ("sensing_hz", -1.0),
+        ("sensing_hz", math.inf),
+        ("energy_j", -1.0),
+        ("energy_j", math.nan),
+    ],
+)
+def test_arguments_out_of_bounds_are_refused(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"^{name} = {value} is not allowed; allowed: a number in [\[(].*[\])]$"):
+        d_max(PLAIN, **{"speed_mps": 1.0, name: np.array([0.5, value])})
+    if name not in ("speed_mps", "energy_j"):
+        with pytest.raises(ValueError, match=name):
+            optimal_speed(PLAIN, **{name: value})
+    if name != "energy_j":
+        with pytest.raises(ValueError, match=name):
+            mission_energy(PLAIN, **{"distance_m": 1.0, "speed_mps": 1.0, name: value})
+
+
+@given(robot=robots(with_effects=False), duty=st.floats(0.01, 1.0), grade=st.floats(-0.3, 1.2))
+def test_range_by_the_kernel_is_eq_8_at_any_duty_cycle(robot: Robot, duty: float, grade: float) -> None:
+    by_kernel = _range_by_kernel(robot, robot.max_speed_mps, grade, duty, 0.0, robot.usable_energy_j)
+    assert float(by_kernel) == pytest.approx(float(d_max(robot, robot.max_speed_mps, grade, duty)), rel=1e-9)
+
+
+def test_a_range_with_effects_runs_out_where_the_steps_run_out() -> None:
+    robot = dataclasses.replace(
+        load_robot("husky"),
+        effects={
+            "motor_heating": {"per_k": 0.004, "rise_k_per_w": 0.2, "time_constant_s": 1200.0},
+            "internal_resistance": {"ohm": 0.05},
+            "standby": {"power_w": 20.0},
+        },
+    )
+    reach_m = float(d_max(robot, 0.8, 0.02))
+    x = STEADY._replace(speed_mps=0.8, sensing_hz=0.0, sin_grade=np.sin(0.02), cos_grade=np.cos(0.02))
+    end = drive(robot, [x] * 40000, 1.0, speed_mps=0.8)
+    assert end["depleted"]
+    assert float(end["distance_m"]) == pytest.approx(reach_m, rel=1e-4)
+    assert reach_m < 0.9 * float(d_max(dataclasses.replace(robot, effects={}), 0.8, 0.02))
+
+
+def test_a_charge_that_never_ends_has_no_range() -> None:
+    robot = with_effect(PLAIN, "regeneration", share=0.9)
+    assert d_max(robot, 2.0, -0.8) == np.inf
+    free = dataclasses.replace(PLAIN, sensing_idle_w=0.0, communication_w=0.0, controller_w=0.0)
+    assert d_max(free, 2.0, -0.8) == np.inf
+    assert d_max(free, 2.0, -0.8, energy_j=0.0) == d_max(robot, 2.0, -0.8, energy_j=0.0) == 0.0
+
+
+def test_a_duty_cycle_with_a_load_ends_within_a_cycle_of_eq_8() -> None:
+    """The kernel drives and stands in turn; the last cycle counts by the share for which the charge is enough."""
+    for duty in (0.2, 0.5, 0.9):
+        by_kernel = d_max(with_effect(PLAIN, "standby", power_w=2.0), 1.0, duty=duty)
+        by_equation = d_max(dataclasses.replace(PLAIN, sensing_idle_w=2.5), 1.0, duty=duty)
+        assert float(by_kernel) == pytest.approx(float(by_equation), rel=1e-9)
+
+
+def test_an_empty_battery_goes_nowhere() -> None:
+    assert d_max(PLAIN, 1.0, energy_j=0.0) == 0.0
+    assert d_max(with_effect(PLAIN, "standby", power_w=2.0), 1.0, energy_j=0.0) == 0.0

@@ -1,0 +1,96 @@
+"""What is published of an advice."""
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="needs the extra ros2")
+
+from homeward.companion import Advice, Companion
+from homeward.watch.ros2.advice_messages import can_reach_home, messages, reserve
+
+FULL_J = 1.7e6
+
+
+@pytest.fixture(scope="module")
+def advice() -> Advice:
+    """Of a robot with a full battery, 100 m from home."""
+    companion = Companion("husky")
+    companion.update(0.0, position=100.0)
+    return companion.update(1.0, position=100.0)
+
+
+def published(advice: Advice | None, warnings: list[str] | None = None, silent: bool = False) -> dict[str, Any]:
+    return {name: one for name, _, one in messages(advice, FULL_J, "husky", warnings or [], silent, "")}
+
+
+def test_what_is_published_when_it_must_turn() -> None:
+    companion = Companion("husky", soc=0.02)
+    companion.update(0.0, position=900.0)
+    advice = companion.update(10.0, position=900.0, speed_mps=0.0)
+    assert advice.turn_now and advice.chance_home < 0.5
+    said: dict[str, Any] = {name: one for name, _, one in messages(advice, 1.7e6, "husky", ["dark"], False, "/r1")}
+    assert not said["/r1/homeward/can_reach_home"].data and said["/r1/homeward/turn_now"].data
+    assert said["/r1/homeward/battery"].percentage == 0.0 and math.isnan(said["/r1/homeward/battery"].current)
+    assert said["/r1/homeward/energy_to_home"].data == advice.energy_home_j.mean > 0.0
+    (status,) = said["/diagnostics"].status
+    assert status.level == 2 and "it may not get home" in status.message and status.name == "r1/homeward: way home"
+    assert ("warning", "dark") in {(pair.key, pair.value) for pair in status.values}
+
+
+@pytest.mark.parametrize(("chance", "reached"), [(1.0, True), (0.98, True), (0.9799, False), (0.0, False)])
+def test_home_is_reached_at_the_accepted_risk(advice: Advice, chance: float, reached: bool) -> None:
+    given = dataclasses.replace(advice, chance_home=chance, risk=0.02)
+    assert can_reach_home(given) == reached == published(given)["/homeward/can_reach_home"].data
+
+
+def test_the_battery_is_the_share_that_the_way_home_leaves_at_the_risk(advice: Advice) -> None:
+    margin = advice.margin_j
+    for risk in (0.001, 0.05):
+        given = dataclasses.replace(advice, risk=risk, turn_now=False)
+        expected = margin.quantile(risk) / FULL_J
+        assert 0.0 < expected < 1.0 and reserve(given, FULL_J) == pytest.approx(expected)
+        assert published(given)["/homeward/battery"].percentage == pytest.approx(expected)
+    assert reserve(dataclasses.replace(advice, turn_now=True), FULL_J) == 0.0
+    assert reserve(dataclasses.replace(advice, margin_j=margin._replace(mean=-1.0)), FULL_J) == 0.0
+    assert reserve(dataclasses.replace(advice, margin_j=margin._replace(mean=9e9)), FULL_J) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "warnings", "silent", "level", "text"),
+    [
+        ({}, [], False, 0, "turn within 1.23 km, 10 min"),
+        ({}, ["dark"], False, 1, "turn within 1.23 km, 10 min"),
+        ({}, ["dark"], True, 3, "turn within 1.23 km, 10 min"),
+        ({"turn_now": True}, [], False, 1, "turn now"),
+        ({"turn_now": True}, [], True, 3, "turn now"),
+        ({"chance_home": 0.5}, [], False, 2, "it may not get home: probability 50.00%"),
+        ({"chance_home": 0.5, "turn_now": True}, ["dark"], True, 2, "it may not get home: probability 50.00%"),
+    ],
+)
+def test_the_level_of_the_diagnostics_is_the_worst_that_is_known(
+    advice: Advice, change: dict[str, Any], warnings: list[str], silent: bool, level: int, text: str
+) -> None:
+    safe = {"turn_now": False, "chance_home": 1.0, "turn_in_m": 1230.0, "turn_in_s": 600.0}
+    (status,) = published(dataclasses.replace(advice, **safe | change), warnings, silent)["/diagnostics"].status
+    assert (status.level, status.message, status.hardware_id) == (level, text, "husky")
+    said = {pair.key: pair.value for pair in status.values}
+    assert float(said["way_home_m"]) == pytest.approx(100.0)
+    assert float(said["margin_j_low"]) < float(said["margin_j"]) < float(said["margin_j_high"])
+    assert said.get("warning") == (warnings[0] if warnings else None)
+
+
+def test_before_the_first_advice_there_are_diagnostics_alone() -> None:
+    said = published(None)
+    assert list(said) == ["/diagnostics"]
+    (status,) = said["/diagnostics"].status
+    assert (status.level, status.message, status.values) == (0, "no readings yet", [])
+    assert status.name == "homeward: way home"
+
+
+def test_what_a_battery_did_not_measure_is_none(advice: Advice) -> None:
+    battery = published(advice)["/homeward/battery"]
+    assert all(math.isnan(getattr(battery, name)) for name in ("voltage", "temperature", "charge", "design_capacity"))
+    assert battery.present and battery.header.stamp.sec > 0 and 0 <= battery.header.stamp.nanosec < 10**9
