@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from safetensors import safe_open
-from safetensors.numpy import load, save
+from safetensors.numpy import save
 from stable_baselines3.common.save_util import save_to_zip_file
 
 import homeward
@@ -206,49 +205,11 @@ def test_a_planted_pickle_is_not_run(
     assert load_policy(out / LAST).description["after_steps"] == STEPS
 
 
-Spoiled = Callable[[dict[str, Any], dict[str, Any]], object]
-
-
-@pytest.mark.parametrize(
-    "spoil",
-    [
-        lambda tensors, header: tensors["policy.action_net.bias"].fill(np.nan),
-        lambda tensors, header: tensors.update({"policy.action_net.bias": np.zeros(3, np.float32)}),
-        lambda tensors, header: tensors.update({"policy.action_net.bias": np.full(13, 1e300)}),
-        lambda tensors, header: tensors["policy.value_net.weight"].fill(1e20),
-        lambda tensors, header: tensors.pop("policy.action_net.bias"),
-        lambda tensors, header: tensors["optimizer.0.exp_avg_sq"].fill(-1.0),
-        lambda tensors, header: tensors["optimizer.0.exp_avg"].fill(np.nan),
-        lambda tensors, header: tensors.pop("optimizer.0.exp_avg"),
-        lambda tensors, header: tensors.update({"optimizer.99.step": np.zeros((), np.float32)}),
-        lambda tensors, header: header.update(schema=99),
-        lambda tensors, header: header.update(steps=-TINY.rollout),
-        lambda tensors, header: header.update(steps=STEPS + TINY.rollout),
-        lambda tensors, header: header.update(steps=777),
-        lambda tensors, header: header.update(steps=float(TINY.rollout)),
-        lambda tensors, header: header.update(pad="x" * 2_000_000),
-        lambda tensors, header: header["best"].update(steps="many"),
-        lambda tensors, header: header["best"].update(score=float("nan")),
-        lambda tensors, header: tensors.update({"best.0.weight": np.zeros((1, 1), np.float32)}),
-    ],
-)
-def test_numbers_that_are_no_checkpoint_are_refused(finished: Path, tmp_path: Path, spoil: Spoiled) -> None:
-    out = copied(finished, tmp_path / "run", RUN)
-    content = (finished / CHECKPOINT).read_bytes()
-    tensors = {name: value.copy() for name, value in load(content).items()}
-    with safe_open(finished / CHECKPOINT, "np") as file:
-        header = json.loads(file.metadata()["homeward"])
-    spoil(tensors, header)
-    (out / CHECKPOINT).write_bytes(save(tensors, {"homeward": json.dumps(header)}))
-    with pytest.raises(TrainingError, match="no checkpoint that can be read"):
-        main(tiny(out, resume=True))
-
-
-@pytest.mark.parametrize("content", ["", "steps,trained_s\n1,2\n", "steps\nmany\n", "\x00", "a" * 200_000, '"'])
+@pytest.mark.parametrize("content", ["", "steps\nmany\n"])
 def test_a_damaged_curve_is_one_line(finished: Path, tmp_path: Path, content: str) -> None:
     out = copied(finished, tmp_path / "run", RUN, CHECKPOINT)
     (out / CURVE).write_text(content)
-    if content in ("", "\x00", '"'):  # a header alone: a curve without points
+    if not content:  # a curve without points
         main(tiny(out, resume=True))
     else:
         with pytest.raises(TrainingError, match=f"{CURVE} is damaged"):

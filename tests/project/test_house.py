@@ -22,6 +22,8 @@ ACROSS = {
     "watch/ros2/test_page",
 }  # fmt: skip
 """Tests of what is in no one file: files that ship, pages, commands, and what several files do together."""
+UNTESTED: dict[str, str] = {}
+"""Files of code that need no test of their own, each with the reason."""
 
 
 def sources(root: Path, folders: tuple[str, ...] = CODE) -> Iterator[Path]:
@@ -30,7 +32,7 @@ def sources(root: Path, folders: tuple[str, ...] = CODE) -> Iterator[Path]:
 
 
 def test_no_folder_is_too_full_to_read(root: Path) -> None:
-    count = Counter(file.parent for file in sources(root))
+    count = Counter(file.parent for file in sources(root, (*CODE, "tests")))
     assert len(count) > 30
     assert {folder: n for folder, n in count.items() if n > MOST_FILES and folder.name != "effects"} == {}
 
@@ -47,6 +49,21 @@ def test_tests_mirror_the_files(root: Path) -> None:
         if known == ((folder / test.stem).as_posix() in ACROSS):
             lost.append((folder / test.stem).as_posix())
     assert lost == []
+
+
+def test_every_file_has_its_test(root: Path) -> None:
+    """Its own, `tests/a/test_b.py` for `a/b.py`, or its folder's, `tests/a/test_a.py`; an `__init__` is its package."""
+    tests = {test.relative_to(root / "tests").as_posix() for test in (root / "tests").rglob("test_*.py")}
+    files = {file for file in sources(root) if file.stem != "__init__"}
+    assert UNTESTED.keys() <= {file.as_posix() for file in files}
+    alone = []
+    for file in sorted(files):
+        inside = file.relative_to("homeward") if file.parts[0] == "homeward" else file
+        folder = inside.parent
+        own = (folder / f"test_{file.stem}.py", folder / f"test_{folder.name}.py")
+        if (file.as_posix() in UNTESTED) == any(one.as_posix() in tests for one in own):
+            alone.append(file.as_posix())
+    assert alone == []
 
 
 def test_a_class_has_its_name_for_itself(root: Path) -> None:

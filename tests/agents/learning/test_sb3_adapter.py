@@ -13,12 +13,10 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import homeward  # noqa: F401 - registers the environments
 from homeward.agents.learning import sb3_vec_env
-from homeward.agents.learning.ppo import make_model, stagger
 from homeward.agents.learning.sb3_adapter import SB3Adapter
-from homeward.agents.learning.settings import PPOSettings
 from homeward.agents.trained.inputs import make_inputs
 from homeward.envs.features import INDEX, NAMES
-from homeward.envs.options import OptionError, Options
+from homeward.envs.options import OptionError
 from homeward.envs.vector import HomewardVectorEnv
 
 COUNT = 6
@@ -190,11 +188,3 @@ def test_who_learns_senses_on_the_go_alone() -> None:
     env.reset()
     seen = np.asarray(env.step(np.array([[4, 4, mode] for mode in range(3)]))[0])
     assert seen[:, INDEX["sensing"]].tolist() == [0.0, 1.0, 0.0]
-
-
-def test_training_begins_with_missions_at_all_stages() -> None:
-    settings = PPOSettings(n_envs=64, n_steps=8, batch_size=64, hidden=8)
-    model = make_model(Options("Survey"), settings, seed=0)
-    stagger(model)
-    assert isinstance(model._last_obs, np.ndarray)
-    assert len(np.unique(model._last_obs[:, INDEX["time"]])) > 20
