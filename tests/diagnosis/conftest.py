@@ -8,6 +8,8 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
+from homeward.diagnosis.fit.replay import Runs, average
+from homeward.diagnosis.fit.usable import usable_runs
 from homeward.synthetic import STEP_S, record
 from tests.logs.conftest import csv as csv
 from tests.logs.conftest import table as table
@@ -39,6 +41,12 @@ def drive() -> Drive:
 def short_drive(drive: Drive) -> Drive:
     """As `drive`, four runs of two minutes, which are too short for the clock of power to be searched for a drift."""
     return functools.partial(drive, runs=4, minutes=2.0)
+
+
+@pytest.fixture(scope="session")
+def short_runs(short_drive: Drive, husky: Robot) -> Runs:
+    """Windows of the short drives of a robot that is as its file says, for `observed` of the test's own."""
+    return average(usable_runs(short_drive(husky), husky)[0])
 
 
 @pytest.fixture(scope="session")

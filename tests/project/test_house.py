@@ -2,6 +2,7 @@
 
 import ast
 import itertools
+import os
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,9 +18,9 @@ ACROSS = {
     "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "docs/test_headlines",
     "envs/conditions/test_randomise", "envs/conditions/test_true_robot", "examples/test_other_stacks",
     "physics/test_paper", "project/test_house",
-    "project/test_makefile", "project/test_packaging", "project/test_release", "robots/test_presets", "test_broken",
-    "test_killed", "test_mutated", "test_layers", "test_parallel_cluster", "watch/ros2/test_command",
-    "watch/ros2/test_page",
+    "project/test_makefile", "project/test_packaging", "project/test_release", "robots/test_presets",
+    "robustness/test_broken", "robustness/test_killed", "robustness/test_mutated", "test_layers",
+    "test_parallel_cluster", "watch/ros2/test_command", "watch/ros2/test_page",
 }  # fmt: skip
 """Tests of what is in no one file: files that ship, pages, commands, and what several files do together."""
 UNTESTED: dict[str, str] = {}
@@ -52,7 +53,8 @@ def test_tests_mirror_the_files(root: Path) -> None:
 
 
 def test_every_file_has_its_test(root: Path) -> None:
-    """Its own, `tests/a/test_b.py` for `a/b.py`, or its folder's, `tests/a/test_a.py`; an `__init__` is its package."""
+    """Its own, `tests/a/test_b.py` for `a/b.py`, or its folder's, `tests/a/test_a.py` or `tests/test_a.py`; an
+    `__init__` is its package."""
     tests = {test.relative_to(root / "tests").as_posix() for test in (root / "tests").rglob("test_*.py")}
     files = {file for file in sources(root) if file.stem != "__init__"}
     assert UNTESTED.keys() <= {file.as_posix() for file in files}
@@ -60,7 +62,8 @@ def test_every_file_has_its_test(root: Path) -> None:
     for file in sorted(files):
         inside = file.relative_to("homeward") if file.parts[0] == "homeward" else file
         folder = inside.parent
-        own = (folder / f"test_{file.stem}.py", folder / f"test_{folder.name}.py")
+        names = (f"test_{file.stem}.py", f"test_{folder.name}.py", f"../test_{folder.name}.py")
+        own = [Path(os.path.normpath(folder / name)) for name in names[: 2 + bool(folder.name)]]
         if (file.as_posix() in UNTESTED) == any(one.as_posix() in tests for one in own):
             alone.append(file.as_posix())
     assert alone == []

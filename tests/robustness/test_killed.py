@@ -1,6 +1,6 @@
 """Killed commands, and those with a full disk or a read-only folder, lose nothing and leave nothing half-written.
 
-`HOMEWARD_KILLS=20 pytest tests/test_killed.py` kills every command so often; else two are killed, once.
+`HOMEWARD_KILLS=20 pytest tests/robustness/test_killed.py` kills every command so often; else two are killed, once.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Real files with changed bytes and structure are read or refused, by every loader and by commands, in time and memory.
 
-Some of each belong to every run. `HOMEWARD_MUTATIONS=10000 pytest tests/test_mutated.py --hypothesis-show-statistics`
-draws so many others of each; `tests/broken` holds what once broke, for `test_broken.py`.
+Some of each belong to every run. `HOMEWARD_MUTATIONS=10000 pytest tests/robustness/test_mutated.py
+--hypothesis-show-statistics` draws so many others of each; `broken` holds what once broke, for `test_broken.py`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from tests.command_line import ended
 from tests.logs.bag_writer import Stream, write_bag
 from tests.logs.flight_writer import write_dataflash, write_ulog
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 GIVEN = os.environ.get("HOMEWARD_MUTATIONS")
 SETTINGS = settings(
     max_examples=int(GIVEN or 25), derandomize=GIVEN is None, suppress_health_check=list(HealthCheck), print_blob=True

@@ -56,7 +56,7 @@ def test_what_once_broke_is_refused(path: Path) -> None:
     assert str(error.value)
 
 
-SHIPPED = Path(__file__).parents[1] / "agents" / "policies" / "OutAndBack_scratch"
+SHIPPED = Path(__file__).parents[2] / "agents" / "policies" / "OutAndBack_scratch"
 
 
 @pytest.mark.parametrize("shape", [[0, 2**62], [2**62, 0], [2**32, 2**32], [0], [-1, 4], [1] * 70])

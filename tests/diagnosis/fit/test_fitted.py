@@ -1,0 +1,78 @@
+"""Bounded least squares on the Gram matrix, and a fit with further columns."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from homeward import Robot
+from homeward.diagnosis.fit.fitted import bounded, excited, with_columns
+from homeward.diagnosis.fit.refit import refit
+from homeward.diagnosis.fit.replay import Runs
+
+
+@given(seed=st.integers(0, 10_000), columns=st.integers(1, 6), wide=st.sampled_from([0.01, 0.3, 10.0]))
+def test_the_best_weights_within_bounds_are_those_of_least_squares(seed: int, columns: int, wide: float) -> None:
+    """Whatever the units of the columns."""
+    rng = np.random.default_rng(seed)
+    matrix, target = rng.standard_normal((40, columns)), rng.standard_normal(40)
+    low, high = -wide * rng.uniform(size=columns), wide * rng.uniform(size=columns)
+    unit = 10.0 ** rng.uniform(-3.0, 3.0, columns)
+    scaled = matrix * unit
+    found = bounded(scaled.T @ scaled, scaled.T @ target, low / unit, high / unit) * unit
+    assert (found >= low - 1e-9).all() and (found <= high + 1e-9).all()
+    best = lsq_linear(matrix, target, (low, high), method="bvls").x
+    assert np.sum((matrix @ found - target) ** 2) <= np.sum((matrix @ best - target) ** 2) + 1e-6
+
+
+def test_without_columns_there_are_no_weights() -> None:
+    assert bounded(np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0)).shape == (0,)
+
+
+def test_columns_that_are_the_same_share_their_weight_and_one_of_zeros_has_none() -> None:
+    column = np.arange(10.0)
+    matrix = np.column_stack([column, column, 0.0 * column])
+    free = np.full(3, np.inf)
+    found = bounded(matrix.T @ matrix, matrix.T @ (6.0 * column), -free, free)
+    np.testing.assert_allclose(found, [3.0, 3.0, 0.0], rtol=1e-6)
+
+
+def test_a_column_that_explains_the_rest_predicts_windows_that_were_not_fitted(husky: Robot, short_runs: Runs) -> None:
+    fit = refit(short_runs, husky)
+    column = np.sin(short_runs.time_s / 7.0)
+    observed = fit.predicted + 12.0 * column
+    chosen = short_runs.run < 2
+    np.testing.assert_allclose(with_columns(fit, chosen, observed, column[:, None]), observed, atol=1e-4)
+    without = with_columns(fit, chosen, observed, np.empty((len(observed), 0)))
+    assert np.std(observed - without) > 5.0
+
+
+def test_groups_stay_within_their_bounds_beside_further_columns(husky: Robot, short_runs: Runs) -> None:
+    """Idle power is no less than zero, however much less is recorded."""
+    fit = refit(short_runs, husky)
+    observed = fit.predicted - 1000.0
+    everything = np.ones(len(observed), dtype=bool)
+    found = with_columns(fit, everything, observed, np.empty((len(observed), 0)))
+    assert float(np.mean(found)) > 0.0
+    with_offset = with_columns(fit, everything, observed, np.ones((len(observed), 1)))
+    np.testing.assert_allclose(with_offset, observed, atol=0.1)
+
+
+@pytest.mark.parametrize(("name", "lacks"), [("grade_rad", "mass"), ("sensing_hz", "sample_energy")])
+def test_a_group_is_excited_by_what_changes_its_prediction(
+    name: str, lacks: str, husky: Robot, short_runs: Runs
+) -> None:
+    fit = refit(short_runs, husky)
+    assert excited(fit, short_runs).all()
+    level = []
+    for run in short_runs.signals:
+        nothing = np.zeros(len(run.time_s))
+        still = {"accel_mps2": nothing} if name == "grade_rad" else {}
+        level.append(dataclasses.replace(run, **{name: nothing}, **still))  # type: ignore[arg-type]
+    runs = dataclasses.replace(short_runs, signals=level, context={**short_runs.context, name: 0.0 * fit.predicted})
+    moving = excited(refit(runs, husky), runs, share=0.02)
+    names = [one.name for one in fit.parameters.groups]
+    assert not moving[names.index(lacks)] and moving[names.index("rolling")]

@@ -1,0 +1,129 @@
+"""Blocks outlast the autocorrelation of a residual, and folds hold out whole runs where there are enough."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from homeward import Robot
+from homeward.diagnosis import Recording
+from homeward.diagnosis.fit.folds import (
+    correlation_windows,
+    cut_blocks,
+    cut_folds,
+    cut_stretches,
+    independent_windows,
+    noise_of,
+    per_block,
+)
+from homeward.diagnosis.fit.replay import Runs, average
+from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.rules import FEWEST_BLOCKS
+from homeward.logs.channels import Array, Index
+
+ONE_RUN: Index = np.zeros(20_000, dtype=np.intp)
+
+
+def autoregressive(phi: float, count: int = 20_000, seed: int = 0) -> Array:
+    """A residual that keeps this share of itself from window to window; its increments have a variance of 1."""
+    return np.asarray(lfilter([1.0], [1.0, -phi], np.random.default_rng(seed).standard_normal(count)))
+
+
+def in_runs(lengths: list[int]) -> Index:
+    return np.repeat(np.arange(len(lengths)), lengths)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.8])
+def test_the_autocorrelation_time_is_that_of_the_process(phi: float) -> None:
+    """(1 + phi) / (1 - phi) of an autoregressive process."""
+    residual, expected = autoregressive(phi), (1.0 + phi) / (1.0 - phi)
+    assert correlation_windows(residual, ONE_RUN) == pytest.approx(expected, rel=0.1)
+    assert independent_windows(residual, ONE_RUN) == pytest.approx(20_000 / expected, rel=0.1)
+    assert noise_of(residual, ONE_RUN, lags=(1, 2)).long_run == pytest.approx(1.0 / (1.0 - phi), rel=0.25)
+
+
+def test_noise_is_not_taken_from_a_few_changes_of_level() -> None:
+    steps = 30.0 * (np.arange(20_000) // 2000 % 2)
+    found = noise_of(autoregressive(0.5) + steps, ONE_RUN, lags=(1, 2))
+    assert found.long_run == pytest.approx(2.0, rel=0.25)
+
+
+def test_what_lies_in_two_runs_does_not_correlate() -> None:
+    """Each run of two windows begins where the one before ended."""
+    residual = np.repeat(np.random.default_rng(0).standard_normal(2000), 2)[1:-1]
+    assert correlation_windows(residual, np.repeat(np.arange(len(residual) // 2), 2)) == 1.0
+    assert correlation_windows(residual, ONE_RUN[: len(residual)]) > 1.8
+
+
+def test_a_residual_of_nothing_has_two_windows_at_least() -> None:
+    assert correlation_windows(np.zeros(100), ONE_RUN[:100]) == 1.0
+    assert independent_windows(np.arange(40.0), ONE_RUN[:40]) >= 2.0
+
+
+@given(lengths=st.lists(st.integers(1, 400), min_size=1, max_size=12), phi=st.sampled_from([0.0, 0.9]))
+def test_blocks_are_numbered_stretches_within_one_run(lengths: list[int], phi: float) -> None:
+    run = in_runs(lengths)
+    block = cut_blocks(run, autoregressive(phi, len(run)))
+    assert block[0] == 0 and set(np.diff(block).tolist()) <= {0, 1}
+    assert all(len(np.unique(run[block == one])) == 1 for one in np.unique(block))
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.9])
+def test_sums_over_blocks_hardly_correlate(phi: float) -> None:
+    residual = autoregressive(phi)
+    sums = per_block(residual[:, None], cut_blocks(ONE_RUN, residual))[:, 0]
+    assert abs(np.corrcoef(sums[1:], sums[:-1])[0, 1]) < 0.15
+
+
+def test_blocks_are_as_long_as_the_autocorrelation_needs_but_not_too_few() -> None:
+    longer, plain = (cut_blocks(ONE_RUN, one) for one in (autoregressive(0.95), None))
+    assert longer.max() < plain.max() / 3
+    drifting = cut_blocks(ONE_RUN[:400], np.linspace(-1.0, 1.0, 400))
+    assert int(drifting.max()) + 1 >= FEWEST_BLOCKS
+
+
+def test_sums_per_block_are_those_of_its_windows() -> None:
+    values, block = np.arange(12.0).reshape(6, 2), np.array([0, 0, 1, 1, 1, 2])
+    np.testing.assert_allclose(per_block(values, block), [[2.0, 4.0], [18.0, 21.0], [10.0, 11.0]])
+
+
+def test_stretches_begin_anew_in_each_run() -> None:
+    found = cut_stretches(in_runs([9, 5]))
+    assert found[[0, 9]].tolist() == [0, 0]
+    for run in (found[:9], found[9:]):
+        assert set(np.diff(run).tolist()) == {0, 1}
+    assert found[:5].tolist() == found[9:].tolist()
+
+
+@pytest.mark.parametrize("count", [3, 12])
+def test_folds_are_whole_runs_where_there_are_enough(
+    count: int, drive: Callable[..., list[Recording]], husky: Robot
+) -> None:
+    (one,) = drive(husky, runs=1, minutes=0.5)
+    runs = average(usable_runs([dataclasses.replace(one, name=f"{i}", sha256=f"{i}") for i in range(count)], husky)[0])
+    fold, held_out_by = cut_folds(runs, cut_blocks(runs.run))
+    assert held_out_by == "run" and len(fold) == len(runs.observed)
+    assert all(len(np.unique(fold[runs.run == run])) == 1 for run in range(count))
+    assert len(np.unique(fold)) == min(count, 10)
+    assert np.ptp(np.bincount(fold)) <= len(runs.observed) / count
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_folds_of_one_or_two_runs_are_series_of_blocks(count: int, short_runs: Runs) -> None:
+    chosen = short_runs.run < count
+    runs = dataclasses.replace(short_runs, signals=short_runs.signals[:count], run=short_runs.run[chosen])
+    block = cut_blocks(runs.run)
+    fold, held_out_by = cut_folds(runs, block)
+    assert held_out_by == "block" and len(fold) == int(chosen.sum())
+    assert all(len(np.unique(fold[block == one])) == 1 for one in np.unique(block))
+    assert set(np.diff(fold).tolist()) == {0, 1}  # one after the other
+    assert np.bincount(fold).max() < 1.5 * np.bincount(fold).min()
+
+
+def test_a_single_block_is_a_single_fold(short_runs: Runs) -> None:
+    runs = dataclasses.replace(short_runs, signals=short_runs.signals[:1])
+    assert cut_folds(runs, np.zeros(5, dtype=np.intp))[0].tolist() == [0] * 5
