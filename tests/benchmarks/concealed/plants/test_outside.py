@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.concealed.plants.chain import Work, rollout
-from benchmarks.concealed.plants.effects import EFFECTS
+from benchmarks.concealed.plants.effects import EFFECTS, first_order
 from benchmarks.concealed.plants.motion import Motion
 from benchmarks.concealed.plants.outside import OUTSIDE, make_outside
 from benchmarks.concealed.plants.vehicles import SCOUT, rolling_power_w, typical_power_w
@@ -47,11 +47,16 @@ def test_furrows_are_the_same_there_and_back_and_hinder_across(seed: int) -> Non
 
 
 @each_seed
-def test_a_dry_bearing_squeals_once_hot_and_until_cool(seed: int) -> None:
+def test_a_dry_bearing_squeals_once_hot_and_until_clearly_cooler(seed: int) -> None:
+    """It cools as it warms, so that the levels at which it begins and ends follow from the times."""
     run = speeds((1.5, 300.0), (0.0, 600.0))
     worse = rolls("squealing_bearing", run, seed) > 1.0
     begins, ends = np.flatnonzero(np.diff(worse.astype(int)))
-    assert 0 < begins < 3000 < ends  # it stays dry for some time after the stop
+    rise_s = np.random.default_rng(seed).uniform(60.0, 150.0)
+    heat = first_order(run.speed_mps, DT_S, rise_s)
+    heat /= heat.max()
+    assert 0.5 < heat[begins] < 0.71
+    assert heat[ends] == pytest.approx(heat[begins] - 0.15, abs=0.01)
     assert rolls("squealing_bearing", motion(0.0), seed).max() == 1.0
 
 
@@ -126,11 +131,16 @@ def test_a_bent_linkage_hinders_to_the_left(seed: int) -> None:
 
 
 @each_seed
-def test_a_fan_has_a_hysteresis(seed: int) -> None:
-    fan_w = adds_w("cooling_fan", speeds((1.5, 120.0), (0.0, 240.0)), seed)
+def test_a_fan_runs_on_until_the_motor_is_clearly_cooler(seed: int) -> None:
+    run = speeds((1.5, 120.0), (0.0, 240.0))
+    fan_w = adds_w("cooling_fan", run, seed)
     on = fan_w > 0.0
     begins, ends = np.flatnonzero(np.diff(on.astype(int)))[:2]
-    assert begins < 1200 <= ends  # it runs on until the motor is clearly cooler
+    assert begins < 1200 <= ends
+    rng = np.random.default_rng(seed)
+    rng.uniform(0.25, 0.5)
+    heat = first_order(plain(run).drive_w, DT_S, rng.uniform(40.0, 100.0))
+    assert heat[ends] / heat[begins] == pytest.approx(0.7, abs=0.03)
     assert 0.25 <= fan_w.max() / typical_power_w(SCOUT) <= 0.5
 
 
