@@ -79,6 +79,28 @@ def test_a_head_wind_on_the_way_home_is_the_drag_of_both_speeds() -> None:
     assert windy - still == pytest.approx(per_n2 * (2.5**2 - 0.5**2 + (0.3 * 2.0) ** 2), rel=1e-6)
 
 
+def test_present_gusts_fade_on_the_way_home() -> None:
+    """On average over a way of duration T, a share (1 - exp(-T / tau)) tau / T of them remains."""
+    estimator = alone(CALM)
+    read(estimator, 400.0, 200.0)
+    still = estimator.margin(home_plan(estimator), 0.0).total[0]["cost_j"]
+    estimator.state["hypotheses"]["mean"][..., GUST_EAST] = -2.0
+    gusty = estimator.margin(home_plan(estimator), 0.0).total[0]["cost_j"]
+    share = (1.0 - np.exp(-400.0 / 1040.0)) * 1040.0 / 400.0
+    per_n2 = ROBOT.drag_ns2_per_m2 * 200.0 / ROBOT.traction_efficiency
+    assert gusty - still == pytest.approx(per_n2 * ((0.5 + 2.0 * share) ** 2 - 0.5**2), rel=1e-6)
+
+
+def test_a_part_of_the_way_home_may_be_driven_at_another_speed() -> None:
+    estimator = alone(CALM)
+    read(estimator, 400.0, 200.0)
+    plans = home_plan(estimator, 0.9)
+    plans["onwards_m"], plans["speed_mps"], plans["onwards_s"] = -80.0, 0.3, 80.0 / 0.3
+    plans["onwards_j"] = estimator.vehicle.idle_w * 80.0 / 0.3
+    expected = float(mission_energy(ROBOT, 80.0, 0.3)) + float(mission_energy(ROBOT, 120.0, 0.9))
+    assert estimator.margin(plans, 0.0).total[0]["cost_j"] == pytest.approx(expected)
+
+
 def test_another_way_home_is_the_sum_of_its_stretches() -> None:
     estimator = alone(CALM)
     read(estimator, 400.0, 200.0)
@@ -98,10 +120,10 @@ def test_another_way_home_is_the_sum_of_its_stretches() -> None:
 
 
 def test_one_uncertain_capacity_gives_a_normal_margin() -> None:
-    estimator = alone(CALM._replace(capacity_sd=0.02))
+    estimator = alone(CALM._replace(capacity=0.8, capacity_sd=0.02))
     for risk in (1e-6, 1e-3, 0.3, 0.5):
         total = estimator.margin(home_plan(estimator), risk).total[0]
-        assert total["margin_j"] == pytest.approx(ROBOT.usable_energy_j, rel=1e-3)
+        assert total["margin_j"] == pytest.approx(0.8 * ROBOT.usable_energy_j, rel=1e-3)
         assert total["margin_sd_j"] == pytest.approx(0.02 * ROBOT.usable_energy_j, rel=1e-2)
         expected = total["margin_j"] + stats.norm.ppf(risk) * total["margin_sd_j"]
         assert total["margin_low_j"] == pytest.approx(expected, rel=1e-4)

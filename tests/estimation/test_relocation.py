@@ -35,6 +35,7 @@ def test_to_where_it_is_changes_nothing() -> None:
 @pytest.mark.parametrize("position_m", [0.0, 12.5, 50.0, 160.0])
 def test_a_short_cut_over_even_ground_keeps_its_share(position_m: float) -> None:
     estimator = driven()
+    estimator.state["hypotheses"]["mean"][..., CLIMB] = 1e-3
     before = estimator.estimate()
     estimator.relocate(position_m)
     after, share = estimator.estimate(), position_m / 200.0

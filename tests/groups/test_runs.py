@@ -160,7 +160,7 @@ def test_steps_that_the_run_cannot_tell_are_none() -> None:
     rng = np.random.default_rng(12)
     noisy = COLUMNS @ [0.4, -1.5, 0.0] + rng.normal(0.0, 0.1, 200)
     alike = np.column_stack((np.ones(200), 1.0 + 1e-4 * rng.normal(size=200)))
-    assert np.isnan(of_runs._steps(alike, noisy, BLOCKS, np.ones(2))).all()  # confounded
+    assert np.isnan(of_runs._steps(alike, noisy, BLOCKS, np.full(2, 1e9))).all()  # confounded
     assert np.isnan(of_runs._steps(COLUMNS[:4], noisy[:4], BLOCKS[:4], np.ones(3))).all()  # too short
     assert np.isnan(of_runs._steps(COLUMNS, 100.0 * noisy, BLOCKS, np.full(3, 1.0)))[1]  # too uncertain
     assert np.isfinite(of_runs._steps(COLUMNS, 100.0 * noisy, BLOCKS, np.full(3, 1e3)))[1]

@@ -104,6 +104,11 @@ def test_limits_of_bytes_and_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         opened(written(tmp_path, "01234567890")) as file,
     ):
         file.read()
+    with (
+        pytest.raises(RecordingError, match="a line of more than 10 bytes"),
+        opened(written(tmp_path, "a\n01234567890")) as file,
+    ):
+        file.read()
     monkeypatch.setattr(tables, "MOST_BYTES", 100)
     with pytest.raises(RecordingError, match="GB, unpacked; cut it"), opened(written(tmp_path, "a\n" * 51)) as file:
         file.read()
