@@ -28,7 +28,7 @@ from homeward.envs import IDS
 from homeward.envs.actions import MODES, encode_actions
 from homeward.envs.options import OptionError
 from homeward.envs.state import RETURN
-from tests.envs.reading import ReadRobot
+from tests.envs.conditions.reading import ReadRobot
 
 GIVEN = ("all", "the wind", "nothing", "nothing, and heeds turn_now")
 """What the policy is given beforehand."""
