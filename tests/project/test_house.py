@@ -33,7 +33,6 @@ UNMIRRORED = {
     "benchmarks": ("speed",),
     "homeward/diagnosis": ("chain", "evidence", "rules"),
     "homeward/diagnosis/explain": ("hypothesis", "joint_fit", "menu", "places"),
-    "homeward/diagnosis/fit": ("channel_errors", "lags", "parameter_groups", "usable"),
     "homeward/diagnosis/tell": ("figures", "missing", "words"),
 }  # fmt: skip
 """Files of code by folder that only the tests of what uses them test; the list may get shorter."""

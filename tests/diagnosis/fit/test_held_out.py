@@ -137,10 +137,12 @@ def test_errors_of_a_prediction() -> None:
 def test_trees_find_what_depends_on_a_channel_and_only_from_what_they_are_shown(short_runs: Runs) -> None:
     nominal = np.zeros(len(short_runs.observed))
     speed = short_runs.context["speed_mps"]
-    runs = dataclasses.replace(short_runs, observed=50.0 * (np.abs(speed - 0.5) < 0.1))
+    runs = dataclasses.replace(short_runs, observed=np.where(np.abs(speed - 0.5) < 0.1, 50.0, 0.0))
     chosen = runs.run > 0
     found = black_box(runs, nominal, chosen, rng())
     assert np.mean((runs.observed - found)[~chosen] ** 2) < 0.1 * np.var(runs.observed)
+    unseen = dataclasses.replace(runs, observed=np.where(chosen, runs.observed, 1e6))
+    np.testing.assert_array_equal(black_box(unseen, nominal, chosen, rng()), found)
     blind = black_box(runs, nominal, chosen, rng(), channels=("sensing_hz",))
     assert np.mean((runs.observed - blind)[~chosen] ** 2) > 0.5 * np.var(runs.observed)
     beside = black_box(runs, nominal, chosen, rng(), channels=(), beside=[speed])

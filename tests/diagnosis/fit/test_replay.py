@@ -46,8 +46,7 @@ def test_windows_have_the_means_of_their_samples_run_by_run(husky: Robot) -> Non
 
 
 def test_windows_hold_as_many_samples_as_they_should(husky: Robot) -> None:
-    slow = {name: values[::10] for name, values in {"time_s": TIME_S, "speed_mps": SPEED_MPS}.items()}
-    one = run(husky, **slow, power_w=np.ones(120))
+    one = run(husky, time_s=TIME_S[::10], speed_mps=SPEED_MPS[::10], power_w=np.ones(120))
     assert len(average([one]).observed) == 120
     paired = average([one], samples=2)
     assert len(paired.observed) == 60 and paired.duration_s == pytest.approx(np.full(60, 2.0))
@@ -107,7 +106,8 @@ def test_a_late_instrument_reads_what_was_drawn_before(husky: Robot) -> None:
 
 
 def test_true_speeds_are_replayed_where_the_odometer_errs(husky: Robot) -> None:
-    """A run each: accelerations err as speeds do."""
+    """A factor for each run: accelerations err as speeds do."""
+    husky = dataclasses.replace(husky, effects={"inertia": {"mass_factor": 1.0}})
     runs = average([run(husky), run(husky, "other")])
     found = predict(runs, husky, met=WithEffects(speed_factors=[1.0, 1.1]))
     one = runs.signals[1]
