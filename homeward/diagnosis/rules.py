@@ -130,8 +130,11 @@ MOST_LEVELS, FEWEST_PIECES = 4, 8
 COST_OF_A_CHANGE = 3
 """Parameters that an estimated change point counts for in BIC (Zhang & Siegmund, 2007)."""
 
-SAME_SCHEDULE = 0.02
-"""Share of windows in which two schedules may differ and count as the same. Chosen."""
+SAME_SCHEDULE, SMALLEST_LEVEL_GAIN = 0.02, 0.1
+"""Share of windows in which two schedules may differ and count as the same: half or twice changes no test of schedules
+(tests/diagnosis/explain: change_points, proof, explanation). Share that a further level of a schedule must add to the
+squared error that its levels so far explain: with half of it a load that switches over a drift is given more than two
+levels (test_proof); twice changes no test of these."""
 
 STOPS_MPS = 0.05
 """Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.channels`, as a
@@ -140,9 +143,6 @@ short stop leaves no window without motion."""
 CLEARLY_APART = 4.0
 """Distance of two separate levels, in standard deviations of the residual: half-way between them a window of one
 lies on the side of the other with p = 0.02, the normal tail beyond two."""
-
-SMALLEST_LEVEL_GAIN = 0.1
-"""Share that a further level of a schedule must add to the squared error that its levels so far explain. Chosen."""
 
 CUSUM_CUTS = 4.0
 """Squared studentised CUSUM from which a run is cut at a change point: two standard errors."""
@@ -234,7 +234,7 @@ fits. Chosen; km/h are 3.6 times m/s."""
 
 HARDLY_CHANGES = 0.1
 """Relative spread of a speed (range over the largest) or load (standard deviation over the mean) up to which it hardly
-changes. Chosen."""
+changes: half or twice changes no test of tests/diagnosis/explain on residuals, proofs and explanations."""
 
 UNIT_RATIO = 3.0
 """A ratio of recorded to expected power within this factor of 1000 is a wrong unit: half-way to ten."""
