@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -28,7 +29,12 @@ def test_it_is_a_picture() -> None:
 def axes(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
     """Of scores and of strandings."""
     drawn: list[Figure] = []
-    monkeypatch.setattr(learning_plot, "png", lambda figure: drawn.append(figure) or b"")
+
+    def keep(figure: Figure) -> bytes:
+        drawn.append(figure)
+        return b""
+
+    monkeypatch.setattr(learning_plot, "png", keep)
     evaluation = compared(
         ppo=made_up([0.0, 2.0, 3.0, 9.0]), dmax=made_up([0.0, 4.0, 4.0, 4.0], [True, False, False, False])
     )
@@ -39,11 +45,11 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
 def curves(axes: Axes) -> list[tuple[list[float], list[float]]]:
     """Abscissas and ordinates of the lines that are no levels."""
     lines = [line for line in axes.lines if line.get_linestyle() == "-"]
-    return [([float(x) for x in line.get_xdata()], [float(y) for y in line.get_ydata()]) for line in lines]
+    return [(np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist()) for line in lines]
 
 
 def levels(axes: Axes) -> list[float]:
-    return [float(line.get_ydata()[0]) for line in axes.lines if line.get_linestyle() == "--"]
+    return [float(np.asarray(line.get_ydata())[0]) for line in axes.lines if line.get_linestyle() == "--"]
 
 
 def test_scores_and_strandings_stand_over_millions_of_decisions(axes: list[Axes]) -> None:

@@ -129,7 +129,8 @@ def test_a_run_that_continues_at_a_checkpoint_does_not_write_it_again(tmp_path: 
 
 def test_the_value_learns_first(tmp_path: Path) -> None:
     def parts(model: PPO) -> tuple[torch.Tensor, torch.Tensor]:
-        return model.policy.action_net.weight.detach().clone(), model.policy.value_net.weight.detach().clone()
+        weights = model.policy.state_dict()
+        return weights["action_net.weight"].clone(), weights["value_net.weight"].clone()
 
     (actions, values), model = parts(learner()), learner()
     first = Training(tmp_path, VALUE_FIRST, model=model)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def test_outputs_are_those_of_the_layers(options: Options) -> None:
     first, second, last = layers_of(model)
     hidden = np.tanh(np.tanh(inputs @ first[0].T + first[1]) @ second[0].T + second[1])
     outputs = np.concatenate((hidden, inputs), axis=1) @ last[0].T + last[1]
-    distribution = model.policy.get_distribution(torch.from_numpy(inputs)).distribution
+    distribution: Any = model.policy.get_distribution(torch.from_numpy(inputs)).distribution
     if options is CONTINUOUS:
         np.testing.assert_allclose(distribution.mean.detach(), outputs, atol=1e-5)
     else:
@@ -76,7 +77,7 @@ def test_updates_change_the_policy_or_the_value_only(learns: bool) -> None:
         torch.from_numpy(seen(model)), torch.zeros((SETTINGS.n_envs, 3), dtype=torch.int64)
     )
     assert entropy is not None
-    (values.sum() + log_likely.sum() + entropy.sum()).backward()
+    torch.autograd.backward(values.sum() + log_likely.sum() + entropy.sum())
     with_gradient = (name for name, one in policy.named_parameters() if one.grad is not None)
     changed = {name.removeprefix("mlp_extractor.").split(".")[0] for name in with_gradient}
     assert changed == {"value_net"} | ({"policy_net", "action_net"} if learns else set())

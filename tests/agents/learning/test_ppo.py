@@ -46,7 +46,7 @@ def test_steps_are_rounded_up_to_whole_updates(tmp_path: Path, steps: int, whole
 def test_weights_that_are_not_finite_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def diverge(model: PPO, *_: Any, **__: Any) -> None:
         with torch.no_grad():
-            model.policy.action_net.bias[:] = torch.nan
+            dict(model.policy.named_parameters())["action_net.bias"][:] = torch.nan
         raise ValueError("Expected parameter logits to satisfy the constraint")
 
     monkeypatch.setattr(PPO, "learn", diverge)

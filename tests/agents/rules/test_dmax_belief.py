@@ -24,7 +24,8 @@ FLAT = Route(20.0, ZEROS, ZEROS, ZEROS + 1.0, ZEROS)
 
 
 def flat(mission: str = "OutAndBack", **options: Any) -> Options:
-    return Options(mission, **{"difficulty": "known", "route": FLAT} | options)
+    given: dict[str, Any] = {"difficulty": "known", "route": FLAT, **options}
+    return Options(mission, **given)
 
 
 def out(rule: BeliefDmaxRule, options: Options, decisions: int, count: int = 1) -> tuple[Outlook, Any]:
@@ -87,8 +88,8 @@ def test_a_slower_step_goes_less_far() -> None:
 def test_on_a_patrol_the_step_is_a_lap_whatever_its_speed() -> None:
     known = known_of(Options("Patrol"))
     rules = [BeliefDmaxRule(known, NO_SENSING, 1.0, step_mps) for step_mps in (None, 0.2)]
-    outlooks = [out(rule, Options("Patrol"), 2)[0] for rule in rules]
-    np.testing.assert_array_equal(*outlooks)
+    one, other = (out(rule, Options("Patrol"), 2)[0] for rule in rules)
+    np.testing.assert_array_equal(one, other)
 
 
 def test_where_nothing_is_hidden_there_is_hardly_a_reserve() -> None:

@@ -95,7 +95,7 @@ def test_sizes_are_those_of_the_robot_and_the_mission() -> None:
     robot, s = load_robot("husky"), known.shared[0]
     by_name = {one.name: one for one in quantities(known)}
     assert list(by_name) == [name for name, _, _ in FEATURES]
-    expected = {
+    expected: dict[str, tuple[str, float, float]] = {
         "energy": ("J", robot.usable_energy_j, 0.0),
         "speed": ("m/s", robot.max_speed_mps, 0.0),
         "temperature": ("degree C", 20.0, 10.0),
@@ -103,9 +103,9 @@ def test_sizes_are_those_of_the_robot_and_the_mission() -> None:
         "time": ("decisions", float(s["max_decisions"]), 0.0),
         "outbound": ("1", 1.0, 0.0),
     }
-    assert {name: (by_name[name].unit, by_name[name].size, by_name[name].zero) for name in expected} == {
-        name: (unit, pytest.approx(size), zero) for name, (unit, size, zero) in expected.items()
-    }
+    for name, (unit, size, zero) in expected.items():
+        assert (by_name[name].unit, by_name[name].zero) == (unit, zero)
+        assert by_name[name].size == pytest.approx(size)
 
 
 @pytest.mark.parametrize("mission", MISSIONS)
