@@ -56,7 +56,7 @@ def diagnose(
         recordings: Runs, or paths of their files; one by itself is a list of one.
         robot: Robot, preset name or TOML path that the simulator uses.
         columns: Mapping for foreign files.
-        seed: Seed of the bootstrap draws.
+        seed: Seed of all random numbers: those of bootstraps, placebos and trees.
 
     Raises:
         RecordingError: A file cannot be read.

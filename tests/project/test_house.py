@@ -2,7 +2,6 @@
 
 import ast
 import itertools
-import os
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,16 +16,15 @@ ACROSS = {
     "diagnosis/test_command_line", "diagnosis/test_second_diagnosis", "diagnosis/test_thresholds",
     "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "docs/test_headlines",
     "envs/conditions/test_randomise", "envs/conditions/test_true_robot", "examples/test_other_stacks",
-    "physics/test_paper", "project/test_house",
-    "project/test_makefile", "project/test_packaging", "project/test_release", "robots/test_presets",
-    "robustness/test_broken", "robustness/test_killed", "robustness/test_mutated", "test_layers",
+    "physics/test_paper", "project/test_house", "project/test_makefile", "project/test_packaging",
+    "project/test_release", "robots/test_presets", "robustness/test_broken",
+    "robustness/test_killed", "robustness/test_mutated", "test_layers",
     "test_parallel_cluster", "watch/ros2/test_command", "watch/ros2/test_page",
 }  # fmt: skip
 """Tests of what is in no one file: files that ship, pages, commands, and what several files do together."""
 UNMIRRORED = {
     "benchmarks/concealed/plants": (
-        "cases", "catalogue", "cell_electrochemistry", "rover_drives", "rover_engine",
-        "rover_scenarios",
+        "cases", "catalogue", "cell_electrochemistry", "rover_drives", "rover_engine", "rover_scenarios",
     ),
     "benchmarks/concealed/scoring": ("count", "outcome"),
     "benchmarks/on_the_robot": ("onboard", "range_drives"),
@@ -74,8 +72,8 @@ def test_every_file_has_its_test(root: Path) -> None:
     for file in sorted(files):
         inside = file.relative_to("homeward") if file.parts[0] == "homeward" else file
         folder = inside.parent
-        names = (f"test_{file.stem}.py", f"test_{folder.name}.py", f"../test_{folder.name}.py")
-        own = [Path(os.path.normpath(folder / name)) for name in names[: 2 + bool(folder.name)]]
+        of_folder = f"test_{folder.name}.py"
+        own = (folder / f"test_{file.stem}.py", folder / of_folder, folder.parent / of_folder)
         if (file in known) == any(one.as_posix() in tests for one in own):
             alone.append(file.as_posix())
     assert alone == []
