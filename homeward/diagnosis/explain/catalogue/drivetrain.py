@@ -4,12 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from homeward.diagnosis.explain.hypothesis import Hypothesis, Numbers, Setting, Term, responses
+from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term, responses
 from homeward.physics.effects import Parameter, copper_loss, inertia, motor_heating, regeneration, turning
 
 _TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)  # tried where a file has no track; chosen: by factors of two, refined afterwards
 _CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)  # tried; chosen: a minute to half an hour, about threefold each
 _TYPICAL_RISE_K = 40.0  # of a winding at mean load; chosen: only its product with per_k is estimated
+_LIMITS = (0.25, 0.5, 0.75)  # quantiles of the braking power, tried as its largest; chosen: refined afterwards
+_UP_TO_W = regeneration.EFFECT.parameters[1]
 _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
 
 
@@ -43,6 +45,25 @@ def _time_constants(setting: Setting) -> Iterator[Numbers]:
             yield {"time_constant_s": constant_s, "rise_k_per_w": _TYPICAL_RISE_K / work_w}
 
 
+def _limits(setting: Setting) -> Iterator[Numbers]:
+    """Braking powers from which friction brakes take over: none, and some that are reached."""
+    yield {}
+    braking_w = -setting.response(REGENERATION, TINY, {})
+    braking_w = braking_w[braking_w > TINY * np.max(braking_w)]
+    for value in np.unique(np.quantile(braking_w, _LIMITS)) if len(braking_w) else []:
+        yield {_UP_TO_W.name: float(np.clip(value, _UP_TO_W.low, _UP_TO_W.high))}
+
+
+# On the level only inertia gives braking energy: without it nothing is regenerated.
+REGENERATION = Hypothesis(
+    regeneration.EFFECT,
+    beside={inertia.EFFECT.id: {inertia.EFFECT.switch.name: 1.0}},
+    shapes=_limits,
+    searched=(_UP_TO_W,),
+    shown_by=("accel_mps2", "grade_rad"),
+    check="put a clamp meter on the battery lead while braking",
+)
+
 HYPOTHESES = (
     Hypothesis(
         turning.EFFECT,
@@ -55,13 +76,7 @@ HYPOTHESES = (
         check="tow the robot sideways with a spring balance",
         at_wheels=True,
     ),
-    # On the level only inertia gives braking energy: without it nothing is regenerated.
-    Hypothesis(
-        regeneration.EFFECT,
-        beside={inertia.EFFECT.id: {inertia.EFFECT.switch.name: 1.0}},
-        shown_by=("accel_mps2", "grade_rad"),
-        check="put a clamp meter on the battery lead while braking",
-    ),
+    REGENERATION,
     Hypothesis(
         copper_loss.EFFECT,
         shown_by=("grade_rad", "accel_mps2"),
