@@ -93,7 +93,7 @@ def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
     shared, nominal, hidden = c.shared, c.nominal, c.hidden
     for k in range(shared.places):
         prefetch(route.places[k])
-    m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.step_s = 0.0
+    m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.start_left = m.step_s = 0.0
     m.traction_n = m.drive_w = m.power_w = 0.0
     m.position_m = m.furthest_m = m.dwell_s = m.legs = 0.0
     m.backlog = m.backlog_information = m.delivered = m.lost = m.modelled_j = m.sensing_hz = 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.physics import model
-from homeward.physics.effects import EFFECTS, Kind, intermittent_load, motor_heating
+from homeward.physics.effects import EFFECTS, Kind, breakaway, intermittent_load, motor_heating
 from homeward.physics.jit import inline
 from homeward.physics.robot import Robot
 
@@ -36,6 +36,7 @@ STATE_FIELDS = (
     ("speed_mps", np.float64),  # in the step before
     ("winding_k", np.float64),  # motor winding above ambient
     ("winding_fade", np.float64),  # share of its difference from the steady temperature that a step leaves
+    ("start_left", np.float64),  # share of the energy of the last start that is still to be spent
     ("step_s", np.float64),  # length of the step under way
     ("traction_n", np.float64),  # force at the wheels in the last step
     ("drive_w", np.float64),  # mean power into the drive in the last step
@@ -314,6 +315,7 @@ def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
     _book_ancillary(p.effects, s, passed_s)
     _book_battery(p.effects, s, passed_s)
     motor_heating.remember(p, s, x)
+    breakaway.remember(p, s, x)
 
 
 ROBOT_STATE_DTYPE = np.dtype(list(STATE_FIELDS), align=True)

@@ -90,6 +90,35 @@ def test_regeneration_by_hand() -> None:
     assert float(on["power_w"] - off["power_w"]) == pytest.approx(0.4 * force_n * 2.0, rel=1e-12)
 
 
+def test_friction_brakes_take_what_exceeds_the_power_of_regeneration() -> None:
+    downhill = LEVEL._replace(sin_grade=-0.6, cos_grade=0.8)
+    braking_w = (0.6 * WEIGHT_N - 0.1 * WEIGHT_N * 0.8 - 2.0) * 2.0
+    off = drive(PLAIN, [downhill], STEP_S, np.inf)
+    for up_to_w, taken_w in ((0.3 * braking_w, 0.3 * braking_w), (1.1 * braking_w, braking_w)):
+        on = drive(with_effect(PLAIN, "regeneration", share=0.4, up_to_w=up_to_w), [downhill], STEP_S, np.inf)
+        assert float(off["power_w"] - on["power_w"]) == pytest.approx(0.4 * taken_w, rel=1e-12)
+
+
+def test_the_energy_of_a_start_is_spent_over_the_first_metres() -> None:
+    """Of 5 m at 2 m/s a step of one second spends two fifths, the third the rest; the next start begins anew."""
+    robot, still = with_effect(PLAIN, "breakaway", start_j=70.0, over_m=5.0), LEVEL._replace(speed_mps=0.0)
+    moves = [still, LEVEL, LEVEL, LEVEL, LEVEL, still, LEVEL]
+    starts_w = []
+    for count in range(1, len(moves) + 1):
+        with_it, without = (float(drive(one, moves[:count], 1.0, np.inf)["power_w"]) for one in (robot, PLAIN))
+        starts_w.append(with_it - without)
+    np.testing.assert_allclose(starts_w, [0.0, 28.0, 28.0, 14.0, 0.0, 0.0, 28.0], atol=1e-9)
+
+
+@given(dt_s=st.floats(0.01, 20.0), over_m=st.floats(1e-6, 50.0))
+def test_a_start_takes_the_same_energy_in_steps_of_any_length(dt_s: float, over_m: float) -> None:
+    robot = with_effect(PLAIN, "breakaway", start_j=70.0, over_m=over_m)
+    steps = [LEVEL] * (2 + math.ceil(over_m / (LEVEL.speed_mps * dt_s)))
+    if len(steps) < 1000:
+        ledger_j = drive(robot, steps, dt_s, np.inf)["ledger_j"]
+        assert float(ledger_j[CAUSES.index("breakaway")]) == pytest.approx(70.0, rel=1e-9)
+
+
 def test_regeneration_takes_what_slowing_down_leaves_over() -> None:
     slowing = LEVEL._replace(accel_mps2=-3.0)
     force_n = 0.1 * WEIGHT_N + 2.0 - 3.0 * 10.0

@@ -1,11 +1,10 @@
 """Effects on battery energy: resistance, capacity lost at high power, by age and in the cold, and starts."""
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 
-from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term, temperatures
+from homeward.diagnosis.explain.hypothesis import Hypothesis, Numbers, Setting, temperatures
 from homeward.diagnosis.explain.menu import Drive
 from homeward.logs.channels import Array
 from homeward.physics.effects import ageing, breakaway, cold_battery, internal_resistance, rate_capacity
@@ -14,8 +13,8 @@ CONFOUNDED_WITH_LOAD, CONFOUNDED_WITH_COLD = rate_capacity.EFFECT.id, cold_batte
 """Effects confounded with ageing where the load rises or the air gets colder from run to run."""
 
 _WARM_C = cold_battery.EFFECT.parameters[1]
-_START_J = breakaway.EFFECT.switch
-_ENDS = (0, 1, 2, 3, 5, 8)  # windows after a start, chosen: in steps that grow, four seconds in all
+_OVER_M = breakaway.EFFECT.parameters[1]
+_SECONDS = (0.3, 1.0, 3.0)  # at top speed, over which a start is tried; chosen: threefold each, refined afterwards
 
 
 def _references(setting: Setting) -> Iterator[Numbers]:
@@ -25,18 +24,10 @@ def _references(setting: Setting) -> Iterator[Numbers]:
         yield {"reference_w": float(value)}
 
 
-def _starts(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """The energy of each start, drawn at once or with any time course over the first four seconds."""
-    at_once = setting.response(one, TINY * _START_J.high, {})
-    yield Term(one, at_once[:, None], *one.limits(1), fixed=True)
-    run = setting.runs.run
-    later = np.zeros((len(at_once), len(_ENDS) - 1))
-    for step, (start, end) in enumerate(pairwise(_ENDS)):
-        for windows in range(start, end):
-            moved = np.roll(at_once, windows) * (np.roll(run, windows) == run)
-            moved[:windows] = 0.0
-            later[:, step] += moved / (end - start)
-    yield Term(one, later, *one.limits(len(_ENDS) - 1, signed=False), fixed=True, flexible=True)
+def _ways(setting: Setting) -> Iterator[Numbers]:
+    """Ways over which the energy of a start is spent: at once, and what the robot drives in some seconds."""
+    yield {}
+    yield from ({_OVER_M.name: one * setting.parameters.nominal.max_speed_mps} for one in _SECONDS)
 
 
 def share_of_the_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
@@ -76,7 +67,8 @@ HYPOTHESES = (
     ),
     Hypothesis(
         breakaway.EFFECT,
-        steady=_starts,
+        shapes=_ways,
+        searched=(_OVER_M,),
         shown_by=(),
         otherwise="at every start from standstill",
         check="pull the robot with a spring balance until it starts to roll",
