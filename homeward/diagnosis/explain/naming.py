@@ -185,15 +185,25 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
             if both > best + rules.STRONG_BIC:
                 best, pair = both, (one, other)
     preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), alone)
-    proven = partial(_proven, bench, alone=alone, independent=independent, rng=rng)
-    yield from ((found,) for index in dict.fromkeys([preferred, pair[0]]) if (found := proven(index)))
+    least = {False: 0.0, True: 0.0}  # of effects that change in steps, and of others
+
+    def proven(indices: Sequence[int]) -> Iterator[tuple[Named, ...]]:
+        """Each alone, but none that explains less than one that only the placebos refuse; steps stand beside drifts."""
+        for index in dict.fromkeys(indices):
+            found = _supported(bench, index, alone, independent, rng)
+            if found and found.p_value > rules.FALSE_ALARM_RATE:
+                for sudden in {False, found.sudden}:
+                    least[sudden] = max(least[sudden], rules.RIVAL_SHARE * found.held_out_gain)
+            elif found and found.held_out_gain >= least[found.sudden]:
+                yield (found,)
+
+    yield from proven([preferred, pair[0]])
     if len(pair) == 2:
         halves = [_half(bench.with_base(other), one, independent, rng) for one, other in (pair, pair[::-1])]
         if all(halves):
             yield tuple(one for one in halves if one)
     in_steps = sorted(filter(bench.is_in_steps, most), key=bench.innovations_bic, reverse=True)
-    further = dict.fromkeys([*order[:_TRIED], *in_steps[:_TRIED]])
-    yield from ((found,) for index in further if (found := proven(index)))
+    yield from proven([*order[:_TRIED], *in_steps[:_TRIED]])
 
 
 def _alone(bench: Bench, independent: float) -> Array:
@@ -205,7 +215,8 @@ def _half(bench: Bench, chosen: int, independent: float, rng: Generator) -> Name
     """One of a pair beside the other, or what the data cannot separate from it there and has a higher prior."""
     alone = _alone(bench, independent)
     tried = dict.fromkeys([_likeliest(bench, chosen, alone), chosen])
-    return next(filter(None, (_proven(bench, index, alone, independent, rng) for index in tried)), None)
+    found = (_supported(bench, index, alone, independent, rng) for index in tried)
+    return next((one for one in found if one and one.p_value <= rules.FALSE_ALARM_RATE), None)
 
 
 def _best_forms(bench: Bench, scores: Array) -> list[int]:
@@ -246,8 +257,8 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     return min([chosen, *equals], key=preference)
 
 
-def _proven(bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator) -> Named | None:
-    """A hypothesis with its evidence, where it passes every test; otherwise None."""
+def _supported(bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator) -> Named | None:
+    """A hypothesis with its evidence, where it passes every test but that of its p-value; otherwise None."""
     share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
@@ -268,8 +279,6 @@ def _proven(bench: Bench, chosen: int, alone: Array, independent: float, rng: Ge
     if interval[0] <= 0.0:
         return None
     p_value = bench.p_value(chosen, independent, rng)
-    if p_value > rules.FALSE_ALARM_RATE:
-        return None
     if bench.held_out_bic(chosen) < rules.STRONG_BIC:  # identified by its steps: rivals by the same evidence
         alone = np.array([bench.innovations_bic(index) for index in range(len(bench.candidates))])
     rivals = _rivals(bench, chosen, alone)

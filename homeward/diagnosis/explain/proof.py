@@ -31,7 +31,8 @@ from homeward.logs.channels import Array, Index, Mask
 
 DRAWS = 1999
 """Residuals with random signs: the least p-value is then 0.0005, a twentieth of FALSE_ALARM_RATE."""
-_SEARCHES = 39  # ten are in the upper quarter, whose mean estimates the tail within a third
+_SEARCHES, _LARGEST = 39, 10  # the largest, a quarter of the scores, whose mean estimates the tail within a third
+_MORE, _CLOSE = 4, 10.0  # four times as many searches where p is within this factor of the limit; chosen
 _AS_GOOD = 3  # placebos with as high a score that end a search; chosen: p is then 0.08 or more
 _AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
 _PAST = 5  # windows from which the next residual is predicted: longer than a change is refined
@@ -246,13 +247,17 @@ class Bench:
             reached = self.score(self.share(chosen), independent, chosen)
             return float((1 + np.sum(self._best_of_noise(independent, rng) >= reached)) / (DRAWS + 1))
         reached = self._searched(term, self.target)
-        scores: list[float] = []
+        kinds = {(one.axis, one.hypothesis.changes) for one in self.candidates if one.schedule is not None}
+        scores, p_value = list[float](), 1.0
         for placebo in self._placebos(chosen, rng):
             scores.append(self._searched(term, placebo))
             if sum(score >= reached for score in scores) == _AS_GOOD:
                 return _AS_GOOD / len(scores)
-        kinds = {(one.axis, one.hypothesis.changes) for one in self.candidates if one.schedule is not None}
-        return min(1.0, len(kinds) * _tail(np.array(scores), reached))
+            if len(scores) % _SEARCHES == 0:
+                p_value = min(1.0, len(kinds) * _tail(np.array(scores), reached))
+                if not 1.0 / _CLOSE < p_value / rules.FALSE_ALARM_RATE < _CLOSE:
+                    break
+        return p_value
 
     def _best_of_noise(self, independent: float, rng: np.random.Generator) -> Array:
         """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
@@ -283,7 +288,7 @@ class Bench:
     def _placebos(self, chosen: int, rng: np.random.Generator) -> Iterator[Array]:
         """Targets under the null hypothesis, (windows,) each; blocks of one sign outlast the residual's correlation."""
         block = cut_blocks(self.runs.run, self._residual((chosen,)))
-        for _ in range(_SEARCHES):
+        for _ in range(_MORE * _SEARCHES):
             if self.candidates[chosen].hypothesis.changes == "repeatedly":
                 yield _of_same_spectrum(self.target, rng)
             else:
@@ -315,14 +320,14 @@ def _log_innovation(residual: Array, run: Index) -> float:
 
 
 def _tail(scores: Array, reached: float) -> float:
-    """Probability of as high a score, from the exponential tail of the upper quarter of some scores.
+    """Probability of as high a score, from the exponential tail of the largest of some scores.
 
     >>> round(_tail(np.arange(100.0), 87.0), 2)
     0.13
     """
-    start = float(np.quantile(scores, 0.75))
-    excess = float(np.mean(scores[scores > start] - start)) if (scores > start).any() else 1e-9
-    return float(max(np.mean(scores >= reached), 0.25 * np.exp(-max(reached - start, 0.0) / max(excess, 1e-9)), 1e-12))
+    start, *largest = np.sort(scores)[-_LARGEST - 1 :]
+    beyond = max(reached - start, 0.0) / max(float(np.mean(largest) - start), 1e-9)
+    return float(max(np.mean(scores >= reached), len(largest) / len(scores) * np.exp(-beyond), 1e-12))
 
 
 def _as_searched(term: Term, found: Sequence[Schedule]) -> Array:
