@@ -135,8 +135,7 @@ class _Reading:
 
 
 def _gained(proof: Proof) -> float:
-    """Share of the held-out error explained; 0 where no model was compared."""
-    return proof.held_out_gain or 0.0
+    return proof.held_out_gain or 0.0  # no model was compared
 
 
 def _fit(design: Array, target: Array) -> Array:
@@ -192,9 +191,8 @@ def _state_of_charge(
         return None, None
     off = abs(rate - 1.0) > max(rules.GAUGE_ERROR, float(norm.ppf(1.0 - rules.FALSE_ALARM_RATE / 2.0)) * error)
     low, high = (robot.usable_energy_j / max(rate + sign * rules.NORMAL_95 * error, 1e-9) for sign in (1.0, -1.0))
-    capacity = Capacity(
-        robot.usable_energy_j, float(robot.usable_energy_j / rate), (float(low), float(high)), bool(off)
-    )
+    fitted_j = float(robot.usable_energy_j / rate)
+    capacity = Capacity(robot.usable_energy_j, fitted_j, (float(low), float(high)), bool(off))
     misread = _misread(fit, runs, channel, drawn, block, rng)
     if misread is not None:
         return dataclasses.replace(capacity, off=False), misread
@@ -316,13 +314,13 @@ class _Losses:
         most = rules.EQUAL * float(residual @ residual)
         voltage_v = self.runs.context.get("voltage_v", np.zeros(1))
         known = {battery.INTERNAL_RESISTANCE.id} if (voltage_v > 0.0).any() else ()
-        found = []
+        found, missing = [], self.channel.target - self.drawn[:, 0]
         for one, shape, added in self.tried:
-            (per_size,) = _fit(added, self.channel.target - self.drawn[:, 0])
+            (per_size,) = _fit(added, missing)
             if one.id in known or per_size <= 0.0:
                 continue
-            at = self._fallen(one, shape, self._size(one, shape, float(per_size), self._residual_beside_file))
-            if float(np.sum(self._residual_beside_file(at) ** 2)) <= most:
+            size = self._size(one, shape, float(per_size), lambda fallen: missing - fallen[:, 0])
+            if float(np.sum((missing - self._fallen(one, shape, size)[:, 0]) ** 2)) <= most:
                 found.append(one.id)
         return tuple(dict.fromkeys(found))
 
@@ -343,10 +341,6 @@ class _Losses:
         design = self.drawn + fallen
         rate = np.maximum(_fit(design, self.channel.target), 1.0)
         return np.asarray(self.channel.target - design @ rate)
-
-    def _residual_beside_file(self, fallen: Array) -> Array:
-        """The same with the file's capacity."""
-        return np.asarray(self.channel.target - self.drawn[:, 0] - fallen[:, 0])
 
     def _fallen(self, one: Hypothesis, shape: Numbers, size: float) -> Array:
         """Fall of the charge by a loss, shape (known windows, 1)."""

@@ -74,8 +74,7 @@ def _lacked(runs: Sequence[Signals], recorded: Collection[str]) -> list[Finding]
 
 def _corrected(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
     """The runs corrected for a late or tilted slope and a drifting clock, seen from power; a check of the robot."""
-    notes: list[Finding] = []
-    first = runs[0].name
+    notes, first = list[Finding](), runs[0].name
     late_s = late_slope(runs, sources, robot)
     if late_s:
         runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
@@ -149,14 +148,12 @@ def fault_of(run: Signals, robot: Robot) -> str | None:
 
 def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
     remarks = []
-    missing = len(recording) - int(known(recording).sum())
-    if missing:
+    if missing := len(recording) - int(known(recording).sum()):
         remarks.append(f"{missing} samples without motion or power are left out")
     remarks += [f"missing values of {name} are interpolated" for name in run.filled]
     if "elevation_m" in recording.channels and "grade_rad" not in run.context:
         remarks.append("elevation_m varies hardly more than its own steps or noise: slopes are treated as unknown")
-    jumps = gaps(run.time_s)
-    if len(jumps):
+    if len(jumps := gaps(run.time_s)):
         longest = float(np.max(np.diff(run.time_s)[jumps]))
         remarks.append(
             f"{len(jumps)} gaps, the longest {longest:.3g} s where the median step is {median_step_s(run.time_s):.3g} s"

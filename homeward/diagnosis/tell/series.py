@@ -1,6 +1,5 @@
 """Time series of recorded and predicted power: Parquet for data frames, MCAP for PlotJuggler and Foxglove."""
 
-import io
 import re
 import tempfile
 from pathlib import Path
@@ -32,11 +31,7 @@ def series(evidence: Evidence) -> pd.DataFrame:
     start_s = np.array([run.start_s for run in runs.signals])
     arms = {name: evidence.predictions[name] for name in _MODELS if name in evidence.predictions}
     return pd.DataFrame(
-        {
-            "run": np.array(names)[runs.run],
-            "time_s": runs.time_s + start_s[runs.run],
-            f"measured_{unit}": runs.observed,
-        }
+        {"run": np.array(names)[runs.run], "time_s": runs.time_s + start_s[runs.run], f"measured_{unit}": runs.observed}
         | {f"{name}_{unit}": predicted for name, predicted in arms.items()}
         | {f"residual_{name}_{unit}": runs.observed - predicted for name, predicted in arms.items()}
     )
@@ -44,9 +39,7 @@ def series(evidence: Evidence) -> pd.DataFrame:
 
 def parquet(table: pd.DataFrame) -> bytes:
     """Content of a Parquet file."""
-    buffer = io.BytesIO()
-    table.to_parquet(buffer, index=False)
-    return buffer.getvalue()
+    return table.to_parquet(index=False)
 
 
 def mcap(table: pd.DataFrame) -> bytes | None:

@@ -22,9 +22,8 @@ def show(analysis: Analysis, console: Console) -> None:
     say(console, diagnosis.summary)
     if diagnosis.fit is not None and evidence is not None:
         console.print()
-        console.print(
-            Padding(_arms(diagnosis.fit, evidence.range_accuracy_pct, wide=console.width >= _WIDE), (0, 0, 0, 2))
-        )
+        table = _arms(diagnosis.fit, evidence.range_accuracy_pct, wide=console.width >= _WIDE)
+        console.print(Padding(table, (0, 0, 0, 2)))
         claim = f"; the paper claims a range accuracy of {PAPER_ACCURACY}" if diagnosis.fit.unit == "W" else ""
         say(console, f"held out by {diagnosis.fit.held_out_by}, {diagnosis.fit.folds} folds{claim}", indent=2)
     for one in diagnosis.missing_physics:

@@ -32,16 +32,12 @@ def summary(
     file: CorrectedFile,
 ) -> str:
     """The verdict in one or two sentences, the content of corrected.toml, and how many runs were excluded."""
-    text = (
-        templates(autoescape=False)
-        .get_template("summary.txt")
-        .render(
-            verdict=verdict, evidence=evidence, off=off, fit=fit, found=found, file=file, condition=condition,
-            why_open=why_open, place=_place(evidence), excess=_excess(evidence),
-            shares=[total_share(added, evidence.runs) for added in evidence.contributions],
-            refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-            usable_energy=USABLE_ENERGY,
-        )
+    text = templates(autoescape=False).get_template("summary.txt").render(
+        verdict=verdict, evidence=evidence, off=off, fit=fit, found=found, file=file, condition=condition,
+        why_open=why_open, place=_place(evidence), excess=_excess(evidence),
+        shares=[total_share(added, evidence.runs) for added in evidence.contributions],
+        refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
+        usable_energy=USABLE_ENERGY,
     )  # fmt: skip
     return " ".join(text.split())
 
