@@ -35,6 +35,17 @@ UNMIRRORED = {
 }  # fmt: skip
 """Files of code by folder that only the tests of what uses them test; the list may get shorter."""
 
+SEEDED = {
+    "agents/registry.py": "seed of a request for the agent `random`",
+    "agents/trained/onnx_export.py": "a command; which observations check its file is nobody's choice",
+    "homeward/commands/evaluate.py": "--seed",
+    "homeward/diagnosis/chain.py": "seed of `diagnose`",
+    "homeward/diagnosis/read/noise.py": "fixed draws: the noise of a recording has one estimate, whatever the seed",
+    "homeward/synthetic.py": "seed of a recording",
+    "homeward/watch/ros2/simulated.py": "--seed",
+}
+"""Files that make a random generator, and why; everywhere else it is passed in."""
+
 
 def sources(root: Path, folders: tuple[str, ...] = CODE) -> Iterator[Path]:
     """Files of code relative to the checkout; the search does not enter linked folders."""
@@ -88,6 +99,24 @@ def test_a_class_has_its_name_for_itself(root: Path) -> None:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     )
     assert [name for name, n in names.items() if n > 1 and name != "Args"] == []
+
+
+def test_random_generators_are_passed_in(root: Path) -> None:
+    """A `SeedSequence` draws nothing: it makes the seeds that Gymnasium and PyTorch ask for."""
+    allowed = {"Generator", "SeedSequence"}
+
+    def drawn(node: ast.AST) -> bool:
+        if isinstance(node, ast.Attribute):
+            return ast.unparse(node.value) in ("np.random", "numpy.random") and node.attr not in allowed
+        if isinstance(node, ast.ImportFrom):
+            return node.module == "random" or (
+                node.module == "numpy.random" and not {one.name for one in node.names} <= allowed
+            )
+        return isinstance(node, ast.Import) and any(one.name in ("random", "numpy.random") for one in node.names)
+
+    files = sources(root, ("homeward", "envs", "agents"))
+    found = {file for file in files if any(map(drawn, ast.walk(ast.parse((root / file).read_text("utf-8")))))}
+    assert {file.as_posix() for file in found} == set(SEEDED)
 
 
 @pytest.mark.parametrize("ending", ["s", "d", "ed", "r", "er"])
