@@ -30,7 +30,6 @@ UNMIRRORED = {
     "benchmarks/on_the_robot": ("onboard", "range_drives"),
     "benchmarks": ("speed",),
     "homeward/diagnosis": ("chain", "evidence", "rules"),
-    "homeward/diagnosis/explain": ("hypothesis", "joint_fit", "menu", "places"),
     "homeward/diagnosis/tell": ("figures", "missing", "words"),
 }  # fmt: skip
 """Files of code by folder that only the tests of what uses them test; the list may get shorter."""

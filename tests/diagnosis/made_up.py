@@ -1,0 +1,19 @@
+"""Windows without a replay behind them, for tests of what is said of windows."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import WINDOW_S
+from homeward.logs.channels import Array
+
+
+def windows(count: int, runs: int = 1, observed: Array | float = 100.0, **context: Array) -> Runs:
+    """Runs `0.csv`, `1.csv`, ... of so many windows each; channels and power have shape (runs * count,)."""
+    signals: Any = [SimpleNamespace(name=f"{run}.csv") for run in range(runs)]
+    time_s = np.tile((np.arange(count) + 0.5) * WINDOW_S, runs)
+    power_w = np.broadcast_to(np.asarray(observed, np.float64), len(time_s))
+    run = np.repeat(np.arange(runs), count)
+    return Runs(signals, (), "W", run, time_s, np.full(len(time_s), WINDOW_S), power_w, context)
