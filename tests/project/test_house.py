@@ -29,8 +29,6 @@ UNMIRRORED = {
     "benchmarks/concealed/scoring": ("count", "outcome"),
     "benchmarks/on_the_robot": ("onboard", "range_drives"),
     "benchmarks": ("speed",),
-    "homeward/diagnosis": ("chain", "evidence", "rules"),
-    "homeward/diagnosis/tell": ("figures", "missing", "words"),
 }  # fmt: skip
 """Files of code by folder that only the tests of what uses them test; the list may get shorter."""
 
