@@ -99,6 +99,12 @@ def test_a_parameter_is_off_only_if_the_refit_is_better_by_more_than_instruments
     assert _conclude(wrong(sound, nominal_w, refit_w))[0] == verdict
 
 
+def test_one_stretch_in_which_the_refit_is_better_is_no_proof(sound: Evidence) -> None:
+    off = wrong(sound)
+    nominal = np.where(sound.block == 0, off.predictions["refit"] + 300.0, off.predictions["refit"])
+    assert _conclude(dataclasses.replace(off, predictions={**off.predictions, "nominal": nominal}))[0] == "no_mismatch"
+
+
 def test_a_capacity_that_differs_is_off_though_power_is_as_predicted(sound: Evidence) -> None:
     capacity = Capacity(1.0e6, 8.0e5, (7.5e5, 8.5e5), True, ("ageing",))
     verdict, off = _conclude(dataclasses.replace(sound, capacity=capacity))
@@ -107,6 +113,8 @@ def test_a_capacity_that_differs_is_off_though_power_is_as_predicted(sound: Evid
     assert (one.group, one.assumed, one.fitted, one.confused_with) == (USABLE_ENERGY, 1.0e6, 8.0e5, ("ageing",))
     same = dataclasses.replace(capacity, off=False)
     assert _conclude(dataclasses.replace(sound, capacity=same)) == ("no_mismatch", ())
+    _, off = _conclude(dataclasses.replace(wrong(sound), capacity=same))
+    assert [one.group for one in off] == ["C_rr m / Gamma"]
 
 
 def test_a_fault_of_the_meter_is_taken_out_of_what_it_read_and_physics_is_not(corrected: Corrected) -> None:
