@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import WINDOW_S
@@ -17,3 +18,8 @@ def windows(count: int, runs: int = 1, observed: Array | float = 100.0, **contex
     power_w = np.broadcast_to(np.asarray(observed, np.float64), len(time_s))
     run = np.repeat(np.arange(runs), count)
     return Runs(signals, (), "W", run, time_s, np.full(len(time_s), WINDOW_S), power_w, context)
+
+
+def autoregressive(phi: float, count: int, seed: int = 0) -> Array:
+    """A residual that keeps this share of itself from window to window; its increments have a variance of 1."""
+    return np.asarray(lfilter([1.0], [1.0, -phi], np.random.default_rng(seed).standard_normal(count)))

@@ -20,12 +20,6 @@ from tests.diagnosis.conftest import Drive
 
 
 @pytest.fixture(scope="module")
-def sound(faultless: Analysis) -> Evidence:
-    assert faultless.evidence is not None
-    return faultless.evidence
-
-
-@pytest.fixture(scope="module")
 def corrected(scrubbing: Analysis) -> Corrected:
     assert scrubbing.evidence is not None and scrubbing.evidence.corrected is not None
     return scrubbing.evidence.corrected
@@ -66,12 +60,12 @@ def without_nominal(evidence: Evidence) -> Evidence:
     return dataclasses.replace(evidence, predictions={"refit": evidence.predictions["refit"]})
 
 
-def test_verdicts_by_precedence(sound: Evidence) -> None:
+def test_verdicts_by_precedence(faultless_evidence: Evidence) -> None:
     """Each of these by itself, and with all that come after it."""
-    off = wrong(sound)
-    assert _conclude(sound)[0] == "no_mismatch"
+    off = wrong(faultless_evidence)
+    assert _conclude(faultless_evidence)[0] == "no_mismatch"
     assert _conclude(off)[0] == "parameters_off"
-    assert _conclude(wrong(sound, status="at bound", fitted=None, ci95=None))[0] == "unknown_physics"
+    assert _conclude(wrong(faultless_evidence, status="at bound", fitted=None, ci95=None))[0] == "unknown_physics"
     assert _conclude(without_nominal(off))[0] == "no_mismatch"
     assert _conclude(open_(off))[0] == "not_testable"
     assert _conclude(located(open_(off)))[0] == "unknown_physics"
@@ -79,8 +73,8 @@ def test_verdicts_by_precedence(sound: Evidence) -> None:
     assert _conclude(short(named(located(open_(off))))) == ("not_testable", ())
 
 
-def test_only_parameters_whose_interval_excludes_the_file_are_off(sound: Evidence) -> None:
-    _, off = _conclude(wrong(sound))
+def test_only_parameters_whose_interval_excludes_the_file_are_off(faultless_evidence: Evidence) -> None:
+    _, off = _conclude(wrong(faultless_evidence))
     assert [one.group for one in off] == ["C_rr m / Gamma"]
 
 
@@ -94,26 +88,26 @@ def test_only_parameters_whose_interval_excludes_the_file_are_off(sound: Evidenc
     ],
 )
 def test_a_parameter_is_off_only_if_the_refit_is_better_by_more_than_instruments_explain(
-    sound: Evidence, nominal_w: float, refit_w: float, verdict: str
+    faultless_evidence: Evidence, nominal_w: float, refit_w: float, verdict: str
 ) -> None:
-    assert _conclude(wrong(sound, nominal_w, refit_w))[0] == verdict
+    assert _conclude(wrong(faultless_evidence, nominal_w, refit_w))[0] == verdict
 
 
-def test_one_stretch_in_which_the_refit_is_better_is_no_proof(sound: Evidence) -> None:
-    off = wrong(sound)
-    nominal = np.where(sound.block == 0, off.predictions["refit"] + 300.0, off.predictions["refit"])
+def test_one_stretch_in_which_the_refit_is_better_is_no_proof(faultless_evidence: Evidence) -> None:
+    off = wrong(faultless_evidence)
+    nominal = np.where(faultless_evidence.block == 0, off.predictions["refit"] + 300.0, off.predictions["refit"])
     assert _conclude(dataclasses.replace(off, predictions={**off.predictions, "nominal": nominal}))[0] == "no_mismatch"
 
 
-def test_a_capacity_that_differs_is_off_though_power_is_as_predicted(sound: Evidence) -> None:
+def test_a_capacity_that_differs_is_off_though_power_is_as_predicted(faultless_evidence: Evidence) -> None:
     capacity = Capacity(1.0e6, 8.0e5, (7.5e5, 8.5e5), True, ("ageing",))
-    verdict, off = _conclude(dataclasses.replace(sound, capacity=capacity))
+    verdict, off = _conclude(dataclasses.replace(faultless_evidence, capacity=capacity))
     assert verdict == "parameters_off"
     (one,) = off
     assert (one.group, one.assumed, one.fitted, one.confused_with) == (USABLE_ENERGY, 1.0e6, 8.0e5, ("ageing",))
     same = dataclasses.replace(capacity, off=False)
-    assert _conclude(dataclasses.replace(sound, capacity=same)) == ("no_mismatch", ())
-    _, off = _conclude(dataclasses.replace(wrong(sound), capacity=same))
+    assert _conclude(dataclasses.replace(faultless_evidence, capacity=same)) == ("no_mismatch", ())
+    _, off = _conclude(dataclasses.replace(wrong(faultless_evidence), capacity=same))
     assert [one.group for one in off] == ["C_rr m / Gamma"]
 
 

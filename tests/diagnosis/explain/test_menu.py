@@ -8,16 +8,11 @@ import pytest
 from homeward import Robot, load_robot
 from homeward.diagnosis.explain.menu import KNOWN_MASS, MENU, SAMPLES, Drive, Manoeuvre
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
-from homeward.diagnosis.fit.refit import Refit, refit
-from homeward.diagnosis.fit.replay import Runs, WithEffects, average
+from homeward.diagnosis.fit.refit import Refit
+from homeward.diagnosis.fit.replay import WithEffects, average
 from homeward.physics import preset_names
 
 NAMED = {one.id: one for one in MENU}
-
-
-@pytest.fixture(scope="module")
-def fit(husky: Robot, short_runs: Runs) -> Refit:
-    return refit(short_runs, husky)
 
 
 def drive(fit: Refit, manoeuvre: Manoeuvre) -> Drive:
@@ -57,19 +52,21 @@ def test_a_turning_robot_heads_where_it_has_turned_to(husky: Robot) -> None:
     np.testing.assert_allclose(np.gradient(loop.context["heading_rad"], loop.time_s), loop.yaw_rate_radps, rtol=0.01)
 
 
-def test_a_known_mass_is_more_of_the_mass_and_of_what_rolls(fit: Refit) -> None:
-    loaded = drive(fit, dataclasses.replace(NAMED["known_mass"], grade_rad=0.05))
+def test_a_known_mass_is_more_of_the_mass_and_of_what_rolls(short_fit: Refit) -> None:
+    loaded = drive(short_fit, dataclasses.replace(NAMED["known_mass"], grade_rad=0.05))
     on_top = np.greater(NAMED["known_mass"].known_mass, 0.0)
-    heavier = fit.theta.copy()
-    heavier[MASS] += KNOWN_MASS * fit.parameters.nominal.mass_kg
-    heavier[ROLLING] *= heavier[MASS] / fit.theta[MASS]  # C_rr stays as it is
-    np.testing.assert_allclose(loaded.plain[on_top], fit.parameters.predict(loaded.runs, heavier)[on_top])
-    np.testing.assert_allclose(loaded.plain[~on_top], fit.parameters.predict(loaded.runs, fit.theta)[~on_top])
+    heavier = short_fit.theta.copy()
+    heavier[MASS] += KNOWN_MASS * short_fit.parameters.nominal.mass_kg
+    heavier[ROLLING] *= heavier[MASS] / short_fit.theta[MASS]  # C_rr stays as it is
+    np.testing.assert_allclose(loaded.plain[on_top], short_fit.parameters.predict(loaded.runs, heavier)[on_top])
+    np.testing.assert_allclose(
+        loaded.plain[~on_top], short_fit.parameters.predict(loaded.runs, short_fit.theta)[~on_top]
+    )
     assert loaded.plain[on_top].mean() > loaded.plain[~on_top].mean()
 
 
-def test_what_is_switched_off_draws_nothing(fit: Refit) -> None:
-    switched = drive(fit, NAMED["on_and_off"])
+def test_what_is_switched_off_draws_nothing(short_fit: Refit) -> None:
+    switched = drive(short_fit, NAMED["on_and_off"])
     on = np.equal(NAMED["on_and_off"].switched_on, 1.0)
     assert (switched.plain[~on] == 0.0).all() and (switched.plain[on] > 0.0).all()
 
@@ -91,16 +88,16 @@ def test_the_cold_of_a_morning_and_the_mean_of_the_recordings_are_driven_in(husk
     ],
 )
 def test_a_drive_has_the_load_ground_and_route_that_it_says(
-    fit: Refit, manoeuvre: str, what: str | None, present: set[float]
+    short_fit: Refit, manoeuvre: str, what: str | None, present: set[float]
 ) -> None:
-    assert set(np.ravel(drive(fit, NAMED[manoeuvre]).there(what))) == present
+    assert set(np.ravel(drive(short_fit, NAMED[manoeuvre]).there(what))) == present
 
 
-def test_an_effect_adds_to_the_power_of_the_drive_that_excites_it(fit: Refit) -> None:
+def test_an_effect_adds_to_the_power_of_the_drive_that_excites_it(short_fit: Refit) -> None:
     turning = WithEffects({"turning": {"scrub": 0.3}})
-    straight, spot = (drive(fit, NAMED[one]) for one in ("three_speeds", "on_the_spot"))
-    np.testing.assert_allclose(straight.predict(fit.theta, turning), straight.plain)
-    assert spot.predict(fit.theta, turning).mean() > 1.05 * spot.plain.mean()
+    straight, spot = (drive(short_fit, NAMED[one]) for one in ("three_speeds", "on_the_spot"))
+    np.testing.assert_allclose(straight.predict(short_fit.theta, turning), straight.plain)
+    assert spot.predict(short_fit.theta, turning).mean() > 1.05 * spot.plain.mean()
 
 
 def test_a_robot_without_a_track_turns_at_a_rate_of_its_own(husky: Robot) -> None:

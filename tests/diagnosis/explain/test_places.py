@@ -23,7 +23,7 @@ from homeward.diagnosis.explain.places import (
 from homeward.diagnosis.explain.residual_test import TESTED, Dependence, ResidualChannel
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Place
-from homeward.logs.channels import Array
+from homeward.logs.channels import Array, Index
 from tests.diagnosis.made_up import windows
 
 CHANNELS = {one.name: one for one in TESTED}
@@ -37,7 +37,7 @@ def dependence(channel: ResidualChannel, number: Array, effect: Array) -> Depend
     return Dependence(channel, False, 0.001, 0.5, number.astype(np.intp), centre, effect, np.ones(len(number)))
 
 
-def term(effect: str, level: Array | None = None) -> Term:
+def term(effect: str, level: Index | None = None) -> Term:
     """An effect of one size, at work in time if it has levels."""
     schedule = None if level is None else Schedule("time", level, int(level.max()) + 1, 1, 5.0, (0.1,))
     column = np.zeros((1 if level is None else len(level), 1))

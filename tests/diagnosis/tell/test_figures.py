@@ -16,12 +16,6 @@ from homeward.diagnosis.tell.figures import MOST_RUNS, conditions, described, ti
 from tests.diagnosis.made_up import windows
 
 
-@pytest.fixture(scope="module")
-def evidence(scrubbing: Analysis) -> Evidence:
-    assert scrubbing.evidence is not None
-    return scrubbing.evidence
-
-
 def traces(page: str) -> list[dict[str, Any]]:
     """What a figure draws."""
     data = re.search(r'Plotly\.newPlot\(\s*"[^"]*",\s*(\[.*?\]),\s*\{"', page, re.DOTALL)
@@ -79,8 +73,10 @@ def test_a_long_line_is_drawn_by_means_of_neighbours(scrubbing: Analysis) -> Non
     np.testing.assert_allclose(shown[:-1], 110.0)
 
 
-def test_an_effect_is_shown_against_its_channel_before_and_after(scrubbing: Analysis, evidence: Evidence) -> None:
-    (found,) = conditions(scrubbing, evidence)
+def test_an_effect_is_shown_against_its_channel_before_and_after(
+    scrubbing: Analysis, scrubbing_evidence: Evidence
+) -> None:
+    (found,) = conditions(scrubbing, scrubbing_evidence)
     assert found["dependence"].channel.name == "yaw_rate_radps" and found["effects"] == ["turning"]
     assert found["after"] is not None
     centres = [centre for centre, _ in found["rows"]]
@@ -90,28 +86,34 @@ def test_an_effect_is_shown_against_its_channel_before_and_after(scrubbing: Anal
 
 
 def test_a_residual_that_is_the_same_everywhere_has_that_mean_and_no_error(
-    scrubbing: Analysis, evidence: Evidence
+    scrubbing: Analysis, scrubbing_evidence: Evidence
 ) -> None:
     unnamed = dataclasses.replace(scrubbing, diagnosis=dataclasses.replace(scrubbing.diagnosis, missing_physics=()))
-    predictions = {"refit": evidence.runs.observed - 5.0}
-    (found,) = conditions(unnamed, dataclasses.replace(evidence, predictions=predictions))
+    predictions = {"refit": scrubbing_evidence.runs.observed - 5.0}
+    (found,) = conditions(unnamed, dataclasses.replace(scrubbing_evidence, predictions=predictions))
     assert found["effects"] == [] and found["after"] is None
-    assert found["dependence"] is evidence.dependences[0]
+    assert found["dependence"] is scrubbing_evidence.dependences[0]
     for _, ((mean, half),) in found["rows"]:
         assert (mean, half) == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-9))
 
 
-def test_the_error_of_a_mean_counts_blocks_and_not_windows(scrubbing: Analysis, evidence: Evidence) -> None:
+def test_the_error_of_a_mean_counts_blocks_and_not_windows(scrubbing: Analysis, scrubbing_evidence: Evidence) -> None:
     """A residual of its own in each block: twice the windows of a block say nothing more."""
     unnamed = dataclasses.replace(scrubbing, diagnosis=dataclasses.replace(scrubbing.diagnosis, missing_physics=()))
     dependence = dataclasses.replace(
-        evidence.dependences[0], bin=np.zeros_like(evidence.fold), centre=np.zeros(1), effect=np.zeros(1)
+        scrubbing_evidence.dependences[0],
+        bin=np.zeros_like(scrubbing_evidence.fold),
+        centre=np.zeros(1),
+        effect=np.zeros(1),
     )
     length = 20
-    block = np.arange(len(evidence.fold)) // length
+    block = np.arange(len(scrubbing_evidence.fold)) // length
     sign = np.random.default_rng(0).choice([-1.0, 1.0], block.max() + 1)[block]
     made = dataclasses.replace(
-        evidence, dependences=(dependence,), block=block, predictions={"refit": evidence.runs.observed - sign}
+        scrubbing_evidence,
+        dependences=(dependence,),
+        block=block,
+        predictions={"refit": scrubbing_evidence.runs.observed - sign},
     )
     (found,) = conditions(unnamed, made)
     ((_, ((_, half),)),) = found["rows"]

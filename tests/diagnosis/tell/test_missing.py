@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from homeward.diagnosis import Analysis
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.channel_effects import ChannelEffect
@@ -14,13 +13,12 @@ from homeward.diagnosis.tell.missing import missing_physics
 
 
 @pytest.fixture(scope="module")
-def evidence(scrubbing: Analysis) -> Evidence:
+def evidence(scrubbing_evidence: Evidence) -> Evidence:
     """Turning is named, and a voltage shows a resistance in the second run, and hardly any in the third."""
-    assert scrubbing.evidence is not None
-    lost_w = np.array([0.0, 3.0, 0.01, 0.0])[scrubbing.evidence.runs.run]
+    lost_w = np.array([0.0, 3.0, 0.01, 0.0])[scrubbing_evidence.runs.run]
     numbers = {"ohm": Value(0.2, (0.1, 0.3), "ohm")}
     shown = ChannelEffect(CATALOGUE["internal_resistance"], numbers, lost_w, Proof(9.0, 0.5, 0.001), (), "It sags.")
-    return dataclasses.replace(scrubbing.evidence, channel_effects=(shown,))
+    return dataclasses.replace(scrubbing_evidence, channel_effects=(shown,))
 
 
 def test_effects_have_their_words_sizes_and_evidence(evidence: Evidence) -> None:
@@ -61,5 +59,5 @@ def test_rivals_of_a_named_effect_are_told_apart_by_a_drive(evidence: Evidence) 
     assert turning.to_tell_apart.startswith("To distinguish turning from viscous, ")
 
 
-def test_nothing_is_missing_of_a_robot_as_its_file_says(faultless: Analysis) -> None:
-    assert faultless.evidence is not None and missing_physics(faultless.evidence) == ()
+def test_nothing_is_missing_of_a_robot_as_its_file_says(faultless_evidence: Evidence) -> None:
+    assert missing_physics(faultless_evidence) == ()

@@ -19,9 +19,8 @@ KEPT = CorrectedFile("nominal", "nothing is to be corrected")
 
 
 @pytest.fixture(scope="module")
-def evidence(faultless: Analysis) -> Evidence:
-    assert faultless.evidence is not None
-    return faultless.evidence
+def evidence(faultless_evidence: Evidence) -> Evidence:
+    return faultless_evidence
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import pytest
 
 from benchmarks.concealed.plants.cases import Case, Later, make_case
 from benchmarks.concealed.plants.catalogue import replayed_w
-from benchmarks.concealed.scoring import outcome
 from benchmarks.concealed.scoring.outcome import USABLE_ENERGY, Outcome, ask, read_diagnosis, true_groups
+from homeward.commands import diagnose
 from homeward.diagnosis import RecordingError
 from homeward.physics import Robot, load_robot
 from tests.benchmarks.concealed.plants.steady import ROBOT, motion
@@ -86,13 +86,13 @@ def test_a_later_drive_has_the_error_of_its_energy(tmp_path: Path, monkeypatch: 
     later = Later("new route", run, 1.25 * replayed_w(ROBOT, run))
     whole = dataclasses.replace(ROBOT, effects={"standby": {"power_w": float(0.25 * np.mean(replayed_w(ROBOT, run)))}})
 
-    def diagnosed(args: outcome.diagnose.Args) -> None:
+    def diagnosed(args: diagnose.Args) -> None:
         (args.out / "diagnosis.json").write_text(
             '{"verdict": "missing_physics", "summary": "", "missing_physics": [], "parameters_off": []}'
         )
         (args.out / "corrected.toml").write_text(whole.to_toml())
 
-    monkeypatch.setattr(outcome.diagnose, "main", diagnosed)
+    monkeypatch.setattr(diagnose, "main", diagnosed)
     found = ask(case(refit=ROBOT, later=[later]), tmp_path)
     (errors,) = found.later
     assert errors["kind"] == "new route" and found.holds == ["standby"]
@@ -105,9 +105,9 @@ def test_a_later_drive_has_the_error_of_its_energy(tmp_path: Path, monkeypatch: 
 def test_what_is_raised_is_refused_if_it_says_why_and_a_crash_otherwise(
     error: Exception, verdict: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def failing(args: outcome.diagnose.Args) -> None:
+    def failing(args: diagnose.Args) -> None:
         raise error
 
-    monkeypatch.setattr(outcome.diagnose, "main", failing)
+    monkeypatch.setattr(diagnose, "main", failing)
     found = ask(make_case("controls", 1, 0, short=True), tmp_path)
     assert found.verdict == verdict and str(error) in found.summary
