@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     import onnx
 
 _CHECKED = 2000
-"""Random observations on which the exported network must act as the policy does. Chosen."""
+"""Random observations on which the exported network must act as the policy does: what is wrong in 0.15 % of them is
+found with a probability of 95 % (rule of three: Hanley & Lippman-Hand, 1983)."""
 _ALMOST = 1e-4
 """Difference of two outputs of the network below which either action is right: runtimes add in different order. Chosen:
 far above the rounding of single precision (1e-7), and no action of note."""
