@@ -1,11 +1,14 @@
-"""Windows without a replay behind them, for tests of what is said of windows."""
+"""Windows without a replay behind them, residuals, and recordings with another power."""
 
+import dataclasses
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
+from homeward.diagnosis import Recording
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import WINDOW_S
 from homeward.logs.channels import Array
@@ -23,3 +26,8 @@ def windows(count: int, runs: int = 1, observed: Array | float = 100.0, **contex
 def autoregressive(phi: float, count: int, seed: int = 0) -> Array:
     """A residual that keeps this share of itself from window to window; its increments have a variance of 1."""
     return np.asarray(lfilter([1.0], [1.0, -phi], np.random.default_rng(seed).standard_normal(count)))
+
+
+def with_power(runs: list[Recording], power_w: Callable[[Mapping[str, Array]], Array]) -> list[Recording]:
+    """The runs with another power, a function of their channels."""
+    return [dataclasses.replace(run, channels={**run.channels, "power_w": power_w(run.channels)}) for run in runs]
