@@ -21,6 +21,7 @@ from typing import Any
 import homeward  # noqa: F401 - first: it says in a line what is not installed
 
 # isort: split
+import numpy as np
 from rich import box
 from rich.table import Table
 from rich.text import Text
@@ -125,11 +126,12 @@ def main(args: Args) -> Evaluation:
     }
     runs = run_agents(agents, options, seeds, jobs=args.jobs, cluster=args.cluster)
     evaluation = Evaluation(args.env, options, args.seed, seeds, runs, optimum)
-    summary = evaluation.summary()
+    rng = np.random.default_rng(args.seed)
+    summary = evaluation.summary(rng)
     files: dict[str, str | bytes] = {
         "episodes.csv": evaluation.to_csv(),
         "scores.png": scores_png(evaluation, summary),
-        "profiles.png": profiles_png(evaluation, summary),
+        "profiles.png": profiles_png(evaluation, summary, rng),
         "episode.png": episode_png(evaluation),
         "route.png": route_png(evaluation),
         "evaluation.json": evaluation.to_json(summary),

@@ -11,7 +11,7 @@ import numba
 
 _MISSIONS_A_THREAD = 128
 """Missions below which stepping is faster than waking a thread: two threads gain from twice as many on
-(benchmarks/speed.py --only-threads, docs/results.md: 1.15 times at 256)."""
+(benchmarks/speed.py --only-threads of commit 8a8e0e2, docs/results.md: 1.15 times at 256)."""
 _CALIBRATION_S, _CALIBRATION_STEPS = 0.004, 8
 """Shortest time, and fewest steps, for which one thread is timed. Chosen: 0.8 % of the next, and a mean of eight."""
 _TRUST_S = 0.5

@@ -235,7 +235,7 @@ def main(args: Args) -> dict[str, Any]:
     for label, one in all_of_them.items():
         runs[label] = drive(args, label, one, reality(one, real), seeds)
         promised[label] = drive(args, label, one, simulator(one), seeds)
-    first = next(iter(all_of_them.values()))
+    first, rng = next(iter(all_of_them.values())), np.random.default_rng(args.seed)
     result = {
         "command": shlex.join(sys.argv),
         "steps": args.steps,
@@ -244,8 +244,8 @@ def main(args: Args) -> dict[str, Any]:
         "found": {one.effect: {name: value.value for name, value in one.parameters.items()}
                   for one in analysis.diagnosis.missing_physics},
         "contenders": {label: dataclasses.asdict(one) for label, one in all_of_them.items()},
-        "real": Evaluation(IDS[MISSION], reality(first, real), args.seed, seeds, runs).summary(),
-        "simulated": Evaluation(IDS[MISSION], simulator(first), args.seed, seeds, promised).summary(),
+        "real": Evaluation(IDS[MISSION], reality(first, real), args.seed, seeds, runs).summary(rng),
+        "simulated": Evaluation(IDS[MISSION], simulator(first), args.seed, seeds, promised).summary(rng),
     }  # fmt: skip
     write_whole(args.out / "sim_to_real.json", json.dumps(result, indent=2, allow_nan=False) + "\n")
     show(result, analysis, args)

@@ -6,9 +6,11 @@ import contextlib
 import io
 import sys
 import warnings
+from pathlib import Path
 
 import pytest
 
+import diagnose
 from homeward import __main__ as command
 
 
@@ -25,3 +27,9 @@ def ended(words: list[str]) -> tuple[int, str, str]:
         except SystemExit as end:  # of a word that no option has
             code = end.code
     return int(str(code)), printed.getvalue(), said.getvalue()
+
+
+def diagnosed(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
+    """Exit code of `diagnose.py ARGUMENTS`."""
+    monkeypatch.setattr(sys, "argv", ["diagnose.py", *map(str, arguments)])
+    return diagnose.run()

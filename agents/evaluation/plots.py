@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.random import Generator
+from scipy import stats
 
 from homeward.agents.evaluation.statistics import Bootstrap
 from homeward.agents.evaluation.summary import Evaluation
@@ -16,6 +18,8 @@ _COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#
 """Okabe and Ito's palette, distinguishable with any colour vision."""
 _UNITS = {"OutAndBack": "furthest distance, m", "Survey": "information", "Patrol": "laps"}
 _GREY = "#666666"
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+"""Golden ratio: its multiples modulo 1 are spread evenly, and neighbours lie far apart."""
 
 
 def unit_of(mission: str) -> str:
@@ -28,12 +32,11 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     names = list(evaluation.runs)
     figure = Figure(figsize=(9.0, 1.6 + 0.55 * len(names)), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 1.0))
-    jitter = np.random.default_rng(0)
     every = evaluation.scores()
     for row, name in enumerate(names):
         colour, one = colour_of(row), summary["agents"][name]
         scores = every[name].ravel()
-        heights = row + jitter.uniform(-0.28, 0.28, len(scores))
+        heights = row + 0.56 * (_GOLDEN * stats.rankdata(scores, "ordinal") % 1.0 - 0.5)
         left.scatter(scores, heights, s=5, color=colour, alpha=0.25, linewidths=0, rasterized=True)
         _interval(left, one["score_mean"], one["score_ci95"], row, f"{one['score_mean']:.4g}")
         rate, interval = 100.0 * one["stranded_rate"], [100.0 * end for end in one["stranded_ci95"]]
@@ -54,14 +57,17 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     return png(figure)
 
 
-def profiles_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
-    """Performance profiles, and the probability that each agent beats the first one on an episode."""
+def profiles_png(evaluation: Evaluation, summary: dict[str, Any], rng: Generator) -> bytes:
+    """Performance profiles, and the probability that each agent beats the first one on an episode.
+
+    A copy of the generator draws the bands.
+    """
     names, thresholds = list(evaluation.runs), evaluation.thresholds()
     several = len(names) > 1
     height = max(3.6, 1.6 + 0.45 * len(names))
     figure = Figure(figsize=(10.0 if several else 6.0, height), layout="constrained")
     axes = figure.subplots(1, 2, width_ratios=(1.5, 1.0)) if several else [figure.subplots()]
-    drawn = Bootstrap(evaluation.scores(), evaluation.seed, 999)
+    drawn = Bootstrap(evaluation.scores(), rng, 999)
     for index, name in enumerate(names):
         axes[0].plot(thresholds, summary["profiles"][name], color=colour_of(index), label=name, linewidth=1.6)
         if len(evaluation.seeds) > 1:

@@ -9,10 +9,12 @@ agents, so that comparisons are paired, and the training seeds of each agent sep
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
@@ -82,12 +84,12 @@ class Bootstrap:
 
     Attributes:
         scores: Scores of each agent, shape (training seeds, episodes); the episodes are the same for all.
-        seed: Seed of the resampling.
+        rng: Every call draws with a copy of it.
         resamples: Number of resamples.
     """
 
     scores: Mapping[str, Scores]
-    seed: int
+    rng: Generator
     resamples: int = RESAMPLES
 
     def means(self) -> dict[str, Scores]:
@@ -130,7 +132,7 @@ class Bootstrap:
 
     def _weights(self) -> Iterator[tuple[Scores, dict[str, Scores]]]:
         """Weight of each episode (resamples, episodes), and of each training seed of each agent, in parts."""
-        rng = np.random.default_rng(self.seed)
+        rng = copy.deepcopy(self.rng)
         count = next(iter(self.scores.values())).shape[1]
         largest = max(values.size for values in self.scores.values())
         chunk = max(1, _CHUNK // largest)
@@ -140,7 +142,7 @@ class Bootstrap:
             yield _draw(rng, count, size), seeds
 
 
-def _draw(rng: np.random.Generator, count: int, size: int) -> Scores:
+def _draw(rng: Generator, count: int, size: int) -> Scores:
     """Weights of items drawn with replacement, as many as there are, shape (size, count)."""
     return rng.multinomial(count, np.full(count, 1.0 / count), size) / count
 

@@ -15,6 +15,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 import homeward
@@ -70,10 +71,10 @@ class Evaluation:
         """Scores of each agent, shape (training seeds, episodes)."""
         return {name: np.stack([run.episodes.score for run in runs]) for name, runs in self.runs.items()}
 
-    def summary(self) -> dict[str, Any]:
-        """The content of `evaluation.json`."""
+    def summary(self, rng: Generator) -> dict[str, Any]:
+        """The content of `evaluation.json`; a copy of the generator draws the bootstrap."""
         scores = self.scores()
-        drawn = Bootstrap(scores, self.seed)
+        drawn = Bootstrap(scores, rng)
         fewer = dataclasses.replace(drawn, resamples=_FEWER)
         several = len(self.seeds) > 1
         means, iqms = drawn.means(), fewer.iqms()

@@ -32,7 +32,8 @@ _MOST_LAYERS = 100  # chosen: far more than a policy needs
 ON_THE_GO = {"senses": "on the go"}
 """Entry of a description: the policy was trained with `sensing_on_the_go`."""
 _ROWS = 64
-"""Missions at a time: larger products are spread over threads, which costs more than it gains. Chosen."""
+"""Missions at a time: larger products are spread over threads, which wait for each other. With 32 the shipped policies
+take 1.6 times as long, with 128 three times (4096 missions on two busy cores)."""
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inputs), bias (outputs,)
 

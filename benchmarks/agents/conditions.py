@@ -97,7 +97,7 @@ def share_of(metered: Array, exact: Array, seed: int) -> str:
     """Ratio of the mean scores of the same episodes, with its paired interval; "" where none scored."""
     if exact.mean() <= 0.0:
         return ""
-    means = Bootstrap({"metered": metered[None], "exact": exact[None]}, seed).means()
+    means = Bootstrap({"metered": metered[None], "exact": exact[None]}, np.random.default_rng(seed)).means()
     some = means["exact"] > 0.0  # a resample of very few episodes may contain none that scored
     return span(metered.mean() / exact.mean(), interval(means["metered"][some] / means["exact"][some]), ".1%")
 

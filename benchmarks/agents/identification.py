@@ -250,7 +250,7 @@ def main(args: Args) -> None:
 
 def _add_ways(ways: Table, difficulty: str, count: int, found: Forecasts, seed: int) -> None:
     crps = {name: one.crps(found.home_share) for name, one in found.forecasts.items()}
-    means = Bootstrap({name: one[None] for name, one in crps.items()}, seed).means()
+    means = Bootstrap({name: one[None] for name, one in crps.items()}, np.random.default_rng(seed)).means()
     ratio = span(crps["belief"].mean() / crps["ratio"].mean(), interval(means["belief"] / means["ratio"]), ".3f")
     for name, one in found.forecasts.items():
         error = one.expected - found.home_share

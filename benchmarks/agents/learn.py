@@ -210,7 +210,7 @@ def summary(result: Result) -> dict[str, Any]:
         row[name], row[f"{name}_stranded_rate"] = float(one.score.mean()), float(one.stranded.mean())
     against = {"first": result.first["greedy"], "rule": result.others[result.rule], "planner": result.others["planner"]}
     ends, fixed = result.last["greedy"].score, {name: one.score[None] for name, one in against.items()}
-    means = Bootstrap({"": greedy.score, "last": ends} | fixed, 0).means()
+    means = Bootstrap({"": greedy.score, "last": ends} | fixed, np.random.default_rng(0)).means()
     for name, one in against.items():
         row[f"minus_{name}"] = float((greedy.score - one.score).mean())
         row[f"minus_{name}_ci95"] = interval(means[""] - means[name])

@@ -89,11 +89,11 @@ def test_the_learning_curve_goes_from_first_to_last_and_the_best_after_the_first
 
 
 def test_a_finished_run_is_left_alone(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    before = {path: path.read_bytes() for path in finished.rglob("*") if path.is_file()}
+    before = contents(finished)
     for resume in (False, True):
         assert main(tiny(finished, resume=resume)) == finished
         assert "finished: nothing to do" in capsys.readouterr().err.replace("\n", " ")
-    assert before == {path: path.read_bytes() for path in finished.rglob("*") if path.is_file()}
+    assert contents(finished) == before
 
 
 def test_the_seed_decides_everything(finished: Path, tmp_path: Path) -> None:

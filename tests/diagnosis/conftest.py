@@ -8,6 +8,8 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
+from homeward.diagnosis.evidence import Evidence
+from homeward.diagnosis.fit.refit import Refit, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.synthetic import STEP_S, record
@@ -50,6 +52,12 @@ def short_runs(short_drive: Drive, husky: Robot) -> Runs:
 
 
 @pytest.fixture(scope="session")
+def short_fit(short_runs: Runs, husky: Robot) -> Refit:
+    """The refit of these windows."""
+    return refit(short_runs, husky)
+
+
+@pytest.fixture(scope="session")
 def scrubbing(short_drive: Drive, husky: Robot) -> Analysis:
     """What is said of a robot whose turning its file does not know, for all tests that ask something of it."""
     return analyse(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
@@ -59,3 +67,15 @@ def scrubbing(short_drive: Drive, husky: Robot) -> Analysis:
 def faultless(short_drive: Drive, husky: Robot) -> Analysis:
     """What is said of a robot that is as its file says."""
     return analyse(short_drive(husky), husky)
+
+
+@pytest.fixture(scope="session")
+def scrubbing_evidence(scrubbing: Analysis) -> Evidence:
+    assert scrubbing.evidence is not None
+    return scrubbing.evidence
+
+
+@pytest.fixture(scope="session")
+def faultless_evidence(faultless: Analysis) -> Evidence:
+    assert faultless.evidence is not None
+    return faultless.evidence

@@ -1,6 +1,5 @@
 """`diagnose.py`: exit 0 for any verdict, 2 with one line for input or output that cannot be used."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,21 +8,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import diagnose
 from homeward import load_robot
 from homeward.datasets import shipped_recording
 from homeward.diagnosis import Diagnosis, analyse, read_recording
 from homeward.diagnosis import diagnose as diagnose_runs
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    monkeypatch.setattr(sys, "argv", ["diagnose.py", *map(str, arguments)])
-    return diagnose.run()
+from tests.command_line import diagnosed
 
 
 def refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
     """The one line with which a call is refused."""
-    assert run(monkeypatch, *arguments) == 2
+    assert diagnosed(monkeypatch, *arguments) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and lines[0].startswith("diagnose.py: ")
     return lines[0]
@@ -32,7 +26,7 @@ def refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 def test_shipped_recording_without_data_or_network(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert run(monkeypatch, "--out", tmp_path / "out") == 0
+    assert diagnosed(monkeypatch, "--out", tmp_path / "out") == 0
     diagnosis = Diagnosis.from_json((tmp_path / "out" / "diagnosis.json").read_text())
     assert diagnosis.verdict == "missing_physics" and "turning" in diagnosis.where[0].condition
     printed = " ".join(capsys.readouterr().out.split())
@@ -64,7 +58,7 @@ def test_an_interrupted_diagnosis_leaves_what_an_earlier_one_wrote(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    assert run(monkeypatch, "--out", out) == 0
+    assert diagnosed(monkeypatch, "--out", out) == 0
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     capsys.readouterr()
 
@@ -73,7 +67,7 @@ def test_an_interrupted_diagnosis_leaves_what_an_earlier_one_wrote(
 
     for moment in ("explain.explanation.name_missing", "tell.report.report_html"):
         monkeypatch.setattr(f"homeward.diagnosis.{moment}", ctrl_c)
-        assert run(monkeypatch, "--out", out) == 130
+        assert diagnosed(monkeypatch, "--out", out) == 130
         assert capsys.readouterr().err.strip().splitlines()[-1].startswith("diagnose.py: interrupted")
         assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
@@ -91,13 +85,13 @@ def test_what_is_assumed_and_how_a_table_was_read_is_said(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     drive().to_csv(tmp_path / "run.csv", index=False, sep=";", decimal=",")
-    assert run(monkeypatch, tmp_path / "run.csv", "--out", tmp_path / "out") == 0
+    assert diagnosed(monkeypatch, tmp_path / "run.csv", "--out", tmp_path / "out") == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
     assert lines == [
         "no --robot is given: husky is assumed; name yours, a preset or a TOML file",
         "run.csv: read with cells separated by semicolons, decimal commas",
     ]
-    assert run(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out") == 0
+    assert diagnosed(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out") == 0
     assert "assumed" not in capsys.readouterr().err
 
 
@@ -105,7 +99,7 @@ def test_recordings_of_which_none_can_be_used_are_bad_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     drive().head(5).to_csv(tmp_path / "run.csv", index=False)
-    assert run(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out") == 2
+    assert diagnosed(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out") == 2
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert last.startswith("diagnose.py: None of the recordings can be used: ") and "too short" in last
     assert "too short" in (tmp_path / "out" / "report.html").read_text()

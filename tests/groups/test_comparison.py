@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,8 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-import diagnose
 from homeward.groups.comparison import Quantity, compare
+from tests.command_line import diagnosed
 from tests.groups.recorded import noise
 
 POWER = Quantity("P_anc", "W")
@@ -77,11 +76,6 @@ def written(folder: Path, name: str, level: float, seed: int, *, speed: bool = T
     return folder / name
 
 
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    monkeypatch.setattr(sys, "argv", ["diagnose.py", *map(str, arguments)])
-    return diagnose.run()
-
-
 @pytest.fixture
 def logs(tmp_path: Path) -> Path:
     for i in range(3):
@@ -96,7 +90,7 @@ def test_groups_from_the_command_line(
     out = logs / "out"
     several = f"after={logs / 'b0.csv'},{logs / 'b1.csv'}"
     groups = ("--group", f"before={logs}/a*.csv", "--group", several, "--group", f"after={logs / 'b2.csv'}")
-    assert run(monkeypatch, *groups, "--out", out) == 0
+    assert diagnosed(monkeypatch, *groups, "--out", out) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert said.startswith("groups_differ P_anc, idle part is 3.") and "Significant: 1 of 1 compared" in said
     data = json.loads((out / "groups.json").read_text())
@@ -115,9 +109,9 @@ def test_a_standing_robot_without_groups(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], logs: Path
 ) -> None:
     silent = written(logs, "c.csv", 9.0, 30, speed=False)
-    assert run(monkeypatch, silent, "--out", logs / "out") == 2
+    assert diagnosed(monkeypatch, silent, "--out", logs / "out") == 2
     assert "say --standing if the robot stood" in capsys.readouterr().err
-    assert run(monkeypatch, silent, "--standing", "--out", logs / "out") == 0
+    assert diagnosed(monkeypatch, silent, "--standing", "--out", logs / "out") == 0
     assert "the spread between runs is unknown" in " ".join(capsys.readouterr().out.split())
     data = json.loads((logs / "out" / "groups.json").read_text())
     assert data["levels"][0]["value"] == pytest.approx(9.0, abs=0.3) and (logs / "out" / "diagnosis.json").is_file()
@@ -134,7 +128,7 @@ def test_unusable_groups(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
         (["--group", a, "--group", f"b={logs}/moves.csv", "--standing"], "leave out --standing"),
         (["--group", a, "--group", f"b={logs}"], "is a folder"),
     ):
-        assert run(monkeypatch, *arguments, "--out", logs / "out") == 2
+        assert diagnosed(monkeypatch, *arguments, "--out", logs / "out") == 2
         error = capsys.readouterr().err
         assert said in error and error.count("\n") == 1
 
@@ -142,7 +136,7 @@ def test_unusable_groups(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 def test_the_variants_of_the_turtlebot(monkeypatch: pytest.MonkeyPatch, data_folder: Path, tmp_path: Path) -> None:
     names = ("baseline", "EE1", "EE2", "EE3", "EE4", "combined")
     groups = [part for name in names for part in ("--group", f"{name}=turtlebot3_tactics/{name}")]
-    assert run(monkeypatch, *groups, "--out", tmp_path) == 0
+    assert diagnosed(monkeypatch, *groups, "--out", tmp_path) == 0
     data = json.loads((tmp_path / "groups.json").read_text())
     differs = {frozenset((one["group"], one["minus"])) for one in data["differences"] if one["named"]}
     assert differs == {
@@ -153,8 +147,8 @@ def test_the_variants_of_the_turtlebot(monkeypatch: pytest.MonkeyPatch, data_fol
 def test_the_conditions_of_the_rover(monkeypatch: pytest.MonkeyPatch, data_folder: Path, tmp_path: Path) -> None:
     names = ("before", "powersave", "conservative", "imaging")
     groups = [part for name in names for part in ("--group", f"{name}=ase_rover/{name}_intervention")]
-    assert run(monkeypatch, *groups, "--out", tmp_path) == 2  # no motion was recorded
-    assert run(monkeypatch, *groups, "--standing", "--out", tmp_path) == 0
+    assert diagnosed(monkeypatch, *groups, "--out", tmp_path) == 2  # no motion was recorded
+    assert diagnosed(monkeypatch, *groups, "--standing", "--out", tmp_path) == 0
     data = json.loads((tmp_path / "groups.json").read_text())
     named_pairs = [(one["group"], one["minus"]) for one in data["differences"] if one["named"]]
     assert sorted(named_pairs) == [("imaging", "before"), ("imaging", "conservative"), ("imaging", "powersave")]

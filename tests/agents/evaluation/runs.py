@@ -34,3 +34,7 @@ def compared(optimum: Optima | None = None, **runs: Run | list[Run]) -> Evaluati
     lists = {name: run if isinstance(run, list) else [run] for name, run in runs.items()}
     count = len(next(iter(lists.values()))[0].episodes.score)
     return Evaluation("homeward/Survey-v0", SURVEY, 0, episode_seeds(0, count), lists, optimum)
+
+
+def summarised(optimum: Optima | None = None, **runs: Run | list[Run]) -> dict[str, Any]:
+    return compared(optimum, **runs).summary(np.random.default_rng(0))

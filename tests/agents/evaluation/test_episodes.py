@@ -14,7 +14,7 @@ from homeward.agents.evaluation import episodes as evaluation_episodes
 from homeward.envs.actions import encode_actions
 from homeward.envs.options import Options, known_of
 from homeward.envs.state import GO, STOP
-from tests.agents.evaluation.runs import SURVEY, compared, policy
+from tests.agents.evaluation.runs import SURVEY, policy, summarised
 
 
 @final
@@ -87,7 +87,7 @@ def test_running_out_of_time_is_no_stranding_and_scores_nothing() -> None:
     assert run.episodes.timed_out.all()
     assert not run.episodes.stranded.any()
     assert run.episodes.score.tolist() == [0.0] * 4
-    summary = compared(waits=run).summary()["agents"]["waits"]
+    summary = summarised(waits=run)["agents"]["waits"]
     assert (summary["timed_out"], summary["stranded"], summary["energy_left_home_j"]) == (4, 0, None)
 
 

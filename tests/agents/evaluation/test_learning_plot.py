@@ -22,7 +22,7 @@ CURVES = {
 
 def test_it_is_a_picture() -> None:
     evaluation = compared(ppo=made_up([3.0, 2.0]), dmax=made_up([2.0, 4.0]))
-    assert learning_png(evaluation, evaluation.summary(), CURVES).startswith(b"\x89PNG")
+    assert learning_png(evaluation, evaluation.summary(np.random.default_rng(0)), CURVES).startswith(b"\x89PNG")
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
     evaluation = compared(
         ppo=made_up([0.0, 2.0, 3.0, 9.0]), dmax=made_up([0.0, 4.0, 4.0, 4.0], [True, False, False, False])
     )
-    learning_png(evaluation, evaluation.summary(), CURVES)
+    learning_png(evaluation, evaluation.summary(np.random.default_rng(0)), CURVES)
     return drawn[0].axes
 
 

@@ -1,5 +1,6 @@
 """Every mission's evaluation can be drawn."""
 
+import numpy as np
 import pytest
 
 from homeward.agents.evaluation import episode_seeds, run_episodes
@@ -17,8 +18,9 @@ def test_pictures_are_drawn(mission: str) -> None:
     result = Evaluation(
         f"homeward/{mission}-v0", options, 0, episode_seeds(0, 8), {name: [run] for name, run in runs.items()}
     )
-    summary = result.summary()
+    rng = np.random.default_rng(0)
+    summary = result.summary(rng)
     for picture in (
-        scores_png(result, summary), profiles_png(result, summary), episode_png(result), route_png(result)
+        scores_png(result, summary), profiles_png(result, summary, rng), episode_png(result), route_png(result)
     ):  # fmt: skip
         assert picture.startswith(b"\x89PNG")

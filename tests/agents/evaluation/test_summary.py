@@ -9,14 +9,14 @@ import pytest
 
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.evaluation.summary import Optima
-from tests.agents.evaluation.runs import SURVEY, compared, made_up, policy
+from tests.agents.evaluation.runs import SURVEY, compared, made_up, policy, summarised
 
 
 def test_summary_of_known_scores() -> None:
     rng = np.random.default_rng(0)
     scores = rng.normal(100.0, 10.0, 400)
     lost = np.arange(400) < 20
-    one = compared(agent=made_up(np.where(lost, 0.0, scores), lost)).summary()["agents"]["agent"]
+    one = summarised(agent=made_up(np.where(lost, 0.0, scores), lost))["agents"]["agent"]
     values = np.sort(np.where(lost, 0.0, scores))
     assert one["score_mean"] == pytest.approx(values.mean())
     assert one["score_iqm"] == pytest.approx(values[100:300].mean())
@@ -34,7 +34,7 @@ def test_pairs_are_compared_on_the_same_resampled_episodes() -> None:
     rng = np.random.default_rng(0)
     hard_and_easy = rng.uniform(0.0, 1000.0, 300)
     better = hard_and_easy + rng.uniform(0.0, 20.0, 300)
-    summary = compared(base=made_up(hard_and_easy), same=made_up(hard_and_easy), more=made_up(better)).summary()
+    summary = summarised(base=made_up(hard_and_easy), same=made_up(hard_and_easy), more=made_up(better))
     assert list(summary["paired"]) == ["same - base", "more - base", "more - same"]
     same = summary["paired"]["same - base"]
     assert (same["mean"], same["ci95"], same["relative"], same["probability_of_improvement"]) == (
@@ -55,7 +55,7 @@ def test_pairs_are_compared_on_the_same_resampled_episodes() -> None:
 
 
 def test_one_episode_has_no_interval() -> None:
-    summary = compared(a=made_up([3.0]), b=made_up([0.0])).summary()
+    summary = summarised(a=made_up([3.0]), b=made_up([0.0]))
     assert summary["agents"]["a"]["score_ci95"] is None
     assert summary["paired"]["b - a"] == {
         "mean": -3.0, "ci95": None, "relative": -1.0, "probability_of_improvement": 0.0, "probability_ci95": None,
@@ -66,7 +66,7 @@ def test_training_seeds_count_as_much_as_episodes() -> None:
     rng = np.random.default_rng(0)
     episodes = rng.normal(100.0, 5.0, 400)
     seeds = [made_up(episodes + offset) for offset in (-10.0, 0.0, 10.0, 20.0)]
-    one = compared(agent=seeds, rule=made_up(episodes)).summary()
+    one = summarised(agent=seeds, rule=made_up(episodes))
     agent, gain = one["agents"]["agent"], one["paired"]["rule - agent"]
     assert agent["training_seeds"] == 4
     assert agent["score_mean"] == pytest.approx(episodes.mean() + 5.0)
@@ -79,20 +79,20 @@ def test_training_seeds_count_as_much_as_episodes() -> None:
 
 def test_strandings_of_all_training_seeds_count() -> None:
     lost = [np.arange(50) < count for count in (1, 4)]
-    one = compared(agent=[made_up(np.ones(50), which) for which in lost]).summary()["agents"]["agent"]
+    one = summarised(agent=[made_up(np.ones(50), which) for which in lost])["agents"]["agent"]
     assert (one["stranded"], one["stranded_rate"]) == (5, 0.05)
 
 
 def test_share_of_the_optimum_is_given_against_both_bounds() -> None:
     bounds = Optima(np.array([8.0, 12.0]), np.array([10.0, 15.0]))
-    summary = compared(bounds, agent=made_up([5.0, 10.0])).summary()
+    summary = summarised(bounds, agent=made_up([5.0, 10.0]))
     assert summary["agents"]["agent"]["share_of_optimum"] == pytest.approx(0.75)
     assert summary["agents"]["agent"]["share_of_optimum_at_least"] == pytest.approx(0.6)
     assert summary["optimum"] == {"lower": 10.0, "upper": 12.5}
 
 
 def test_profiles_say_what_share_of_episodes_scores_more() -> None:
-    profiles = compared(a=made_up([0.0, 50.0, 100.0, 100.0]), b=made_up([20.0, 20.0, 20.0, 20.0])).summary()["profiles"]
+    profiles = summarised(a=made_up([0.0, 50.0, 100.0, 100.0]), b=made_up([20.0, 20.0, 20.0, 20.0]))["profiles"]
     assert profiles["score"][0] == 0.0 and profiles["score"][-1] == 100.0
     at = {name: dict(zip(profiles["score"], profiles[name], strict=True)) for name in ("a", "b")}
     assert (at["a"][0.0], at["a"][50.0], at["a"][100.0]) == (0.75, 0.5, 0.0)
@@ -102,7 +102,7 @@ def test_profiles_say_what_share_of_episodes_scores_more() -> None:
 def test_json_holds_what_the_schema_names() -> None:
     runs = {name: run_episodes(policy(name), SURVEY, episode_seeds(0, 6)) for name in ("soc50", "dmax")}
     result = compared(None, **runs)
-    content = json.loads(result.to_json(result.summary()))
+    content = json.loads(result.to_json(result.summary(np.random.default_rng(0))))
     assert set(content) >= {"schema", "env", "options", "episodes", "seed", "versions", "agents", "paired"}
     assert (content["schema"], content["env"], content["episodes"], content["seed"]) == (1, "homeward/Survey-v0", 6, 0)
     assert content["options"]["difficulty"] == "uncertain"

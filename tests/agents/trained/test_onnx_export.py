@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 onnx = pytest.importorskip("onnx")
@@ -37,8 +38,8 @@ def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, capsys: p
 def test_a_file_that_decides_otherwise_is_refused(action_type: str, beliefs: bool, tmp_path: Path) -> None:
     policy = save_drawn_policy(tmp_path, action_type, beliefs)
     options, known = setting_of(policy)
-    check_equal(to_onnx(policy, options, known).SerializeToString(), policy, known)
+    check_equal(to_onnx(policy, options, known).SerializeToString(), policy, known, np.random.default_rng(0))
     weight, bias = policy.layers[-1]
     other = NetworkPolicy((*policy.layers[:-1], (weight[::-1], bias)), policy.action_space, policy.description)
     with pytest.raises(ExportError, match=r"onnxruntime commands another \w+ than the policy in \d+ of 2000"):
-        check_equal(to_onnx(other, options, known).SerializeToString(), policy, known)
+        check_equal(to_onnx(other, options, known).SerializeToString(), policy, known, np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""The benchmark of coverage: scores by their definitions, held-out drives that no diagnosis saw, and a part run."""
+"""The benchmark of coverage: scores by their definitions, and a part run."""
 
 from pathlib import Path
 
@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from benchmarks.on_the_robot import range_drives
 from benchmarks.on_the_robot.range_coverage import Args, CoverageError, coverage, crps, main
-from benchmarks.on_the_robot.range_drives import BLOCKS, sites
 from homeward.estimation.tails import DEGREES
 
 
@@ -27,17 +25,6 @@ def test_what_is_not_independent_is_drawn_together() -> None:
     assert coverage(scores, ("site",), "covered", 0) == (0.5, 0.0, 1.0)
     share, low, high = coverage(scores, ("site", "run"), "covered", 0)
     assert share == 0.5 and 0.25 < low < 0.4 and 0.6 < high < 0.75
-
-
-def test_drives_held_out_are_none_of_those_diagnosed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lines = "\n".join(f"{number},0,0" for number in range(100))
-    (tmp_path / "drive.csv").write_text(f"s,ns,VI\n{lines}\n")
-    monkeypatch.setattr(range_drives, "fetch", lambda name, group: [tmp_path / "drive.csv"])
-    for make in sites("f1tenth", 0, 2, tmp_path / "out"):
-        site = make()
-        read = [path.read_text().splitlines()[1:] for path in (*site.training, *site.held_out)]
-        assert len(site.training) == BLOCKS - 1 and len({line for one in read for line in one}) == 100
-        assert sum(map(len, read)) == 100
 
 
 def test_a_rover_is_diagnosed_and_watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

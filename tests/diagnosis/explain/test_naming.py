@@ -26,6 +26,7 @@ from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
+from tests.diagnosis.made_up import with_power
 from tests.diagnosis.tell.test_file_choice import replay_equals_fit
 
 Drive = Callable[..., list[Recording]]
@@ -45,11 +46,6 @@ EFFECTS: Mapping[str, Mapping[str, float]] = {
 
 MINUTES: Mapping[str, float] = {"slip": 8.0, "motor_heating": 8.0}
 """How long the drives of a robot have to be that show an effect, where two minutes do not."""
-
-
-def with_power(runs: list[Recording], power_w: Callable[[Mapping[str, np.ndarray]], np.ndarray]) -> list[Recording]:
-    """The runs with another power, a function of their channels."""
-    return [dataclasses.replace(run, channels={**run.channels, "power_w": power_w(run.channels)}) for run in runs]
 
 
 def chattering(runs: list[Recording]) -> list[Recording]:

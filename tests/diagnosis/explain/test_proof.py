@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from homeward import Robot
 from homeward.diagnosis import Recording
@@ -17,6 +16,7 @@ from homeward.diagnosis.fit.refit import Refit, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.rules import FALSE_ALARM_RATE
+from tests.diagnosis.made_up import autoregressive
 
 Drive = Callable[..., list[Recording]]
 FALSE_ALARMS = 0.1
@@ -36,8 +36,7 @@ def bench_of(fit: tuple[Refit, Runs], residual: np.ndarray, only: str = "") -> B
 
 
 def slow_noise(fit: tuple[Refit, Runs], seed: int, kept: float = 0.8) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return np.asarray(lfilter([1.0], [1.0, -kept], rng.standard_normal(len(fit[1].observed))))
+    return autoregressive(kept, len(fit[1].observed), seed)
 
 
 def best(bench: Bench) -> tuple[int, float]:

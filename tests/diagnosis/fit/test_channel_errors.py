@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from homeward import Robot
 from homeward.diagnosis.fit.channel_errors import (
@@ -21,6 +20,7 @@ from homeward.diagnosis.fit.channel_errors import (
 from homeward.diagnosis.fit.refit import Refit, refit
 from homeward.diagnosis.fit.replay import Runs, predict
 from homeward.logs.channels import Array
+from tests.diagnosis.made_up import autoregressive
 
 
 @pytest.fixture(scope="module")
@@ -103,16 +103,12 @@ def test_what_was_not_recorded_is_listed(short_runs: Runs) -> None:
     assert unrecorded(dataclasses.replace(short_runs, context=wheels)) == []
 
 
-def lasting(count: int, phi: float) -> Array:
-    return np.asarray(lfilter([1.0], [1.0, -phi], np.random.default_rng(0).standard_normal(count)))
-
-
 def test_a_residual_that_lasts_is_autocorrelated(short_runs: Runs) -> None:
     count = len(short_runs.observed)
-    assert is_autocorrelated(lasting(count, 0.95), short_runs)
-    assert not is_autocorrelated(lasting(count, 0.5), short_runs)
+    assert is_autocorrelated(autoregressive(0.95, count), short_runs)
+    assert not is_autocorrelated(autoregressive(0.5, count), short_runs)
     each_its_own = dataclasses.replace(short_runs, run=np.arange(count))
-    assert not is_autocorrelated(lasting(count, 0.95), each_its_own)
+    assert not is_autocorrelated(autoregressive(0.95, count), each_its_own)
 
 
 def missed(fit: Refit, runs: Runs, residual: Array) -> Runs:
@@ -146,7 +142,7 @@ def test_noise_of_power_is_one_times_the_noise(husky: Robot, uphill: tuple[Refit
 def test_what_is_unexplained_is_large_lasts_and_has_no_unrecorded_reason(uphill: tuple[Refit, Runs]) -> None:
     fit, runs = uphill
     rms = float(np.sqrt(np.mean(fit.predicted**2)))
-    slow = 0.2 * rms * lasting(len(fit.predicted), 0.95)
+    slow = 0.2 * rms * autoregressive(0.95, len(fit.predicted))
     assert unexplained(fit, missed(fit, runs, slow))
     assert not unexplained(fit, missed(fit, runs, 0.01 * slow))
     assert not unexplained(fit, missed(fit, runs, np.random.default_rng(0).permutation(slow)))

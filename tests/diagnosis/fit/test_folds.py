@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import lfilter
 
 from homeward import Robot
 from homeward.diagnosis import Recording
@@ -23,14 +22,10 @@ from homeward.diagnosis.fit.folds import (
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.rules import FEWEST_BLOCKS
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import Index
+from tests.diagnosis.made_up import autoregressive
 
 ONE_RUN: Index = np.zeros(20_000, dtype=np.intp)
-
-
-def autoregressive(phi: float, count: int = 20_000, seed: int = 0) -> Array:
-    """A residual that keeps this share of itself from window to window; its increments have a variance of 1."""
-    return np.asarray(lfilter([1.0], [1.0, -phi], np.random.default_rng(seed).standard_normal(count)))
 
 
 def in_runs(lengths: list[int]) -> Index:
@@ -40,7 +35,7 @@ def in_runs(lengths: list[int]) -> Index:
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.8])
 def test_the_autocorrelation_time_is_that_of_the_process(phi: float) -> None:
     """(1 + phi) / (1 - phi) of an autoregressive process."""
-    residual, expected = autoregressive(phi), (1.0 + phi) / (1.0 - phi)
+    residual, expected = autoregressive(phi, len(ONE_RUN)), (1.0 + phi) / (1.0 - phi)
     assert correlation_windows(residual, ONE_RUN) == pytest.approx(expected, rel=0.1)
     assert independent_windows(residual, ONE_RUN) == pytest.approx(20_000 / expected, rel=0.1)
     found = noise_of(residual, ONE_RUN, lags=(1, 2))
@@ -50,7 +45,7 @@ def test_the_autocorrelation_time_is_that_of_the_process(phi: float) -> None:
 
 def test_noise_is_not_taken_from_a_few_changes_of_level() -> None:
     steps = 30.0 * (np.arange(20_000) // 2000 % 2)
-    found = noise_of(autoregressive(0.5) + steps, ONE_RUN, lags=(1, 2))
+    found = noise_of(autoregressive(0.5, len(ONE_RUN)) + steps, ONE_RUN, lags=(1, 2))
     assert found.long_run == pytest.approx(2.0, rel=0.25)
 
 
@@ -76,13 +71,13 @@ def test_blocks_are_numbered_stretches_within_one_run(lengths: list[int], phi: f
 
 @pytest.mark.parametrize("phi", [0.0, 0.9])
 def test_sums_over_blocks_hardly_correlate(phi: float) -> None:
-    residual = autoregressive(phi)
+    residual = autoregressive(phi, len(ONE_RUN))
     sums = per_block(residual[:, None], cut_blocks(ONE_RUN, residual))[:, 0]
     assert abs(np.corrcoef(sums[1:], sums[:-1])[0, 1]) < 0.15
 
 
 def test_blocks_are_as_long_as_the_autocorrelation_needs_but_not_too_few() -> None:
-    longer, plain = (cut_blocks(ONE_RUN, one) for one in (autoregressive(0.95), None))
+    longer, plain = (cut_blocks(ONE_RUN, one) for one in (autoregressive(0.95, len(ONE_RUN)), None))
     assert longer.max() < plain.max() / 3
     drifting = cut_blocks(ONE_RUN[:400], np.linspace(-1.0, 1.0, 400))
     assert int(drifting.max()) + 1 >= FEWEST_BLOCKS

@@ -21,23 +21,19 @@ def test_a_slope_that_is_late_is_found_with_its_lag(lag_s: float, husky: Robot) 
     assert late_slope(runs, found, husky) == pytest.approx(lag_s, abs=0.25)
 
 
-def test_a_slope_that_is_early_is_not_corrected(husky: Robot) -> None:
-    """Filters are causal."""
-    runs, found = read(lambda of, rng: late(only(of, "grade_rad"), "grade_rad", -3.0), husky)
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        pytest.param(lambda of, rng: late(only(of, "grade_rad"), "grade_rad", -3.0), id="early"),
+        pytest.param(lambda of, rng: late(only(of, "grade_rad"), "power_w", 2.0), id="late power"),
+        pytest.param(lambda of, rng: only(of), id="no slope"),
+    ],
+)  # fmt: skip
+def test_what_is_no_late_slope_is_not_corrected(spoil: Spoil, husky: Robot) -> None:
+    """Filters are causal, and late power is named as a fault of an instrument."""
+    runs, found = read(spoil, husky)
     assert late_slope(runs, found, husky) == 0.0
-
-
-def test_a_late_meter_of_power_is_no_early_slope_and_not_corrected(husky: Robot) -> None:
-    """It is named as a fault of an instrument."""
-    runs, found = read(lambda of, rng: late(only(of, "grade_rad"), "power_w", 2.0), husky)
-    assert late_slope(runs, found, husky) == 0.0
-    same, drifts = without_drift(runs, husky)
-    assert drifts == {} and same == runs
-
-
-def test_runs_without_slopes_have_no_lag(husky: Robot) -> None:
-    runs, found = read(lambda of, rng: only(of), husky)
-    assert late_slope(runs, found, husky) == 0.0
+    assert without_drift(runs, husky) == (runs, {})
 
 
 @pytest.mark.parametrize("drift_s", [1.5, -1.5])

@@ -17,18 +17,11 @@ from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse
 from homeward.diagnosis.explain.formula import Empirical, EmpiricalTerm
 from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.tell.report import corrected_toml, ranking, report_html, write_outputs
+from tests.diagnosis.made_up import with_power
 
 Drive = Callable[..., list[Recording]]
 EVIL = "</script>ü漢<img src=x onerror=document.title=1>\"'\udcff.csv"
 CHROMIUM = shutil.which("chromium")
-
-
-def with_power(runs: list[Recording], power_w: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> list[Recording]:
-    """The runs with another power, a function of time and power."""
-    return [
-        replace(run, channels={**run.channels, "power_w": power_w(run.channels["time_s"], run.channels["power_w"])})
-        for run in runs
-    ]
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +36,7 @@ def turning(drive: Drive, husky: Robot) -> Analysis:
 @pytest.fixture(scope="module")
 def standby(short_drive: Drive, husky: Robot) -> Analysis:
     """A load that is switched on part way: a faulty sensor would read the same."""
-    return analyse(with_power(short_drive(husky), lambda time_s, power_w: power_w + 25.0 * (time_s > 75.0)), husky)
+    return analyse(with_power(short_drive(husky), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0)), husky)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +58,7 @@ def current(short_drive: Drive, husky: Robot) -> Analysis:
 
 @pytest.fixture(scope="module")
 def dead(short_drive: Drive, husky: Robot) -> Analysis:
-    return analyse(with_power(short_drive(husky, runs=1), lambda time_s, power_w: 0.0 * power_w), husky)
+    return analyse(with_power(short_drive(husky, runs=1), lambda of: 0.0 * of["power_w"]), husky)
 
 
 def unnamed(analysis: Analysis) -> Analysis:

@@ -1,4 +1,4 @@
-"""Cells of PyBaMM: cold, contacts and lost lithium cost what they must, and show where they should."""
+"""Packs of PyBaMM's cells: what is lost shows where it should."""
 
 from __future__ import annotations
 
@@ -8,33 +8,9 @@ import pytest
 pytest.importorskip("pybamm")
 
 from benchmarks.concealed.plants import cell
-from benchmarks.concealed.plants.cell_electrochemistry import Cell, Discharge, ExhaustedError, discharge
 from benchmarks.concealed.plants.chain import rollout
-from benchmarks.concealed.plants.motion import Array, make_drives, make_route
+from benchmarks.concealed.plants.motion import make_drives, make_route
 from benchmarks.concealed.plants.vehicles import SCOUT
-
-POWER_CELL = Cell(cell.POWER_CELL)
-TIME_S = np.arange(30.0)
-
-
-def under(which: Cell, air_c: float, load_w: float = 0.6) -> tuple[Array, Discharge]:
-    load = np.where(TIME_S % 30.0 < 15.0, load_w, 0.1 * load_w)
-    return load, discharge(which, TIME_S, load, np.full(TIME_S.size, air_c), 0.7)
-
-
-def test_cold_costs_energy_and_contacts_lose_what_ohm_says() -> None:
-    contact = 0.2 / 0.15625  # Ohm, of a cell of 0.15625 A h
-    (load, bare), (_, loose) = under(POWER_CELL, 25.0), under(Cell(cell.POWER_CELL, contact_ohm_ah=0.2), 25.0)
-    steady = (TIME_S % 15.0) > 5.0  # the load is a ramp of one second between its levels
-    extra = loose.chemical_w - bare.chemical_w
-    np.testing.assert_allclose(extra[steady], contact * loose.current_a[steady] ** 2, rtol=0.15)
-    warm, cold = (np.sum(one.chemical_w - load) / np.sum(load) for one in (bare, under(POWER_CELL, -10.0)[1]))
-    assert 0.0 < warm < 0.03 < cold
-
-
-def test_an_overload_is_said() -> None:
-    with pytest.raises(ExhaustedError, match="cannot deliver"):
-        under(Cell(cell.POWER_CELL, contact_ohm_ah=1.0), 25.0, 3.0)
 
 
 def test_a_pack_that_fades_shows_in_its_charge_and_not_in_its_power() -> None:

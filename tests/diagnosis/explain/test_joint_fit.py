@@ -1,0 +1,153 @@
+"""Groups and effects fitted together get both right, within their bounds, and can be refitted on a part."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from homeward import Robot
+from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
+from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
+from homeward.diagnosis.fit.refit import refit
+from homeward.diagnosis.fit.replay import Runs, WithEffects, predict
+
+TURNING = {"turning": {"scrub": 0.3}}
+HARD = 1.25
+"""C_rr of the true robot over that of its file."""
+
+
+def as_recorded(runs: Runs, robot: Robot, noise_w: float = 0.0) -> Runs:
+    """The drives of this robot, by the kernel."""
+    noise = noise_w * np.random.default_rng(0).standard_normal(len(runs.observed))
+    return dataclasses.replace(runs, observed=predict(runs, robot) + noise)
+
+
+@pytest.fixture(scope="module")
+def true(husky: Robot) -> Robot:
+    return dataclasses.replace(husky, rolling_resistance=HARD * husky.rolling_resistance, effects=TURNING)
+
+
+@pytest.fixture(scope="module")
+def runs(short_runs: Runs, true: Robot) -> Runs:
+    return as_recorded(short_runs, true, noise_w=1.0)
+
+
+def fitted(runs: Runs, robot: Robot, *effects: str) -> Corrected:
+    fit = refit(runs, robot)
+    terms = [next(responses(CATALOGUE[effect], Setting.of(fit, runs))) for effect in effects]
+    return fit_model(fit, terms, runs, cut_blocks(runs.run))
+
+
+@pytest.fixture(scope="module")
+def corrected(runs: Runs, husky: Robot) -> Corrected:
+    return fitted(runs, husky, "turning")
+
+
+def test_without_noise_groups_and_effect_are_exact(short_runs: Runs, husky: Robot, true: Robot) -> None:
+    found = fitted(as_recorded(short_runs, true), husky, "turning")
+    assert found.values[0] == pytest.approx(0.3, rel=1e-4)
+    assert found.theta[ROLLING] == pytest.approx(true.rolling_resistance * true.mass_kg, rel=1e-4)
+    assert found.theta[MASS] == pytest.approx(true.mass_kg, rel=1e-4)
+
+
+def test_the_interval_holds_the_true_size_and_the_effect_is_significant(corrected: Corrected) -> None:
+    value = corrected.parameters_of(0)["scrub"]
+    assert value.ci95[0] < 0.3 < value.ci95[1] and value.unit == CATALOGUE["turning"].entry.switch.unit
+    # A known gain error of half a per cent is in it: two standard errors at least.
+    assert 0.02 * 0.3 < value.ci95[1] - value.ci95[0] < 0.2 * 0.3
+    assert corrected.p_values[0] < 1e-6 and corrected.all_at_work()
+
+
+def test_what_is_not_there_is_at_its_bound_and_not_at_work(short_runs: Runs, husky: Robot) -> None:
+    """Less is drawn in turns than anything predicts; a scrub has no negative size."""
+    plain = as_recorded(short_runs, husky)
+    excess = predict(short_runs, dataclasses.replace(husky, effects=TURNING)) - plain.observed
+    found = fitted(dataclasses.replace(plain, observed=plain.observed - 0.3 * excess), husky, "turning")
+    assert found.values[0] == 0.0 and found.ci95[0][0] == 0.0
+    assert not found.all_at_work()
+
+
+def test_a_size_at_its_largest_is_no_measurement(corrected: Corrected) -> None:
+    (unknown,) = corrected.model.unknowns
+    model = dataclasses.replace(corrected.model, unknowns=(dataclasses.replace(unknown, high=0.3),))
+    assert not dataclasses.replace(corrected, model=model, values=np.array([0.3])).all_at_work()
+
+
+def test_a_contribution_is_what_the_model_loses_without_its_term(corrected: Corrected, runs: Runs) -> None:
+    without = corrected.parameters.predict(runs, corrected.theta)
+    np.testing.assert_allclose(corrected.contribution[0], corrected.predicted - without, atol=1e-9)
+    straight = (runs.context["yaw_rate_radps"] == 0.0) & (runs.context["accel_mps2"] == 0.0)
+    assert straight.any() and np.abs(corrected.contribution[0][straight]).max() < 1e-9
+
+
+def test_the_jacobian_is_the_derivative_of_the_prediction(corrected: Corrected, runs: Runs) -> None:
+    step = 1e-4
+    for index in (ROLLING, MASS):
+        moved = corrected.theta.copy()
+        moved[index] += step * corrected.parameters.scale[index]
+        slope = (corrected.model.predict(runs, moved, corrected.values) - corrected.predicted) / step
+        column = corrected.groups.jacobian[:, index]
+        np.testing.assert_allclose(column, slope, atol=0.02 * np.abs(column).max())
+    slope = (corrected.model.predict(runs, corrected.theta, corrected.values + step) - corrected.predicted) / step
+    np.testing.assert_allclose(corrected.beside[:, 0], slope, atol=0.02 * np.abs(slope).max())
+    assert corrected.jacobian.shape == (len(runs.observed), len(corrected.theta) + 1)
+    np.testing.assert_allclose(corrected.replayed(runs), corrected.predicted, atol=1e-9)
+
+
+def test_a_part_is_fitted_to_what_it_holds(corrected: Corrected, runs: Runs, husky: Robot) -> None:
+    """In the second half of the runs the robot scrubs less."""
+    half = runs.run < 2
+    less = dataclasses.replace(husky, rolling_resistance=HARD * husky.rolling_resistance,
+                               effects={"turning": {"scrub": 0.2}})  # fmt: skip
+    both = dataclasses.replace(runs, observed=np.where(half, runs.observed, predict(runs, less)))
+    for refitted in (corrected.refitted(~half, both), corrected.fitted_to(~half, both.observed)):
+        assert refitted.values[0] == pytest.approx(0.2, rel=0.05)
+        assert refitted.theta[ROLLING] == pytest.approx(corrected.theta[ROLLING], rel=0.02)
+    assert corrected.refitted(half, both).values[0] == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_group_that_a_rising_function_contains_is_held(runs: Runs, husky: Robot) -> None:
+    """A function of the sensing rate contains the energy of each sample."""
+    fit = refit(runs, husky)
+    one = dataclasses.replace(CATALOGUE["standby"], rises_with="sensing_hz")
+    (flexible,) = rising(one, Setting.of(fit, runs))
+    held = fit_model(fit, [flexible], runs, cut_blocks(runs.run)).groups
+    assert held.held.tolist() == [group.name == "sample_energy" for group in held.parameters.groups]
+    assert held.theta[1] == pytest.approx(husky.sensing_j_per_sample + husky.computer_j_per_sample, rel=1e-4)
+
+
+def test_a_change_of_the_ground_is_a_share_of_the_rolling_resistance_fitted_with_it(
+    short_runs: Runs, husky: Robot
+) -> None:
+    """Half as hard again from 60 s on: the load per unit is computed at the fitted resistance."""
+    rough = (short_runs.time_s > 60.0).astype(np.float64)
+    on_it = dataclasses.replace(husky, effects={"surface": {CATALOGUE["surface"].entry.switch.name: 0.5}})
+    observed = predict(short_runs, on_it, met=WithEffects(roughness=rough))
+    runs = dataclasses.replace(short_runs, observed=observed)
+    fit = refit(runs, husky)
+    setting = Setting.of(fit, runs)
+    surface = CATALOGUE["surface"]
+    load = surface.load(surface, setting)
+    assert load is not None
+    at_work = rough[:, None]
+    term = Term(
+        surface, load[:, None] * at_work, *surface.limits(1, surface.signed), axis="time",
+        of_rolling_kg=setting.rolling_kg, load=load, at_work=at_work,
+    )  # fmt: skip
+    found = fit_model(fit, [term], runs, cut_blocks(runs.run))
+    assert found.theta[ROLLING] == pytest.approx(husky.rolling_resistance * husky.mass_kg, rel=0.01)
+    (share,) = found.parameters_of(0).values()
+    assert share.value == pytest.approx(0.5, rel=0.03)
+    added_w = observed - predict(short_runs, husky)
+    np.testing.assert_allclose(found.contribution[0], added_w, atol=0.03 * added_w.max())
+
+
+def test_a_mass_on_level_ground_is_immaterial(short_runs: Runs, husky: Robot) -> None:
+    level = [dataclasses.replace(run, grade_rad=0.0 * run.grade_rad) for run in short_runs.signals]
+    for runs, expected in ((short_runs, False), (dataclasses.replace(short_runs, signals=level), True)):
+        fit = refit(as_recorded(runs, husky, noise_w=0.1), husky)
+        assert immaterial(fit, runs)[MASS] == expected
+        assert not immaterial(fit, runs)[ROLLING]

@@ -1,0 +1,33 @@
+"""Windows without a replay behind them, residuals, and recordings with another power."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from homeward.diagnosis import Recording
+from homeward.diagnosis.fit.replay import Runs
+from homeward.diagnosis.read.signals import WINDOW_S
+from homeward.logs.channels import Array
+
+
+def windows(count: int, runs: int = 1, observed: Array | float = 100.0, **context: Array) -> Runs:
+    """Runs `0.csv`, `1.csv`, ... of so many windows each; channels and power have shape (runs * count,)."""
+    signals: Any = [SimpleNamespace(name=f"{run}.csv") for run in range(runs)]
+    time_s = np.tile((np.arange(count) + 0.5) * WINDOW_S, runs)
+    power_w = np.broadcast_to(np.asarray(observed, np.float64), len(time_s))
+    run = np.repeat(np.arange(runs), count)
+    return Runs(signals, (), "W", run, time_s, np.full(len(time_s), WINDOW_S), power_w, context)
+
+
+def autoregressive(phi: float, count: int, seed: int = 0) -> Array:
+    """A residual that keeps this share of itself from window to window; its increments have a variance of 1."""
+    return np.asarray(lfilter([1.0], [1.0, -phi], np.random.default_rng(seed).standard_normal(count)))
+
+
+def with_power(runs: list[Recording], power_w: Callable[[Mapping[str, Array]], Array]) -> list[Recording]:
+    """The runs with another power, a function of their channels."""
+    return [dataclasses.replace(run, channels={**run.channels, "power_w": power_w(run.channels)}) for run in runs]
