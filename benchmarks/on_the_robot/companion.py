@@ -14,11 +14,14 @@ from homeward.agents import Policy
 from homeward.agents.base import Observations, feature
 from homeward.companion import Companion
 from homeward.envs.actions import encode_actions
+from homeward.envs.features import INDEX
 from homeward.envs.options import Known
 from homeward.envs.state import GO, RETURN
 
 RISK = 1e-3
 """Probability of not getting home that the companion accepts."""
+LAG_S = 60.0
+"""Time constant of the lag in `AdvisedByGauge`."""
 
 
 @final
@@ -64,3 +67,24 @@ class Advised(Policy):
             "heading_rad": np.arctan2(feature(observations, "north"), feature(observations, "east")),
             "position": feature(observations, "distance") * s["reach_m"],
         }
+
+
+@final
+class AdvisedByGauge(Policy):
+    """`Advised` by a state of charge in whole per cents that lags, of which its companion is not told.
+
+    Args:
+        known: Constants of the environment.
+    """
+
+    def __init__(self, known: Known) -> None:
+        self._advised, self._soc = Advised(known), np.zeros(0)
+        self._kept = float(np.exp(-known.shared["decision_s"][0] / LAG_S))
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        """Choose one action for each mission, see `Policy.act`."""
+        soc = feature(observations, "energy")
+        self._soc = soc if begun.all() else soc + self._kept * (self._soc - soc)
+        read = observations.copy()
+        read[:, INDEX["energy"]] = np.round(self._soc, 2)
+        return self._advised.act(read, begun)

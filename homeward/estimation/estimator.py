@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from homeward.estimation.drive import Vehicle
 from homeward.estimation.filter import HYPOTHESIS_DTYPE, PLACE_DTYPE, ROBOT_DTYPE, update
 from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, WAY_DTYPE, compute_margins
-from homeward.estimation.prior import HYPOTHESES, PER_CAPACITY, USED, Prior, first_hypotheses
+from homeward.estimation.prior import HYPOTHESES, PER_CAPACITY, SOC_ERROR, USED, Prior, first_hypotheses
 from homeward.estimation.relocation import relocate
 
 NO_WAYS = np.zeros(0, WAY_DTYPE)
@@ -125,11 +125,12 @@ class Estimator:
         robot, h = self.state["robot"], self.state["hypotheses"]
         mean, covariance, _ = first_hypotheses(self.prior, self.vehicle.full_j, np.zeros((1, 2)))
         per = mean[0, 0, PER_CAPACITY]
-        for state in (USED, PER_CAPACITY):
+        for state in (USED, PER_CAPACITY, SOC_ERROR):
             h["covariance"][..., state, :] = h["covariance"][..., :, state] = 0.0
         h["mean"][..., PER_CAPACITY], h["mean"][..., USED] = per, 0.0
         h["covariance"][..., PER_CAPACITY, PER_CAPACITY] = covariance[0, 0, PER_CAPACITY, PER_CAPACITY]
         h["covariance"][..., USED, USED] = (soc_sd / per) ** 2
+        h["mean"][..., SOC_ERROR], h["covariance"][..., SOC_ERROR, SOC_ERROR] = 0.0, self.prior.soc_error**2
         robot["soc_start"], robot["soc"] = soc, np.nan
         robot["lag"] = robot["soc_since"] = robot["soc_taken"] = 0.0
 

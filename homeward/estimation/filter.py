@@ -26,6 +26,7 @@ from homeward.estimation.prior import (
     PER_CAPACITY,
     ROLLED,
     ROLLING,
+    SOC_ERROR,
     STATES,
     USED,
 )
@@ -440,6 +441,12 @@ def _update_with_charge(
     kept = np.exp(-dt_s / prior.soc_lag_s) if prior.soc_lag_s > 0.0 else 0.0
     per_lag = prior.soc_lag_s / dt_s * (1.0 - kept)
     robot.lag = kept * robot.lag + per_lag * (used - used_before)
+    lasts = np.exp(-abs(used - used_before) / prior.soc_error_lasts)
+    for k in range(len(hypotheses)):
+        x, p = hypotheses[k].mean, hypotheses[k].covariance
+        carry(p, SOC_ERROR, lasts, SOC_ERROR, 0.0)
+        x[SOC_ERROR] *= lasts
+        p[SOC_ERROR, SOC_ERROR] += prior.soc_error**2 * (1.0 - lasts * lasts)
     if not np.isfinite(soc):
         return
     if soc != robot.soc:
@@ -456,12 +463,12 @@ def _update_with_charge(
         if h.log_weight > -np.inf:
             x, p = h.mean, h.covariance
             spent, per_capacity = x[USED] - robot.lag, x[PER_CAPACITY]
-            innovation = robot.soc_start - soc - per_capacity * spent
+            innovation = robot.soc_start - soc - per_capacity * spent + x[SOC_ERROR]
             variance = error
             gain = np.empty(STATES)
             for a in range(STATES):
-                gain[a] = spent * p[a, PER_CAPACITY] + per_capacity * p[a, USED]
-            variance += spent * gain[PER_CAPACITY] + per_capacity * gain[USED]
+                gain[a] = spent * p[a, PER_CAPACITY] + per_capacity * p[a, USED] - p[a, SOC_ERROR]
+            variance += spent * gain[PER_CAPACITY] + per_capacity * gain[USED] - gain[SOC_ERROR]
             variance = max(variance, innovation * innovation / _DOUBT)
             for a in range(STATES):
                 x[a] += gain[a] * innovation / variance

@@ -15,21 +15,19 @@ _OUTLIER = 1e-3  # probability that a reading of power is an outlier; chosen: no
 @inline
 def add_to_used(p: Any, shared: Any, slope: Any) -> None:
     """Covariance after an energy, linear in the states by `slope`, is added to the energy used."""
-    own = 0.0
+    own = with_used = again = 0.0
     for a in range(STATES):
         own += slope[a] * shared[a]
-    again = 0.0
+        with_used += slope[a] * p[a, USED]
     for b in range(STATES):
-        total = 0.0
-        for a in range(STATES):
-            total += slope[a] * p[a, b]
-        again += slope[b] * total
         if b != USED:
+            total = 0.0
+            for a in range(STATES):
+                total += slope[a] * p[a, b]
+            again += slope[b] * total
             p[USED, b] += total
             p[b, USED] = p[USED, b]
-        else:
-            p[USED, USED] += 2.0 * total
-    p[USED, USED] += again
+    p[USED, USED] += 2.0 * with_used + again
     shared[USED] += own
 
 

@@ -36,6 +36,8 @@ class Prior(NamedTuple):
     power_noise: float = 0.0  # of a reading of power, a share of it
     soc_step: float = 0.0  # of the state of charge, a share
     soc_noise: float = 0.0  # of the same, before rounding
+    soc_error: float = 0.0  # of the same, of an error that lasts, as of a lag or of a curve that is not the battery's
+    soc_error_lasts: float = 0.1  # energy used until it fades to 1/e, over the file's usable. Chosen: a tenth
     soc_lag_s: float = 0.0  # time constant by which the state of charge lags
     slope_noise: float = 0.0  # of a reading of a slope's sine
     slope_within_place: float = 0.003  # of the sine along a place about its mean: ground is less even than its map
@@ -48,9 +50,10 @@ class Prior(NamedTuple):
         return float(np.hypot(self.soc_step / 12.0**0.5, self.soc_noise))
 
 
-STATES = 12
-"""Number of states of a hypothesis, named in the next line."""
-GAIN, ROLLING, WEIGHT, EAST, NORTH, GUST_EAST, GUST_NORTH, OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY = range(STATES)
+STATES = 13
+"""Number of states of a hypothesis, named in the next lines."""
+GAIN, ROLLING, WEIGHT, EAST, NORTH, GUST_EAST, GUST_NORTH = range(7)
+OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY, SOC_ERROR = range(7, STATES)
 """States of a hypothesis. Energies are as metered, without the meter's offset, over the file's usable energy.
 
 GAIN        metered over modelled energy of all but rolling and climbing
@@ -63,6 +66,7 @@ ROLLED      rolling energy between home and here
 CLIMB       the file's climbing energy between home and here beyond that of the slopes as read
 USED        energy used so far
 PER_CAPACITY            1 over the battery's capacity
+SOC_ERROR               of the state of charge as read, a share: the part that lasts
 """
 _RING = 8
 """Hypotheses of a wind that the forecast lacks, in all directions. Chosen: neighbours are 3.4 m/s apart (chord of a
@@ -102,6 +106,7 @@ def first_hypotheses(
     covariance[..., OFFSET, OFFSET] = (prior.offset_sd_w / full_j) ** 2
     capacity_sd = np.hypot(prior.capacity_sd, prior.capacity * prior.gain_sd)
     covariance[..., PER_CAPACITY, PER_CAPACITY] = (capacity_sd / prior.capacity**2) ** 2
+    covariance[..., SOC_ERROR, SOC_ERROR] = prior.soc_error**2
 
     # The forecast is of mean wind and gust together.
     wind, gust = prior.wind_sd_mps**2, 2.0 * (prior.gust_share * prior.wind_sd_mps) ** 2

@@ -103,6 +103,26 @@ def test_states_of_charge_are_least_squares_of_the_capacity() -> None:
     assert after.covariance[0, PER_CAPACITY, PER_CAPACITY] == pytest.approx(1.0 / precision, rel=1e-4)
 
 
+def test_a_lasting_error_of_the_state_of_charge_is_no_capacity() -> None:
+    """Its errors are alike as long as little is used: least squares weighted by their covariance."""
+    noise, error, lasts = 1e-3, 0.02, 0.05
+    prior = CALM._replace(capacity=0.9, capacity_sd=0.058, soc_noise=noise, soc_error=error, soc_error_lasts=lasts)
+    estimator = alone(prior)
+    before, capacity = estimator.estimate(), 0.88
+    first, variance = before.mean[0, PER_CAPACITY], before.covariance[0, PER_CAPACITY, PER_CAPACITY]
+    used = np.array([float(mission_energy(ROBOT, 50.0 * k, 0.5)) / ROBOT.usable_energy_j for k in range(1, 9)])
+    covariance = error**2 * np.exp(-np.abs(np.subtract.outer(used, used)) / lasts) + noise**2 * np.eye(len(used))
+    errors = np.random.default_rng(2).multivariate_normal(np.zeros(len(used)), covariance)
+    for k, of in enumerate(errors):
+        read(estimator, 100.0, 50.0 * (k + 1), soc=1.0 - used[k] / capacity + of)
+    weights = np.linalg.solve(covariance, used)
+    precision = 1.0 / variance + weights @ used
+    after = estimator.estimate()
+    expected = (first / variance + weights @ (used / capacity - errors)) / precision
+    assert after.mean[0, PER_CAPACITY] == pytest.approx(expected, rel=1e-5)
+    assert after.covariance[0, PER_CAPACITY, PER_CAPACITY] == pytest.approx(1.0 / precision, rel=1e-4)
+
+
 @pytest.mark.parametrize("parts", [1, 7])
 def test_a_state_of_charge_lags_by_a_first_order_filter(parts: int) -> None:
     """Standing at constant power: by P tau (1 - exp(-t / tau)), however often it is read."""

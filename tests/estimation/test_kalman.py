@@ -132,25 +132,7 @@ def test_energy_is_added_to_the_energy_used() -> None:
     shared = p @ slope
     add_to_used(p, shared, slope)
     np.testing.assert_allclose(shared, with_energy)
-    apart = ~np.outer(np.arange(STATES) == USED, np.arange(STATES) == USED)
-    np.testing.assert_allclose(p[apart], expected[apart])
-
-
-def test_the_energy_used_is_no_surer_than_the_sum() -> None:
-    _, p = hypothesis(8)
-    slope = row({GAIN: 0.3, ROLLING: 1.2, EAST: -0.4, ROLLED: 0.8})
-    expected, _ = used_after(p, slope)
-    add_to_used(p, p @ slope, slope)
-    assert p[USED, USED] >= expected[USED, USED]
-
-
-@pytest.mark.xfail(strict=True, reason="the variance of the added energy counts three times")
-def test_the_energy_used_is_as_sure_as_the_sum() -> None:
-    _, p = hypothesis(8)
-    slope = row({GAIN: 0.3, ROLLING: 1.2, EAST: -0.4, ROLLED: 0.8})
-    expected, _ = used_after(p, slope)
-    add_to_used(p, p @ slope, slope)
-    assert p[USED, USED] == pytest.approx(expected[USED, USED])
+    np.testing.assert_allclose(p, expected)
 
 
 @pytest.mark.parametrize(("kept", "factor"), [(1.0, 0.4), (0.3, 0.0), (0.0, 1.0), (-0.5, 2.0)])

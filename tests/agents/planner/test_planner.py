@@ -60,7 +60,7 @@ def test_it_stops_for_the_radio_near_home_if_the_memory_will_be_short() -> None:
 
 def test_it_turns_back_with_the_energy_for_the_way_home_and_senses_no_more() -> None:
     assert command(energy=0.8, home_cost=0.3)[2] == GO
-    speed, rate, mode = command(energy=0.35, home_cost=0.3)
+    speed, rate, mode = command(energy=0.32, home_cost=0.3)
     assert (speed, rate, mode) == (4, 0, RETURN)
 
 
