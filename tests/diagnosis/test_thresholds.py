@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 NUMERICS = {
-    "explain/catalogue/drivetrain.py": {"_TRACKS_M": "grid", "HYPOTHESES": "bounds of parameters"},
+    "explain/catalogue/battery.py": {"_SECONDS": "grid"},
+    "explain/catalogue/drivetrain.py": {"_LIMITS": "grid", "_TRACKS_M": "grid", "HYPOTHESES": "bounds of parameters"},
     "explain/catalogue/instruments.py": {
         "_LAGS_S": "grid", "ODOMETRY_SCALE": "bounds of a parameter", "HYPOTHESES": "bounds of parameters",
     },

@@ -150,7 +150,7 @@ def responses(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     shapes = list(one.shapes(setting))
     for shape in shapes:
         column = setting.response(one, TINY * max(abs(switch.low), switch.high), shape)
-        yield Term(one, column[:, None], *one.limits(1), int(len(shapes) > 1), shape)
+        yield Term(one, column[:, None], *one.limits(1), int(len(shapes) > 1 and bool(shape)), shape)
 
 
 def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:

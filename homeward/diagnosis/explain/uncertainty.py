@@ -221,8 +221,18 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     if len(alike) < 3:
         return Open(best)  # at most one neighbour is as likely: the parameters are identifiable
     start, scale = fit.parameters.start, fit.parameters.scale
-    alike.sort(key=lambda one: float(np.sum(((one.theta - start) / scale) ** 2)))
+    alike.sort(key=lambda one: (float(np.sum(((one.theta - start) / scale) ** 2)), _unusual(one)))
     return Open(alike[0], tuple(alike[1:]))
+
+
+def _unusual(model: Corrected) -> int:
+    """Parameters of its effects that differ from their defaults, such as a limit where none is reached."""
+    terms = model.model.terms
+    return sum(
+        term.shape.get(one.name, one.default) != one.default
+        for term in terms
+        for one in term.hypothesis.entry.parameters
+    )
 
 
 def _error(model: Corrected, runs: Runs) -> float:

@@ -115,9 +115,7 @@ def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[
     runs, location = evidence.runs, evidence.location
     origin_s = float(runs.time_s[runs.run == run][0])
     found = {
-        f"at work: {one.name}": [
-            (place.start_s, place.end_s) for place in one.where if place.recording == runs.names[run]
-        ]
+        f"at work: {one.name}": [(at.start_s, at.end_s) for at in one.where if at.recording == runs.names[run]]
         for one in analysis.diagnosis.missing_physics
     }
     if not found and location is not None:
@@ -126,17 +124,13 @@ def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[
             (float((runs.time_s - half_s)[part][0]), float((runs.time_s + half_s)[part][-1]))
             for _, part in stretches(location.inside & (runs.run == run), runs)
         ]
-    return {
-        label: [(round(start - origin_s, 1), round(end - origin_s, 1)) for start, end in ends]
-        for label, ends in found.items()
-    }
+    return {label: [(round(a - origin_s, 1), round(b - origin_s, 1)) for a, b in ends] for label, ends in found.items()}
 
 
 def _thinned(values: Array) -> NDArray[np.float32]:
     """Means over neighbours, so that at most `_MOST_POINTS` remain."""
     starts = np.arange(0, len(values), -(-len(values) // _MOST_POINTS))
-    means = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
-    return _rounded(means)
+    return _rounded(np.add.reduceat(values, starts) / np.diff(starts, append=len(values)))
 
 
 def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
@@ -148,8 +142,7 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
     """
     chosen: dict[int, list[str]] = {}
     for one in analysis.diagnosis.missing_physics:
-        index = _dependence_on(one.effect, evidence)
-        if index is not None:
+        if (index := _dependence_on(one.effect, evidence)) is not None:
             chosen.setdefault(index, []).append(one.name)
     if not chosen and evidence.dependences:
         chosen = {0: []}
@@ -229,8 +222,7 @@ def _condition_figure(
 
 
 def _bins(residual: Array, shown: Dependence, evidence: Evidence) -> pd.DataFrame:
-    known = shown.bin >= 0
-    values = _values(shown, evidence.runs)
+    known, values = shown.bin >= 0, _values(shown, evidence.runs)
     return _means(values[known], residual[known], shown.bin[known], evidence.block[known])
 
 

@@ -149,11 +149,9 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
             return FileChoice(changed, after, by_file, CorrectedFile("corrected", why))
         caveat = f"with the missing physics that a robot file can express, {worse}; "
     after = _held_out(robot, evidence.plain, evidence)
-    worse = worse_than(nominal, after, runs, evidence.trip, rng)
-    if worse:
-        return FileChoice(
-            robot, nominal, nominal, CorrectedFile("nominal", f"{caveat}with its parameters fitted, {worse}")
-        )
+    if worse := worse_than(nominal, after, runs, evidence.trip, rng):
+        why = f"{caveat}with its parameters fitted, {worse}"
+        return FileChoice(robot, nominal, nominal, CorrectedFile("nominal", why))
     why = f"{caveat}replayed as written, it predicts held-out windows better than the given file"
     changed, by_file = _filed(robot, evidence.plain, runs)
     return FileChoice(changed, after, by_file, CorrectedFile("refit", why))

@@ -26,6 +26,7 @@ from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
+from homeward.physics.effects.regeneration import NO_LIMIT_W
 from tests.diagnosis.made_up import with_power
 from tests.diagnosis.tell.test_file_choice import replay_equals_fit
 
@@ -204,6 +205,41 @@ def test_a_meter_that_soon_reads_too_much_was_right_before(drive: Drive, husky: 
     assert [one.effect for one in analysis.diagnosis.missing_physics] == ["sensor_gain"]
     assert analysis.diagnosis.missing_physics[0].parameters["gain"].value == pytest.approx(0.25, abs=0.02)
     assert analysis.diagnosis.parameters_off == ()
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4])
+def test_near_the_limit_a_fault_is_named_or_nothing_but_not_what_explains_less(
+    seed: int, drive: Drive, husky: Robot
+) -> None:
+    """Of two minutes a run random placebos decide; a payload or a standby load would explain less."""
+    first, *others = drive(husky, minutes=2.0)
+    late = with_power([first], lambda of: of["power_w"] * np.where(of["time_s"] >= 48.0, 1.25, 1.0))
+    recordings = late + with_power(others, lambda of: 1.25 * of["power_w"])
+    assert {one.effect for one in diagnose(recordings, husky, seed=seed).missing_physics} <= {"sensor_gain"}
+
+
+@pytest.mark.parametrize("effects", [
+    {"regeneration": {"share": 0.6, "up_to_w": 12.0}, "inertia": {"mass_factor": 1.2}},
+    {"breakaway": {"start_j": 300.0, "over_m": 1.5}},
+])  # fmt: skip
+def test_a_parameter_beside_the_size_is_fitted_and_written(
+    effects: Mapping[str, Mapping[str, float]], drive: Drive, husky: Robot
+) -> None:
+    """The largest braking power that motors take, and the way over which a start is spent."""
+    robot = dataclasses.replace(husky, rolling_resistance=0.05 * husky.rolling_resistance)
+    analysis = analyse(drive(robot, minutes=4.0, effects=effects), robot)
+    assert {one.effect for one in analysis.diagnosis.missing_physics} == {*effects}
+    for one in analysis.diagnosis.missing_physics:
+        for name, value in one.parameters.items():
+            assert value.ci95[0] < effects[one.effect][name] < value.ci95[1]
+            assert analysis.corrected.effects[one.effect][name] == pytest.approx(effects[one.effect][name], rel=0.1)
+
+
+def test_a_limit_that_is_never_reached_is_at_its_default(drive: Drive, husky: Robot) -> None:
+    robot = dataclasses.replace(husky, rolling_resistance=0.2 * husky.rolling_resistance)
+    hidden = {"regeneration": {"share": 0.6}, "inertia": {"mass_factor": 1.2}}
+    corrected = analyse(drive(robot, minutes=4.0, effects=hidden), robot).corrected
+    assert corrected.effects["regeneration"].get("up_to_w", NO_LIMIT_W) == NO_LIMIT_W
 
 
 def test_the_corrected_robot_drives_in_the_environments(scrubbing: Analysis, tmp_path: Path) -> None:

@@ -136,10 +136,6 @@ def test_what_a_file_cannot_say_is_in_no_form_that_is_written(effect: str, robot
     assert joint_fit(robot, effect, recorded(robot, effect, runs)) is None, NOT_SAID[effect]
 
 
-def test_a_start_that_draws_over_some_seconds_is_no_form_of_a_file(robot: Robot, runs: Runs) -> None:
-    assert joint_fit(robot, "breakaway", recorded(robot, "breakaway", runs), lambda form: form.hidden > 0) is None
-
-
 @pytest.mark.xfail(
     strict=True, raises=AssertionError, reason="a share of a C_rr that the refit takes for 0 explains nothing"
 )
