@@ -160,9 +160,9 @@ def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
         return
     values = -values if one.rises_with.startswith("-") else values
     values = np.abs(values) if any(of.magnitude for of in TESTED if of.name == one.rises_with) else values
-    edges = np.unique(np.quantile(np.unique(np.round(values, 6)), np.linspace(0.0, 1.0, _PIECES + 1)))
-    if len(edges) < 3:
+    if len(distinct := np.unique(np.round(values, 6))) < 3:
         return  # two values determine no form
+    edges = np.unique(np.quantile(distinct, np.linspace(0.0, 1.0, _PIECES + 1)))
     steps = np.clip((values[:, None] - edges[:-1]) / np.diff(edges), 0.0, 1.0)
     per_unit = setting.predicted[:, None] if one.entry.kind == "battery" else 1.0
     most = np.full(steps.shape[1], float(np.max(np.abs(setting.runs.observed))))

@@ -78,8 +78,8 @@ def test_of_turning_only_its_size_counts_for_a_rising_function(short_fit: Refit,
     np.testing.assert_allclose(left.columns, right.columns)
 
 
-@pytest.mark.parametrize("values", [[1.0], [np.nan, 1.0, 2.0, 3.0]])
-def test_one_value_or_a_gap_determines_no_form(short_fit: Refit, short_runs: Runs, values: list[float]) -> None:
+@pytest.mark.parametrize("values", [[1.0], [1.0, 2.0], [np.nan, 1.0, 2.0, 3.0]])
+def test_two_values_or_a_gap_determine_no_form(short_fit: Refit, short_runs: Runs, values: list[float]) -> None:
     runs = with_context(short_runs, temperature_c=np.resize(values, len(short_runs.observed)))
     one = dataclasses.replace(CATALOGUE["heater"], rises_with="temperature_c")
     assert list(rising(one, Setting.of(short_fit, runs))) == []
