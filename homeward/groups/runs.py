@@ -17,7 +17,7 @@ from homeward.logs.recordings import Recording, RecordingError
 _OWN = 0.01  # share of a column orthogonal to the others in a run, or it is confounded: ten times the error
 _TOO_UNCERTAIN = 0.5
 """Largest standard error of a run's value, over that of all runs or a plausible change. Chosen: half or twice changes
-no test of tests/groups."""
+no test of tests/groups (test_runs, test_comparison)."""
 _OPEN = ("not excited", "confounded")  # parameters that are left out: not identifiable from all runs together
 _AT_REST = {"W": Quantity("P_anc, idle part", "W"), "A": Quantity("current at rest", "A")}
 

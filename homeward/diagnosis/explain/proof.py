@@ -33,7 +33,7 @@ DRAWS = 1999
 """Residuals with random signs: the least p-value is then 0.0005, a twentieth of FALSE_ALARM_RATE."""
 _SEARCHES, _LARGEST = 39, 10  # the largest, a quarter of the scores, whose mean estimates the tail within a third
 _MORE, _CLOSE = 4, 10.0  # four times as many searches where p is within this factor of the limit; chosen
-_AS_GOOD = 3  # placebos with as high a score that end a search; chosen: p is then 0.08 or more
+_AS_GOOD = 3  # placebos with as high a score that end a search; chosen: p is then 0.02 or more, above the limit
 _AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
 _PAST = 5  # windows from which the next residual is predicted: longer than a change is refined
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors above which windows are counted; chosen: 0.5 %

@@ -80,16 +80,12 @@ def recorded(robot: Robot, effect: str, runs: Runs) -> Runs:
     return dataclasses.replace(runs, observed=drawn_w(min(float(size), 0.9 * switch.high)) + noise)
 
 
-def joint_fit(
-    robot: Robot, effect: str, runs: Runs, like: Callable[[Term], bool] = lambda one: True
-) -> Corrected | None:
+def joint_fit(robot: Robot, effect: str, runs: Runs) -> Corrected | None:
     """The groups fitted together with that form of an effect which explains most of those that a file can say."""
     fit = refit(runs, robot)
     residual = runs.observed - fit.predicted
     setting = Setting.of(fit, runs, residual)
-    forms = [
-        one for one in CATALOGUE[effect].forms(setting, True) if is_expressible(one) and like(one) and one.columns.any()
-    ]
+    forms = [one for one in CATALOGUE[effect].forms(setting, True) if is_expressible(one) and one.columns.any()]
 
     def unexplained(term: Term) -> float:
         columns = np.column_stack([fit.jacobian, term.columns])
