@@ -12,6 +12,7 @@ from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.explain.uncertainty import Joint
+from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import range_accuracy_pct
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
@@ -75,8 +76,9 @@ class Evidence:
 
     @property
     def trip(self) -> Index:
-        """What counts as one trip, shape (windows,)."""
-        return self.runs.run if self.held_out_by == "run" else self.fold
+        """What counts as one trip: a run or, of fewer than three runs, a stretch; shape (windows,)."""
+        stretch, by = cut_folds(self.runs, self.block)
+        return self.runs.run if by == "run" else stretch
 
     @property
     def contributions(self) -> tuple[Array, ...]:

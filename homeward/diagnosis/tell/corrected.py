@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from homeward.diagnosis.fit.parameter_groups import AT_REST, ROLLING, with_ancil
 from homeward.diagnosis.fit.refit import Estimate, Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.signals import Unit
-from homeward.logs.channels import Array
+from homeward.logs.channels import Array, Mask
 from homeward.physics import Robot
 
 
@@ -24,6 +24,7 @@ class FileContent:
     effects: Mapping[str, Mapping[str, float]]
     met: WithEffects  # ground of these drives, lag and scale of their instruments
     reading: Array | float = 0.0  # what instruments add, (windows,)
+    before: Mapping[str, Mask] = field(default_factory=dict)  # windows in which an effect had not begun, (windows,)
 
 
 def is_expressible(term: Term) -> bool:
@@ -54,6 +55,7 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
     terms, theta = model.model.terms, model.theta
     effects: dict[str, dict[str, float]] = {}
     met = replace(model.model.within(runs, model.values), effects={})
+    before: dict[str, Mask] = {}
     reading = np.zeros(len(runs.observed))
     for index, term in enumerate(terms):
         if _is_ground(term):
@@ -66,11 +68,11 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
             met = replace(met, roughness=roughness)
         elif is_expressible(term):
             effects[term.effect] = {**_numbers(model, index), **term.hypothesis.reach(runs)}
-            if _stays(term) and term.load is not None and term.schedule is not None:
-                reading -= term.load * model.sizes(index)[0] * (term.schedule.level == 0)  # it had not begun
+            if _stays(term) and term.schedule is not None:
+                before[term.effect] = term.schedule.level == 0
         elif term.misread:
             reading += term.columns @ model.sizes(index)
-    return FileContent(theta, effects, met, reading)
+    return FileContent(theta, effects, met, reading, before)
 
 
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
@@ -129,10 +131,16 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
 def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
     """Prediction of a robot file for these drives, shape (windows,).
 
-    It includes their ground, the errors of their instruments, and the current at rest, which no file contains.
+    It includes their ground, the errors of their instruments, the time before an effect began, and the current at rest,
+    which no file contains.
     """
     rest_current_a = float(content.theta[AT_REST]) if runs.unit == "A" else 0.0
-    return content.reading + predict(runs, robot, rest_current_a, content.met)
+    predicted = now = predict(runs, robot, rest_current_a, content.met)
+    for effect, had_not_begun in content.before.items():
+        others = {name: numbers for name, numbers in robot.effects.items() if name != effect}
+        without = predict(runs, dataclasses.replace(robot, effects=others), rest_current_a, content.met)
+        predicted = predicted + had_not_begun * (without - now)
+    return content.reading + predicted
 
 
 def _unless_equal(before: float, after: float) -> float:

@@ -15,7 +15,7 @@ from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.tell.corrected import file_content, is_expressible, replayed, written
+from homeward.diagnosis.tell.corrected import FileContent, file_content, is_expressible, replayed, written
 from homeward.physics.effects import EFFECTS
 from homeward.physics.model import headwind
 
@@ -118,6 +118,20 @@ def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robo
     smooth_w = replayed(written(robot, dataclasses.replace(content, effects={}), runs.unit), unknown, runs)
     assert float(np.mean(drawn_w)) == pytest.approx(float(np.mean(runs.observed)), rel=0.01)
     assert float(np.mean(smooth_w)) < 0.97 * float(np.mean(runs.observed))
+
+
+def test_before_an_effect_began_the_file_is_replayed_without_it(robot: Robot, runs: Runs) -> None:
+    """Also where the drive draws nothing with it, such as on a slope that was not there before."""
+    theta = refit(runs, robot).theta
+    had_not_begun = np.arange(len(runs.observed)) < len(runs.observed) // 2
+    slope = {"hidden_grade": {"slope": -0.2}}
+    content = FileContent(theta, slope, WithEffects(), before={"hidden_grade": had_not_begun})
+    predicted = replayed(written(robot, content, runs.unit), content, runs)
+    for effects, mask in (({}, had_not_begun), (slope, ~had_not_begun)):
+        always = FileContent(theta, effects, WithEffects())
+        np.testing.assert_allclose(
+            predicted[mask], replayed(written(robot, always, runs.unit), always, runs)[mask], rtol=0.0, atol=1e-9
+        )
 
 
 def test_a_radio_is_written_as_far_from_base_as_was_recorded(robot: Robot, runs: Runs) -> None:
