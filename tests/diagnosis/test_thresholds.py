@@ -17,6 +17,7 @@ NUMERICS = {
     "explain/menu.py": {"KNOWN_MASS": "test drive", "_STOP_AND_GO": "test drive", "MENU": "test drives"},
     "explain/proof.py": {"_WORTH_A_LOOK": "bounds the time: far below what may be named"},
     "fit/fitted.py": {"RIDGE": "rounding"},
+    "fit/held_out.py": {"_TREES, _RATE": "of the boosted trees"},
     "fit/lags.py": {"_COARSE_S, _FINE_S": "grid", "_SHARED_S": "grid", "_COARSE_DRIFT_S": "grid"},
     "fit/refit.py": {"_WEAK_PRIOR": "rounding"},
     "read/noise.py": {"_PRECISE": "tolerance of an optimum"},

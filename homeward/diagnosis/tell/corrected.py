@@ -170,9 +170,9 @@ def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict
         "rated_energy_j": "from the recorded state of charge against the energy drawn",
     }
     changed = {}
-    for field in dataclasses.fields(Robot):
-        old, new = getattr(before, field.name), getattr(after, field.name)
+    for one in dataclasses.fields(Robot):
+        old, new = getattr(before, one.name), getattr(after, one.name)
         if isinstance(new, float) and new != old:
-            how = held.get(field.name, "from the fitted ancillary power, shared out as before")
-            changed[field.name] = f"fitted by diagnose.py ({how}); it was {old:.6g}"
+            how = held.get(one.name, "from the fitted ancillary power, shared out as before")
+            changed[one.name] = f"fitted by diagnose.py ({how}); it was {old:.6g}"
     return changed
