@@ -160,25 +160,10 @@ def _gather(runs: Runs, robot: Robot, rng: Generator, progress: Progress) -> tup
         together = left_open.products(runs, block)
     predicted = _predictions(fitted, corrected, explanation.empirical, runs, fold, rng)
     evidence = Evidence(
-        runs,
-        fitted,
-        plain,
-        block,
-        fold,
-        held_out_by,
-        predicted,
-        known,
-        tuple(found),
-        explanation.location,
-        explanation.naming,
-        corrected,
-        explanation.empirical,
-        capacity,
-        shown,
-        explanation.remaining,
-        together,
+        runs, fitted, plain, block, fold, held_out_by, predicted, known, tuple(found), explanation.location,
+        explanation.naming, corrected, explanation.empirical, capacity, shown, explanation.remaining, together,
         joint(corrected or plain, runs, block),
-    )
+    )  # fmt: skip
     arms = {name: score(one, runs, block, evidence.trip, rng) for name, one in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
