@@ -39,7 +39,7 @@ class FileChoice:
 
 
 def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index) -> tuple[Refit, Corrected | None]:
-    """The fits with each group that is not identifiable held at the robot file's value.
+    """The fits with each group that is not identifiable held at the robot file's value, where the data allow that.
 
     One group after the other is held, first that whose assumed value raises the error least: of two confounded groups,
     the other is then identifiable. Windows of different `block`, shape (windows,), count as independent.
@@ -67,9 +67,11 @@ def expressible(
     terms = corrected.model.terms
     forms = [term.plain or term for term in terms]
     kept = [form for form, one in zip(forms, named, strict=True) if not _excluded(one, form)]
-    if [id(one) for one in kept] == [id(one) for one in terms]:
-        return corrected
-    return fit_model(holding(plain, runs, corrected.groups.held), kept, runs, block) if kept else None
+    if not kept or [id(one) for one in kept] == [id(one) for one in terms]:
+        return corrected if kept else None
+    # A flexible form spans groups that its form in a file does not.
+    held = plain.held if any(one.flexible for one in terms) else corrected.groups.held
+    return _determined(lambda held: fit_model(holding(plain, runs, held), kept, runs, block), held, runs, block)
 
 
 def _excluded(named: Named, form: Term) -> str:
@@ -89,16 +91,15 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
         is_open = np.array([one.status != "fitted" for one in estimated]) & ~held
         if not is_open.any():
             return model
-        idle = is_open & np.array([one.status == "not excited" for one in estimated])
-        if idle.any():
-            held = held | idle
-            model = fit_holding(held)
-            continue
         at_bound = np.array([one.status == "at bound" for one in estimated])
         candidates = (is_open | _alike(model, is_open & at_bound)) & ~held
         each = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
-        fits = [(fit_holding(one), one) for one in each]
-        model, held = min(fits, key=lambda fit: float(np.sum((runs.observed - fit[0].predicted) ** 2)))
+        fits = [model, *(fit_holding(one) for one in each)]
+        errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in fits]
+        best = 1 + int(np.argmin(errors[1:]))
+        if errors[best] > rules.EQUAL * errors[0]:
+            return model
+        model, held = fits[best], each[best - 1]
 
 
 def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
