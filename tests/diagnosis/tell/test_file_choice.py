@@ -11,10 +11,13 @@ import pytest
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.fit.refit import Refit
+from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.refit import Refit, refit
+from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.corrected import file_content, replayed
-from homeward.diagnosis.tell.file_choice import expressible, worse_than
-from homeward.physics import ancillary_power
+from homeward.diagnosis.tell.file_choice import determined, expressible, worse_than
+from homeward.physics import ancillary_power, replay
 
 Drive = Callable[..., list[Recording]]
 
@@ -96,3 +99,38 @@ def test_a_file_must_be_better_and_its_trips_no_worse(after: np.ndarray, reason:
     runs: Any = SimpleNamespace(observed=np.full(4, 10.0), duration_s=np.full(4, 0.5), unit="W")
     before = runs.observed + np.array([2.0, -2.0, 2.0, -2.0])
     assert worse_than(before, runs.observed + after, runs, np.array([0, 0, 1, 1]), np.random.default_rng(0)) == reason
+
+
+def test_groups_are_held_at_no_value_that_the_data_contradict(husky: Robot) -> None:
+    """Only the sum of idle and rolling power is known at one speed, and either of the file alone exceeds it."""
+    (run,) = recordings_at_one_speed(husky)
+    wrong = dataclasses.replace(husky, controller_w=1000.0, rolling_resistance=6.0 * husky.rolling_resistance)
+    runs = average(usable_runs([run], wrong)[0])
+    plain, corrected = determined(refit(runs, wrong), None, runs, cut_blocks(runs.run))
+    assert corrected is None
+    assert float(np.abs(plain.predicted - runs.observed).mean()) < 0.05 * float(runs.observed.mean())
+
+
+def recordings_at_one_speed(robot: Robot) -> list[Recording]:
+    time_s = np.arange(0.0, 600.0, 0.1)
+    speed = 0.8 + 0.001 * np.random.default_rng(0).standard_normal(len(time_s))
+    power_w = replay(robot, time_s, speed, accel_mps2=0.0).power_w
+    return [Recording("level.csv", "0", {"time_s": time_s, "speed_mps": speed, "power_w": power_w})]
+
+
+def test_a_form_that_a_file_lacks_is_replaced_by_the_nearest_that_it_has(short_drive: Drive, husky: Robot) -> None:
+    """A computer whose power rises fast at first: the file says a part at once and the rest by the sample, and beats
+    the refit, which knows a line only."""
+    rng, recordings = np.random.default_rng(0), []
+    for run in short_drive(husky):
+        before_hz = run.channels["sensing_hz"]
+        hz = np.repeat(rng.choice([0.0, 5.0, 20.0, 50.0], 1 + len(before_hz) // 50), 50)[: len(before_hz)]
+        read_w = run.channels["power_w"] + husky.computer_j_per_sample * (hz - before_hz)
+        read_w += 3.0 * hz + 40.0 * np.sqrt(hz / 50.0) + 40.0 * (hz > 0.0)
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "sensing_hz": hz, "power_w": read_w}))
+    analysis = analyse(recordings, husky)
+    assert analysis.evidence is not None and analysis.diagnosis.fit is not None
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
+    assert [*analysis.corrected.active_effects] == ["compute"]
+    arms = analysis.diagnosis.fit.arms
+    assert arms["file"].rmse < arms["refit"].rmse
