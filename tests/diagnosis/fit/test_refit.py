@@ -111,6 +111,7 @@ def test_a_group_that_is_held_stays_as_the_file_says(husky: Robot, short_runs: R
     held[NAMES.index("mass")] = True
     fit = holding(refit(runs, husky), runs, held)
     assert fit.theta[MASS] == husky.mass_kg and not fit.jacobian[:, MASS].any()
+    assert fit.moved(np.ones(len(NAMES)))[MASS] == husky.mass_kg  # rounding of a step does not move it
     assert fit.theta[ROLLING] == pytest.approx(1.3 * husky.rolling_resistance * husky.mass_kg, rel=1e-4)
 
 
