@@ -104,12 +104,11 @@ def analyse(
         evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
         fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
     found = missing_physics(evidence)
-    corrected = choice.robot
     where = evidence.location.places if evidence.location is not None else ()
     nominal = evidence.predictions.get("nominal")
     reach = None
     if nominal is not None and choice.replayed is not None:
-        reach = recorded_range((robot, corrected), (nominal, choice.replayed), evidence.runs, rng)
+        reach = recorded_range((robot, choice.robot), (nominal, choice.replayed), evidence.runs, rng)
     of_range = evidence.runs.unit == "W" and verdict != "unknown_physics"
     diagnosis = Diagnosis(
         robot.name,
@@ -124,11 +123,11 @@ def analyse(
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
         range=reach,
-        range_change_m=float(d_max(corrected) - d_max(robot)) if of_range else None,
+        range_change_m=float(d_max(choice.robot) - d_max(robot)) if of_range else None,
         file=choice.file,
         next_experiment=next_experiment(evidence),
     )
-    return Analysis(diagnosis, robot, corrected, tuple(findings), evidence)
+    return Analysis(diagnosis, robot, choice.robot, tuple(findings), evidence)
 
 
 def _gather(runs: Runs, robot: Robot, rng: Generator, progress: Progress) -> tuple[Evidence, Fit]:

@@ -85,9 +85,8 @@ class Refit:
 
     def moved(self, step: Array) -> Array:
         """Theta after a step in units of `scale`, within its bounds; groups that are held keep theirs to the digit."""
-        return np.clip(
-            self.theta + ~self.held * step * self.parameters.scale, self.parameters.low, self.parameters.high
-        )
+        moved = self.theta + ~self.held * step * self.parameters.scale
+        return np.clip(moved, self.parameters.low, self.parameters.high)
 
     def step(self, jacobian: Array, residual: Array) -> Array:
         """Least-squares step of theta in units of `scale`, shape (groups,), within the bounds, for these windows."""
