@@ -1,5 +1,10 @@
-"""What the doctests leave out where an extra is not installed."""
+"""What processes of the tests share, and what the doctests leave out where an extra is not installed."""
 
 import importlib.util
+import os
+
+# Before numpy is imported: tests run side by side, and threads of small products would wait for each other in a loop.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 collect_ignore_glob = [] if importlib.util.find_spec("cyclonedds") else ["homeward/watch/ros2/*"]

@@ -447,9 +447,7 @@ def test_a_missing_library_says_what_to_install(
 
 def test_it_learns_to_come_home(tmp_path: Path) -> None:
     ppo = PPOSettings(start="scratch", n_envs=128, n_steps=32, batch_size=512, epochs=8)
-    args = Args(
-        env="homeward/OutAndBack-v0", out=tmp_path, difficulty="known", steps=100_000, decision_s=120.0, ppo=ppo
-    )
+    args = Args(env="homeward/OutAndBack-v0", out=tmp_path, difficulty="known", steps=64_000, decision_s=120.0, ppo=ppo)
     main(args)
     first, last = (np.mean(home_rates(tmp_path)[part]) for part in (slice(0, 3), slice(-3, None)))
     assert last > 0.9 > 0.7 > first

@@ -103,8 +103,8 @@ def test_the_way_home_follows_the_trail_and_short_cuts_of_it() -> None:
 
 def test_it_takes_an_update_of_any_rate_alike() -> None:
     slow, fast = companion(), companion()
-    by_minute = Driven(every_s=30.0, rolling=1.1).drive(slow, 0.0, 600.0)
-    by_tenth = Driven(every_s=0.1, rolling=1.1).drive(fast, 0.0, 600.0)
+    by_minute = Driven(every_s=30.0, rolling=1.1).drive(slow, 0.0, 300.0)
+    by_tenth = Driven(every_s=0.1, rolling=1.1).drive(fast, 0.0, 300.0)
     assert by_tenth.energy_home_j.mean == pytest.approx(by_minute.energy_home_j.mean, rel=0.01)
     assert by_tenth.energy_home_j.sd == pytest.approx(by_minute.energy_home_j.sd, rel=0.1)
 

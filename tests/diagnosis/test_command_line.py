@@ -113,17 +113,18 @@ CHANNELS: dict[str, Callable[[pd.DataFrame], Any]] = {
 }
 
 
-@pytest.mark.parametrize("channel", CHANNELS)
-def test_runs_of_which_one_lacks_a_channel(channel: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("lacking", [0, 1])
+def test_runs_of_which_one_lacks_channels(lacking: int, tmp_path: Path) -> None:
     paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
-    drive(0).to_csv(paths[0], index=False)
-    table = drive(1)
-    table.assign(**{channel: CHANNELS[channel](table)}).to_csv(paths[1], index=False)
-    for order in (paths, paths[::-1]):
-        analysis = analyse(order, "husky")
-        assert len(analysis.diagnosis.recordings) == 2
-        said = [one.text for one in analysis.findings if one.recording == str(paths[0])]
-        assert any(text.startswith("lacks ") and f"{channel}, which other runs have" in text for text in said)
+    for seed, path in enumerate(paths):
+        table = drive(seed)
+        more = {} if seed == lacking else {name: values(table) for name, values in CHANNELS.items()}
+        table.assign(**more).to_csv(path, index=False)
+    analysis = analyse(paths, "husky")
+    assert len(analysis.diagnosis.recordings) == 2
+    (said,) = [one.text for one in analysis.findings if one.text.startswith("lacks ")]
+    named, after = said.removeprefix("lacks ").split(", which other runs have")
+    assert set(named.split(", ")) == set(CHANNELS) and "sensing rate is assumed to be 0" in after
 
 
 def test_one_path_is_a_list_of_one(tmp_path: Path) -> None:

@@ -256,7 +256,7 @@ def test_what_the_gauge_showed_is_not_asked_for_again(cause: str, drive: Drive, 
     [(60.0, 0.0, "standby", "sensor_offset"), (0.0, 60.0, "sensor_offset", "standby")],
 )
 def test_the_gauge_tells_a_load_from_a_zero_that_has_shifted(
-    drive: Drive, husky: Robot, drawn_w: float, read_w: float, named: str, not_named: str
+    short_drive: Drive, husky: Robot, drawn_w: float, read_w: float, named: str, not_named: str
 ) -> None:
     def with_more(runs: Sequence[Recording], more_w: float) -> list[Recording]:
         return [
@@ -264,7 +264,7 @@ def test_the_gauge_tells_a_load_from_a_zero_that_has_shifted(
             for at, run in enumerate(runs)
         ]
 
-    shown = with_charge(with_more(drive(husky, runs=4), drawn_w), husky, [0.0] * 4)
+    shown = with_charge(with_more(short_drive(husky), drawn_w), husky, [0.0] * 4)
     (found,) = diagnose(with_more(shown, read_w), husky).missing_physics
     assert found.effect == named and not_named not in found.confused_with
 
@@ -273,7 +273,7 @@ def test_what_began_once_and_stays_is_handed_over_where_the_gauge_shows_that_it_
     drive: Drive, husky: Robot
 ) -> None:
     runs = []
-    for run, from_s in zip(drive(husky, runs=3), (240.0, 0.0, 0.0), strict=True):
+    for run, from_s in zip(drive(husky, minutes=4.0), (120.0, 0.0, 0.0), strict=True):
         read_w = run.channels["power_w"] + 60.0 * (run.channels["time_s"] >= from_s)
         runs.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
     runs = with_charge(runs, husky, [0.0] * 3)
@@ -286,7 +286,7 @@ def test_what_began_once_and_stays_is_handed_over_where_the_gauge_shows_that_it_
 def test_a_meter_that_reads_more_from_some_run_on_is_no_battery_that_loses_less(drive: Drive, husky: Robot) -> None:
     runs = [
         dataclasses.replace(run, channels={**run.channels, "power_w": run.channels["power_w"] * (1.0 + 0.3 * (at > 1))})
-        for at, run in enumerate(with_charge(drive(husky, runs=4), husky, [0.0] * 4))
+        for at, run in enumerate(with_charge(drive(husky, runs=4, minutes=4.0), husky, [0.0] * 4))
     ]
     assert [one.effect for one in diagnose(runs, husky).missing_physics] == ["sensor_gain"]
 

@@ -1,7 +1,6 @@
 """Missing physics is named, fitted, handed back as a robot, and not seen where there is none."""
 
 import dataclasses
-import functools
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -84,11 +83,11 @@ def test_both_effects_of_a_pair_are_named(short_drive: Drive, husky: Robot) -> N
 
 
 def test_a_load_from_one_day_on_is_named_beside_an_effect_though_the_weather_changed_too(
-    drive: Drive, husky: Robot
+    short_drive: Drive, husky: Robot
 ) -> None:
     hidden = {"turning": {"scrub": 0.2}}
-    days = drive(husky, runs=4, minutes=4.0, effects=hidden)[:2]
-    days += drive(husky, runs=4, minutes=4.0, effects=hidden, mass_kg=1.3 * husky.mass_kg)[2:]
+    days = short_drive(husky, effects=hidden)[:2]
+    days += short_drive(husky, effects=hidden, mass_kg=1.3 * husky.mass_kg)[2:]
     runs = [
         dataclasses.replace(run, channels={**run.channels, "temperature_c": np.full(len(run), warm_c)})
         for run, warm_c in zip(days, (6.0, 9.0, 17.0, 20.0), strict=True)
@@ -115,9 +114,9 @@ def test_a_load_switched_on_part_way_is_found_with_its_time(short_drive: Drive, 
 
 @pytest.mark.parametrize(("air_c", "may_be_a_heater"), [(2.0, True), (25.0, False)])
 def test_a_load_that_switches_is_found_with_its_rhythm_and_in_the_cold_may_be_a_thermostat(
-    air_c: float, may_be_a_heater: bool, drive: Drive, husky: Robot
+    air_c: float, may_be_a_heater: bool, short_drive: Drive, husky: Robot
 ) -> None:
-    runs = with_power(drive(husky), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0))
+    runs = with_power(short_drive(husky), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 40.0 < 12.0))
     runs = [
         dataclasses.replace(
             run, channels={**run.channels, "temperature_c": np.full(len(run.channels["time_s"]), air_c)}
@@ -129,14 +128,14 @@ def test_a_load_that_switches_is_found_with_its_rhythm_and_in_the_cold_may_be_a_
     assert ("heater" in (first.effect, *first.confused_with)) == may_be_a_heater
     if not may_be_a_heater:
         assert first.effect == "intermittent_load"
-        assert first.parameters["period_s"].value == pytest.approx(100.0, rel=0.05)
+        assert first.parameters["period_s"].value == pytest.approx(40.0, rel=0.05)
         assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
 
 
 def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     """Of a load with three sizes there are schedules with three levels, but none of something that switches."""
     three = with_power(
-        drive(husky, runs=3),
+        drive(husky, minutes=4.0),
         lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0) + 25.0 * (of["time_s"] % 100.0 < 60.0),
     )
     runs = average(usable_runs(three, husky)[0])
@@ -173,13 +172,12 @@ def test_a_radio_in_a_room_takes_as_much_over_a_few_metres(short_drive: Drive, h
     assert first.parameters["w_per_km2"].value == pytest.approx(1.2e6, rel=0.1)
 
 
-@pytest.mark.parametrize("lag_s", [1.0, 3.6])
-def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(lag_s: float, drive: Drive, husky: Robot) -> None:
-    runs = with_power(drive(husky), lambda of: np.interp(of["time_s"] - lag_s, of["time_s"], of["power_w"]))
+def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(short_drive: Drive, husky: Robot) -> None:
+    runs = with_power(short_drive(husky), lambda of: np.interp(of["time_s"] - 3.6, of["time_s"], of["power_w"]))
     analysis = analyse(runs, husky)
     first = analysis.diagnosis.missing_physics[0]
     assert first.effect == "clock_lag"
-    assert first.parameters["lag_s"].value == pytest.approx(lag_s, abs=0.15)
+    assert first.parameters["lag_s"].value == pytest.approx(3.6, abs=0.15)
     assert analysis.corrected.effects == husky.effects
 
 
@@ -194,10 +192,10 @@ def test_a_late_power_clock_is_named_beside_inertia_however_late_it_seems_alone(
     assert inertia.parameters["mass_factor"].value == pytest.approx(2.5, rel=0.1)
 
 
-def test_a_meter_that_soon_reads_too_much_was_right_before(drive: Drive, husky: Robot) -> None:
+def test_a_meter_that_soon_reads_too_much_was_right_before(short_drive: Drive, husky: Robot) -> None:
     """However long a fault lasts, the robot is as it was read before it began."""
     recordings = []
-    for run, since in zip(drive(husky, minutes=4.0), (0.4, 0.0, 0.0), strict=True):
+    for run, since in zip(short_drive(husky, runs=3), (0.4, 0.0, 0.0), strict=True):
         after = np.linspace(0.0, 1.0, len(run)) >= since
         read_w = run.channels["power_w"] * np.where(after, 1.25, 1.0)
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
@@ -207,7 +205,7 @@ def test_a_meter_that_soon_reads_too_much_was_right_before(drive: Drive, husky: 
     assert analysis.diagnosis.parameters_off == ()
 
 
-@pytest.mark.parametrize("seed", [0, 2, 4])
+@pytest.mark.parametrize("seed", [0, 2])
 def test_near_the_limit_a_fault_is_named_or_nothing_but_not_what_explains_less(
     seed: int, drive: Drive, husky: Robot
 ) -> None:
@@ -235,10 +233,10 @@ def test_a_parameter_beside_the_size_is_fitted_and_written(
             assert analysis.corrected.effects[one.effect][name] == pytest.approx(effects[one.effect][name], rel=0.1)
 
 
-def test_a_limit_that_is_never_reached_is_at_its_default(drive: Drive, husky: Robot) -> None:
+def test_a_limit_that_is_never_reached_is_at_its_default(short_drive: Drive, husky: Robot) -> None:
     robot = dataclasses.replace(husky, rolling_resistance=0.2 * husky.rolling_resistance)
     hidden = {"regeneration": {"share": 0.6}, "inertia": {"mass_factor": 1.2}}
-    corrected = analyse(drive(robot, minutes=4.0, effects=hidden), robot).corrected
+    corrected = analyse(short_drive(robot, effects=hidden), robot).corrected
     assert corrected.effects["regeneration"].get("up_to_w", NO_LIMIT_W) == NO_LIMIT_W
 
 
@@ -253,35 +251,21 @@ def test_the_corrected_robot_drives_in_the_environments(scrubbing: Analysis, tmp
     assert Diagnosis.from_json((tmp_path / "diagnosis.json").read_text()) == scrubbing.diagnosis
 
 
-@pytest.fixture(scope="module")
-def real_husky(data_folder: Path) -> Callable[[str], Diagnosis]:
-    """What is said of the first four recordings of the real Husky on a terrain, each diagnosed once."""
+def test_the_real_husky_lacks_turning_which_sets_ice_apart_from_hard_dry_ground(data_folder: Path) -> None:
+    """Of the first four recordings on each terrain."""
     if not (data_folder / "husky_borealtc").is_dir():
         pytest.skip("set HOMEWARD_DATA to a folder with husky_borealtc")
-
-    @functools.cache
-    def diagnosed(terrain: str) -> Diagnosis:
+    scrub: dict[str, tuple[float, float]] = {}
+    for terrain in ("FLOORING", "ASPHALT", "ICE", "SNOW"):
         runs = sorted((data_folder / "husky_borealtc" / terrain).glob("pro_*.csv"))[:4]
-        return diagnose(runs, "husky", "husky_borealtc")
-
-    return diagnosed
-
-
-@pytest.mark.parametrize("terrain", ["FLOORING", "ASPHALT", "ICE", "SNOW"])
-def test_the_real_husky_lacks_turning(terrain: str, real_husky: Callable[[str], Diagnosis]) -> None:
-    diagnosis = real_husky(terrain)
-    assert diagnosis.missing_physics[0].effect == "turning"
-    assert diagnosis.missing_physics[0].where[0].condition.startswith("turning faster than")
-    assert diagnosis.fit is not None and diagnosis.fit.held_out_by == "run"
-    assert diagnosis.fit.arms["corrected"].rmse < diagnosis.fit.arms["refit"].rmse
-    assert diagnosis.fit.arms["refit"].energy_error_pct is None and diagnosis.range_change_m is None
-
-
-def test_ice_is_set_apart_from_hard_dry_ground_by_its_turning(real_husky: Callable[[str], Diagnosis]) -> None:
-    scrub = {
-        terrain: real_husky(terrain).missing_physics[0].parameters["scrub"].ci95
-        for terrain in ("FLOORING", "ASPHALT", "ICE")
-    }
+        diagnosis = diagnose(runs, "husky", "husky_borealtc")
+        turning = diagnosis.missing_physics[0]
+        assert turning.effect == "turning", terrain
+        assert turning.where[0].condition.startswith("turning faster than"), terrain
+        assert diagnosis.fit is not None and diagnosis.fit.held_out_by == "run"
+        assert diagnosis.fit.arms["corrected"].rmse < diagnosis.fit.arms["refit"].rmse, terrain
+        assert diagnosis.fit.arms["refit"].energy_error_pct is None and diagnosis.range_change_m is None
+        scrub[terrain] = turning.parameters["scrub"].ci95
     assert scrub["ICE"][1] < 0.5 * min(scrub["FLOORING"][0], scrub["ASPHALT"][0])
 
 
@@ -328,10 +312,10 @@ def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(short_
 
 
 def test_a_load_that_comes_on_in_the_same_places_every_day_is_not_said_to_come_by_the_clock(
-    drive: Drive, husky: Robot
+    short_drive: Drive, husky: Robot
 ) -> None:
     recordings = []
-    for run in drive(husky, runs=4, minutes=4.0):
+    for run in short_drive(husky):
         way_m = np.cumsum(0.1 * run.channels["speed_mps"])
         base_m = np.abs(40.0 - np.mod(way_m, 80.0))  # to and fro
         read_w = run.channels["power_w"] + 40.0 * (np.mod(base_m, 20.0) > 12.0)
@@ -342,12 +326,12 @@ def test_a_load_that_comes_on_in_the_same_places_every_day_is_not_said_to_come_b
 
 
 def test_bursts_at_random_that_no_channel_tells_are_unknown_physics_and_not_a_change_of_parameters(
-    drive: Drive, husky: Robot
+    short_drive: Drive, husky: Robot
 ) -> None:
     """Each other than the last, so that no schedule of a load that is on or off follows them."""
     rng = np.random.default_rng(5)
     recordings = []
-    for run in drive(husky, runs=3, minutes=4.0):
+    for run in short_drive(husky):
         time_s, read_w = run.channels["time_s"], run.channels["power_w"].copy()
         for start_s in np.cumsum(rng.exponential(9.0, 40)):
             read_w += rng.exponential(40.0) * ((time_s >= start_s) & (time_s < start_s + rng.uniform(2.0, 8.0)))
@@ -419,27 +403,20 @@ def test_levels_confounded_with_their_mean_are_at_work_together(short_drive: Dri
     assert levels(0.0).p_values[0] > 0.05
 
 
-@pytest.mark.parametrize(
-    ("watts", "effect", "size", "amount"),
-    [
-        (20.0, "breakaway", "start_j", 60.0),
-        (20.0, "turning", "scrub", 0.1),
-        (30.0, "turning", "scrub", 0.1),
-    ],
-)
+@pytest.mark.parametrize(("effect", "size", "amount"), [("breakaway", "start_j", 60.0), ("turning", "scrub", 0.1)])
 def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
-    watts: float, effect: str, size: str, amount: float, drive: Drive, husky: Robot
+    effect: str, size: str, amount: float, drive: Drive, husky: Robot
 ) -> None:
     """Motion, which causes the one, does not explain the other."""
     runs = drive(husky, runs=3, minutes=4.0, effects={effect: {size: amount}})
     since_s = (150.0, 100.0, 100.0)
     recordings = [
-        with_power([run], lambda of, on_s=on_s: of["power_w"] + watts * (of["time_s"] > on_s))[0]  # type: ignore[misc]
+        with_power([run], lambda of, on_s=on_s: of["power_w"] + 20.0 * (of["time_s"] > on_s))[0]  # type: ignore[misc]
         for run, on_s in zip(runs, since_s, strict=True)
     ]
     device, motion = diagnose(recordings, husky).missing_physics
     assert device.effect == "standby"
-    assert device.parameters["power_w"].value == pytest.approx(watts, rel=0.15)
+    assert device.parameters["power_w"].value == pytest.approx(20.0, rel=0.15)
     assert motion.effect == effect
 
 

@@ -57,7 +57,7 @@ def test_the_interval_holds_one_more_run_as_often_as_it_should(fitted_to: Fitted
     """Runs take a mean of 10 W; each differs from it by 1 W, and each window by another 1 W."""
     rng, windows, held = np.random.default_rng(0), 50, []
     run = np.repeat(np.arange(runs), windows)
-    for _ in range(2000):
+    for _ in range(1000):
         mean_w = 10.0 + rng.normal(size=runs)
         observed = mean_w[run] + rng.normal(size=len(run))
         by_run = np.bincount(run, observed) / windows
