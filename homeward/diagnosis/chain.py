@@ -84,7 +84,8 @@ def analyse(
     progress("reading")
     runs_read = [one if isinstance(one, Recording) else read_recording(one, columns) for one in recordings]
     progress("checking")
-    usable, findings = usable_runs(runs_read, robot)
+    with threadpool_limits(1):  # busy waiting between threads slows many small products
+        usable, findings = usable_runs(runs_read, robot)
     used = {run.name for run in usable}
     infos = tuple(
         RecordingInfo(one.name, one.sha256, one.duration_s, len(one))
@@ -95,10 +96,10 @@ def analyse(
         untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings))
         return Analysis(untestable, robot, robot, tuple(findings), None)
     rng = np.random.default_rng(seed)
-    with threadpool_limits(1):  # busy waiting between threads slows many small products
+    with threadpool_limits(1):
         evidence, fit = _gather(average(usable, rules.SAMPLES_A_WINDOW), robot, rng, progress)
-    verdict, off = _conclude(evidence)
-    choice = choose_file(robot, verdict, evidence, rng)
+        verdict, off = _conclude(evidence)
+        choice = choose_file(robot, verdict, evidence, rng)
     if choice.held_out is not None:
         arm = score(choice.held_out, evidence.runs, evidence.block, evidence.trip, rng)
         evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 from sklearn.ensemble import HistGradientBoostingRegressor
-from threadpoolctl import threadpool_limits
 
 from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.replay import Runs
@@ -64,10 +63,8 @@ def black_box(
         max_iter=_TREES, learning_rate=_RATE, max_leaf_nodes=15, min_samples_leaf=30, early_stopping=False,
         random_state=int(rng.integers(2**31)),
     )  # fmt: skip
-    with threadpool_limits(1):  # its busy waiting is very slow on a loaded machine
-        trees.fit(features[rows], (runs.observed - nominal)[rows])
-        predicted: Array = nominal + trees.predict(features)
-    return predicted
+    trees.fit(features[rows], (runs.observed - nominal)[rows])
+    return np.asarray(nominal + trees.predict(features))
 
 
 def gain(observed: Array, before: Array, after: Array, block: Index, rng: np.random.Generator) -> Gain:

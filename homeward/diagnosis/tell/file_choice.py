@@ -94,7 +94,7 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
         at_bound = np.array([one.status == "at bound" for one in estimated])
         candidates = (is_open | _alike(model, is_open & at_bound)) & ~held
         each = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
-        fits = [model, *(fit_holding(one) for one in each)]
+        fits = [model] + [fit_holding(one) for one in each]
         errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in fits]
         best = 1 + int(np.argmin(errors[1:]))
         if errors[best] > rules.EQUAL * errors[0]:
