@@ -70,7 +70,7 @@ def expressible(
     if not kept or [id(one) for one in kept] == [id(one) for one in terms]:
         return corrected if kept else None
     # A flexible form spans groups that its form in a file does not.
-    held = plain.held if any(one.flexible for one in terms) else corrected.groups.held
+    held = corrected.groups.held & plain.held if any(one.flexible for one in terms) else corrected.groups.held
     return _determined(lambda held: fit_model(holding(plain, runs, held), kept, runs, block), held, runs, block)
 
 
