@@ -37,8 +37,6 @@ _LAST = 1000
 """Missions over which the rate of stranding is taken."""
 _STEP = 0.05
 """Largest difference from the limit that moves the multiplier, so that the first missions do not wind it up."""
-_MODE_LOGITS = (-1.5, 2.0, -2.2)
-"""Stop 3 %, go 96 %, return 1.4 %: a robot that may turn back at every decision else hardly gets anywhere by chance."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +117,6 @@ def train(args: Args) -> tuple[PPO, float]:
         "MlpPolicy", env, learning_rate=1e-3, n_steps=64, batch_size=2048, n_epochs=6, gamma=0.9995, gae_lambda=0.95,
         policy_kwargs={"net_arch": [64, 64]}, seed=args.seed, device="cpu",
     )  # fmt: skip
-    with torch.no_grad():
-        model.policy.action_net.bias[-3:] = torch.tensor(_MODE_LOGITS)
     model.learn(args.steps, DualAscent(env, args))
     return model, env.multiplier
 

@@ -63,3 +63,10 @@ def test_an_unknown_environment_takes_one_line(root: Path) -> None:
     )
     assert done.returncode == 2
     assert done.stderr.startswith("lagrangian_ppo.py: unknown env 'CartPole-v1'; choose from homeward/OutAndBack-v0")
+
+
+def test_it_learns_to_score_and_not_only_to_stay_safe(example: Any) -> None:
+    """A policy that does nothing strands nowhere: of a penalty alone this is all that is learned."""
+    args = example.Args(steps=131_072, episodes=256)
+    stranded, episodes, score = example.evaluate(example.train(args)[0], args)
+    assert score > 50.0 and stranded < 0.2 * episodes
