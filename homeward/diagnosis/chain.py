@@ -112,10 +112,7 @@ def analyse(
         reach = recorded_range((robot, choice.robot), (nominal, choice.replayed), evidence.runs, rng)
     of_range = evidence.runs.unit == "W" and verdict != "unknown_physics"
     diagnosis = Diagnosis(
-        robot.name,
-        infos,
-        verdict,
-        summary(verdict, evidence, off, fit, findings, found, choice.file),
+        robot.name, infos, verdict, summary(verdict, evidence, off, fit, findings, found, choice.file),
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
@@ -127,7 +124,7 @@ def analyse(
         range_change_m=float(d_max(choice.robot) - d_max(robot)) if of_range else None,
         file=choice.file,
         next_experiment=next_experiment(evidence),
-    )
+    )  # fmt: skip
     return Analysis(diagnosis, robot, choice.robot, tuple(findings), evidence)
 
 

@@ -102,11 +102,20 @@ drives); and the first effect alone against trees, as it need not be all that is
 
 HALF = 0.5
 """A majority: of samples (without motion or power, these are logged in rows of their own; with the charge of the one
-before, it is shown in steps), of a window, of a way or its places, of the largest of several. Share of the residual
-that trees on the motion explain where the refit has not absorbed what is missing; and that named effects explain where
-their residual is autocorrelated and above the noise; of the gain of trees within the runs, where on other runs they are
-not clearly better than the effects (on ice and snow, turning, the true effect, explains 0.56 to 0.62 of it); squared
-correlation of two groups' columns from which one may absorb the other."""
+before, it is shown in steps), of a window, of a way or its places, of the largest of several."""
+
+BY_MOTION = 0.5
+"""Share of the residual that trees on the motion explain, from which the refit has not absorbed what is missing."""
+
+BY_NAMED = 0.5
+"""Least share that named effects explain of it, where what they leave is autocorrelated and above the noise."""
+
+OF_TREES = 0.5
+"""Least ratio of the gain of named effects to that of trees within the runs, where on other runs trees are not clearly
+better: on ice and snow, turning, the true effect, has 0.56 to 0.62."""
+
+ABSORBING = 0.5
+"""Squared correlation of two groups' columns from which one may absorb the other."""
 
 BY_PLACE = 0.25
 """Share of a schedule's gain that place and height explain on held-out runs, from which time is not the cause. Chosen

@@ -23,7 +23,7 @@ NUMERICS = {
     "read/noise.py": {"_PRECISE": "tolerance of an optimum"},
     "read/signals.py": {"WINDOW_S": "length of the averaging windows"},
     "read/slope.py": {"_MIDDLE": "weight in a mean"},
-    "tell/corrected.py": {"_ENDS": "quantiles that a file states", "_ROUNDING": "rounding"},
+    "tell/corrected.py": {"_ENDS": "quantiles that a file states"},
     "tell/robot_uncertainty.py": {"_COVERED": "quantile of the interval that is reported"},
 }  # fmt: skip
 """Constants of a module with a number between 0 and 1 that decide nothing, and what they are."""

@@ -68,7 +68,7 @@ def explain(
         return Explanation(replace(naming.nothing_named(), unrecorded=True))
     naming, location = residual.checked_against_motion(naming, location)
     if not naming.named and location is None:
-        if residual.by_motion() < rules.HALF:
+        if residual.by_motion() < rules.BY_MOTION:
             if in_time and unexplained(fit, runs):
                 return Explanation(naming, locate(in_time[0], runs))
             return Explanation(residual.instead_of_parameters(naming))
@@ -155,7 +155,7 @@ class _Residual:
         first, corrected = naming.named[0], naming.corrected
         where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
         by_its_channel = self.most.found and self.most.channel.name in first.term.hypothesis.channels
-        if unexplained(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.HALF:
+        if unexplained(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.BY_NAMED:
             return naming.nothing_named(), where
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming) else naming.nothing_named()), location
@@ -175,7 +175,7 @@ class _Residual:
         share, by_motion = self.by(naming), self.by_motion()
         if naming.named[0].held_out_gain >= rules.SIMPLER * by_motion or share >= rules.EQUIVALENT * by_motion:
             return True
-        if naming.corrected is None or share < rules.HALF * by_motion:
+        if naming.corrected is None or share < rules.OF_TREES * by_motion:
             return False
         return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.rng, rules.CLEARLY_BETTER)
 

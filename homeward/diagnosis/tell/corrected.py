@@ -1,6 +1,7 @@
 """The corrected robot: identifiable groups and effects written back into a robot file."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -131,8 +132,7 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
 def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
     """Prediction of a robot file for these drives, shape (windows,).
 
-    It includes their ground, the errors of their instruments, the time before an effect began, and the current at rest,
-    which no file contains.
+    With what no file contains: ground, errors of instruments, the time before an effect began, the current at rest.
     """
     rest_current_a = float(content.theta[AT_REST]) if runs.unit == "A" else 0.0
     predicted = now = predict(runs, robot, rest_current_a, content.met)
@@ -144,15 +144,12 @@ def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
 
 
 def _unless_equal(before: float, after: float) -> float:
-    return before if abs(after - before) <= _ROUNDING * abs(before) else rounded(after)
+    return before if math.isclose(after, before) else rounded(after)
 
 
 def rounded(value: float) -> float:
     """A number rounded to the six digits of a robot file."""
     return float(f"{value:.6g}")
-
-
-_ROUNDING = 1e-9  # relative rounding error of a group that is held; chosen: above it, and no difference
 
 
 def of_capacity(robot: Robot, factor: float) -> Robot:

@@ -105,16 +105,15 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
 def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
     """Groups correlated with one of those chosen: they may have absorbed a part of it."""
     columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
-    return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.HALF).any(axis=1))
+    return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.ABSORBING).any(axis=1))
 
 
 def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
     """Choose the robot of corrected.toml, from `robot` as its file has it.
 
     The effects must predict held-out windows better than the refit, and the energy (the charge) of trips no worse; the
-    fitted parameters better than the given file. Nothing is changed where the verdict is no mismatch: a difference
-    within the noise is no correction. Parameters that compensate for unknown physics are reported as no measurement.
-    Effects of the battery shown by voltage or state of charge are added. `rng` draws a bootstrap over trips.
+    fitted parameters better than the given file. Nothing is changed where the verdict is no mismatch. Parameters that
+    compensate for unknown physics are no measurement. Effects of the battery are added. `rng` draws a bootstrap.
     """
     choice = _proven(robot, verdict, evidence, rng)
     changed, file, capacity = choice.robot, choice.file, evidence.capacity
