@@ -32,7 +32,7 @@ class Evidence:
 
     runs: Runs
     fitted: Refit
-    plain: Refit  # every group that is not identifiable held at the robot file's value
+    plain: Refit  # groups that are not identifiable held at the robot file's value, where the data allow that
     block: Index
     fold: Index  # windows held out together have one number
     held_out_by: Literal["run", "block"]

@@ -176,7 +176,7 @@ TIME_OVER_CHANNEL = 2.0
 """Ratio of the gain by time to that by any channel, from which time is the explanation. Chosen on synthetic drives."""
 
 EQUAL = 1.1
-"""Ratio of held-out errors up to which a model is no worse than another. Chosen on synthetic drives."""
+"""Ratio of errors (held out, or with a group held) up to which a model is no worse. Chosen on synthetic drives."""
 
 RIVAL_SHARE, CONFUSABLE_SHARE = 0.97, 0.5
 """Share of the best hypothesis's gain from which another is not distinguishable from it, and that for a pair known to

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.fit.parameter_groups import AT_REST, ROLLING, with_ancillary, with_effects_of
-from homeward.diagnosis.fit.refit import Estimate, Refit
+from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.signals import Unit
 from homeward.logs.channels import Array, Mask
@@ -157,11 +157,11 @@ def of_capacity(robot: Robot, factor: float) -> Robot:
     return dataclasses.replace(robot, rated_energy_j=rounded(robot.rated_energy_j * factor))
 
 
-def comments(before: Robot, after: Robot, estimates: Sequence[Estimate]) -> dict[str, str]:
+def comments(before: Robot, after: Robot) -> dict[str, str]:
     """Comment for each field of the robot file that was changed: its old value, and the assumption of the new one."""
-    weighed = any(one.group.name == "mass" and one.fitted is not None for one in estimates)
+    mass = "" if after.mass_kg != before.mass_kg else "mass and "
     held = {
-        "rolling_resistance": f"from C_rr m / Gamma, {'' if weighed else 'mass and '}losses kept as assumed",
+        "rolling_resistance": f"from C_rr m / Gamma, {mass}losses kept as assumed",
         "mass_kg": "from m / Gamma, losses kept as assumed",
         "drag_ns2_per_m2": "from c / Gamma, losses kept as assumed",
         "rated_energy_j": "from the recorded state of charge against the energy drawn",

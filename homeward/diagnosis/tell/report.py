@@ -78,7 +78,7 @@ def check_writable(folder: str | Path) -> None:
 def corrected_toml(analysis: Analysis) -> str:
     """Robot file with the fitted values; a comment on each changed line gives the old one."""
     known = () if analysis.evidence is None else analysis.evidence.estimates
-    changed = comments(analysis.robot, analysis.corrected, known)
+    changed = comments(analysis.robot, analysis.corrected)
     head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
     if not changed:
         head.append("# Nothing was changed.")
