@@ -108,7 +108,7 @@ BY_MOTION = 0.5
 """Share of the residual that trees on the motion explain, from which the refit has not absorbed what is missing."""
 
 BY_NAMED = 0.5
-"""Least share that named effects explain of it, where what they leave is autocorrelated and above the noise."""
+"""Least share of the residual that named effects explain, where theirs is autocorrelated and above the noise."""
 
 OF_TREES = 0.5
 """Least ratio of the gain of named effects to that of trees within the runs, where on other runs trees are not clearly

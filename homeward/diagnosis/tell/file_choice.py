@@ -71,7 +71,7 @@ def expressible(
         return corrected if kept else None
     # A flexible form spans groups that its form in a file does not.
     held = corrected.groups.held & plain.held if any(one.flexible for one in terms) else corrected.groups.held
-    return _determined(lambda held: fit_model(holding(plain, runs, held), kept, runs, block), held, runs, block)
+    return _determined(lambda more: fit_model(holding(plain, runs, more), kept, runs, block), held, runs, block)
 
 
 def _excluded(named: Named, form: Term) -> str:
