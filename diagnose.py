@@ -27,8 +27,9 @@ from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
 from homeward.diagnosis import Analysis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.chain import STAGES
 from homeward.diagnosis.tell import terminal
-from homeward.diagnosis.tell.report import check_writable, write_outputs
+from homeward.diagnosis.tell.report import write_outputs
 from homeward.diagnosis.tell.series import MCAP
+from homeward.files import check_writable
 from homeward.groups.comparison import Comparison
 from homeward.groups.inputs import Grouped, grouped_runs
 from homeward.groups.report import show_groups, write_groups

@@ -136,3 +136,27 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def write_files(folder: str | Path, files: Mapping[str, str | bytes]) -> list[Path]:
+    """Write files of a folder by name, each whole or not at all.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
+    folder = Path(folder)
+    check_writable(folder)
+    for name, content in files.items():
+        write_whole(folder / name, content)
+    return [folder / name for name in files]
+
+
+def check_writable(folder: str | Path) -> None:
+    """Make the output folder and check that a file can be written there, before any work is done.
+
+    Raises:
+        OSError: It cannot.
+    """
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass

@@ -23,8 +23,8 @@ from rich.table import Table
 
 from homeward import Robot, RobotError, cli, load_robot
 from homeward.diagnosis import Diagnosis, Recording, RecordingError, analyse, read_recording
-from homeward.diagnosis.tell.report import check_writable, write_outputs
-from homeward.files import write_whole
+from homeward.diagnosis.tell.report import write_outputs
+from homeward.files import check_writable, write_whole
 from homeward.parallel import ClusterError, TaskError, check_workers, code_hash, run_tasks
 
 ASSUMED = "husky"

@@ -29,7 +29,7 @@ from rich.table import Table
 from homeward import cli, installed, quantities
 from homeward.companion import CompanionError
 from homeward.companion.companion import RISK
-from homeward.diagnosis.tell.report import check_writable, write_files
+from homeward.files import check_writable, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.physics import RobotError, load_robot
 from homeward.watch.coverage import Row, rows_of

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from homeward.diagnosis.tell.figures import embedded
 from homeward.diagnosis.tell.notation import interval, labels, number, page, templates
-from homeward.diagnosis.tell.report import write_files
 from homeward.diagnosis.tell.terminal import plain, say
+from homeward.files import write_files
 from homeward.groups.comparison import Comparison
 
 

@@ -79,27 +79,29 @@ def test_an_effect_that_a_file_holds_too_large_is_named_with_its_true_size(short
 
 
 @pytest.mark.parametrize(
-    "held",
-    [
-        pytest.param(
-            {effect: {size: value}},
-            marks=pytest.mark.xfail(
-                strict=True,
-                raises=AssertionError,
-                reason=f"{other} is named: no effect of a file is found to be zero",
-            ),
-        )
-        for effect, size, value, other in (
-            ("no_load", "power_w", 20.0, "viscous"),
-            ("copper_loss", "w_per_n2", 0.002, "rate_capacity"),
-        )
-    ],
-    ids=lambda held: next(iter(held)),
+    ("effect", "number", "size"),
+    [("turning", "scrub", 0.3), ("no_load", "power_w", 20.0), ("copper_loss", "w_per_n2", 2e-3)],
 )
-def test_an_effect_that_a_robot_does_not_have_is_made_up_for_by_no_other(
-    held: Mapping[str, Mapping[str, float]], short_drive: Drive, husky: Robot
+def test_an_effect_that_a_file_holds_without_cause_is_taken_out(
+    effect: str, number: str, size: float, short_drive: Drive, husky: Robot
 ) -> None:
-    """To say that something is off, or that this effect is, is right; another effect on top of it is wrong."""
-    diagnosis = diagnose(short_drive(husky), dataclasses.replace(husky, effects=held))
-    assert diagnosis.verdict in ("missing_physics", "unknown_physics")
-    assert {one.effect for one in diagnosis.missing_physics} <= set(held)
+    """Another effect on top of it would be wrong."""
+    analysis = analyse(short_drive(husky), dataclasses.replace(husky, effects={effect: {number: size}}))
+    (found,) = analysis.diagnosis.missing_physics
+    assert found.effect == effect
+    assert f"{found.name} at another size than the robot file's" in analysis.diagnosis.summary
+    assert analysis.corrected.effects[effect][number] == pytest.approx(0.0, abs=0.05 * size)
+
+
+def test_a_load_that_changes_between_runs_counts_beyond_that_of_the_file(drive: Drive, husky: Robot) -> None:
+    """Two runs with the 10 kg of the file, and two with 30 kg, which is the robot's present state."""
+
+    def loaded(load_kg: float) -> Robot:
+        return dataclasses.replace(husky, effects={"payload": {"mass_kg": load_kg}})
+
+    runs = [drive(loaded(kg), runs=4)[number] for number, kg in enumerate((10.0, 10.0, 30.0, 30.0))]
+    analysis = analyse(runs, loaded(10.0))
+    (found,) = analysis.diagnosis.missing_physics
+    assert found.effect == "payload"
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
+    assert analysis.corrected.effects["payload"]["mass_kg"] == pytest.approx(30.0, rel=0.1)

@@ -23,6 +23,7 @@ from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.logs.channels import Array, Mask
+from homeward.physics import Robot
 from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6
@@ -134,23 +135,28 @@ class Setting:
         return fitted if fitted > rules.MATERIAL_SHARE * assumed else assumed
 
     def response(self, one: Hypothesis, size: float, shape: Numbers) -> Array:
-        """Contribution of an effect of this size, per unit of size, shape (windows,)."""
-        lacking = {name: numbers for name, numbers in one.beside.items() if name not in self.present.effects}
+        """Contribution of an effect of this size beyond the robot file's, per unit of size, shape (windows,)."""
+        known = {**self.parameters.nominal.effects, **self.present.effects}
+        lacking = {name: numbers for name, numbers in one.beside.items() if name not in known}
         start, without = self.present, self.predicted
         if lacking:
             start = replace(start, effects={**start.effects, **lacking})
             without = self.parameters.predict(self.runs, self.theta, start)
-        added = replace(start, effects={**start.effects, one.id: {**shape, one.entry.switch.name: size}})
+        given, others = one.in_file(self.parameters.nominal)
+        size = size if given + size <= one.entry.switch.high else -size
+        numbers = {**shape, **others, one.entry.switch.name: given + size}
+        added = replace(start, effects={**start.effects, one.id: numbers})
         return (self.parameters.predict(self.runs, self.theta, added) - without) / size
 
 
 def responses(one: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Forms of one constant size, at each of a few values of its other parameters."""
-    switch = one.entry.switch
-    shapes = list(one.shapes(setting))
+    """Forms of one constant size, at each of a few values of its other parameters, or at the robot file's."""
+    switch, (given, others) = one.entry.switch, one.in_file(setting.parameters.nominal)
+    shapes = [others] if given else list(one.shapes(setting))
+    low, high = one.limits(1)
     for shape in shapes:
         column = setting.response(one, TINY * max(abs(switch.low), switch.high), shape)
-        yield Term(one, column[:, None], *one.limits(1), int(len(shapes) > 1 and bool(shape)), shape)
+        yield Term(one, column[:, None], low - given, high - given, int(len(shapes) > 1 and bool(shape)), shape)
 
 
 def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
@@ -244,7 +250,8 @@ def _as_effect(one: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Run
 
 def _on_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
     base = WithEffects(one.beside)
-    with_it = one.within(one, base, {**shape, one.entry.switch.name: size}, drive.runs)
+    given, _ = one.in_file(drive.fit.parameters.nominal)
+    with_it = one.within(one, base, {**shape, one.entry.switch.name: given + size}, drive.runs)
     theta = drive.fit.theta
     without = drive.predict(theta, base) if one.beside else drive.plain
     return drive.there(one.lies_in) * (drive.predict(theta, with_it) - without)
@@ -297,6 +304,11 @@ class Hypothesis:
     def name(self) -> str:
         """Its name in a sentence."""
         return self.id.replace("_", " ")
+
+    def in_file(self, robot: Robot) -> tuple[float, Numbers]:
+        """Its size and other numbers in a robot file: 0 and none if it is not there."""
+        given, switch = robot.effects.get(self.id, {}), self.entry.switch.name
+        return given.get(switch, 0.0), {name: value for name, value in given.items() if name != switch}
 
     @property
     def physical(self) -> bool:

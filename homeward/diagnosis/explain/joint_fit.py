@@ -19,6 +19,7 @@ from homeward.diagnosis.fit.refit import Refit, covariance, holding
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Value
 from homeward.logs.channels import Array, Index, Mask
+from homeward.physics import Robot
 
 _ITERATIONS = 6  # most Gauss-Newton steps: a fit ends where the error no longer falls; chosen
 _PASSES = 3  # of fitting to loads that depend on what is fitted; chosen: bounds the time
@@ -36,6 +37,7 @@ class Unknown:
     high: float
     term: int  # which of the terms it belongs to
     column: int | None  # of the term, or None for a parameter of the kernel
+    given: float = 0.0  # value in the robot file or, of a parameter of the kernel, where its search starts
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,11 @@ class Model:
         """Least and largest value of each unknown, shape (2, unknowns)."""
         return np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2).T
 
+    @cached_property
+    def given(self) -> Array:
+        """Values from which contributions count, shape (unknowns,)."""
+        return np.array([one.given for one in self.unknowns])
+
     def of(self, index: int) -> list[int]:
         """Indices of the unknowns of a term."""
         return [at for at, one in enumerate(self.unknowns) if one.term == index]
@@ -60,7 +67,7 @@ class Model:
         added = np.zeros(len(runs.observed))
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
-                added += term.columns @ values[self.of(index)]
+                added += term.columns @ (values - self.given)[self.of(index)]
         return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
 
     def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
@@ -86,7 +93,7 @@ class Corrected:
     model: Model
     values: Array  # (unknowns,)
     ci95: tuple[tuple[float, float], ...]
-    p_values: Array  # (terms,), of the hypothesis that all sizes of a term are zero (Wald test)
+    p_values: Array  # (terms,), of the hypothesis that a term adds nothing to the robot file (Wald test)
     groups: Refit  # of the groups of the refit, fitted together with the effects
     beside: Array  # (windows, unknowns): derivative of the prediction, per unit of each unknown
     contribution: tuple[Array, ...]  # power or current of each term, shape (windows,)
@@ -133,17 +140,19 @@ class Corrected:
         """Prediction by a replay with these parameters and effects, shape (windows,)."""
         return self.model.predict(runs, self.theta, self.values)
 
-    def all_at_work(self) -> bool:
-        """Whether the sizes of each effect significantly differ from zero, and none is at a physical bound.
+    def at_work(self) -> Mask:
+        """Whether the sizes of each effect significantly differ from the file's, inside physical bounds, (terms,).
 
         Levels of the ground may be confounded with its mean, but not all together. An effect whose other parameters
         were fitted too passes: its size may be confounded with them.
         """
-        sized = [at for at, one in enumerate(self.model.unknowns) if one.column is not None]
-        others = np.array([not {*self.model.of(at)} <= {*sized} for at in range(len(self.model.terms))], np.bool_)
-        (low, high), sizes = self.model.bounds[:, sized], self.values[sized]
-        inside = (sizes < high) & ((sizes > low) | (low == 0.0))
-        return bool(inside.all() and (others | (self.p_values <= rules.SIGNIFICANT)).all())
+        (low, high), values, found = self.model.bounds, self.values, []
+        inside = (values < high) & ((values > low) | (low == 0.0) | (low == self.model.given))
+        for index, p_value in enumerate(self.p_values):
+            own = self.model.of(index)
+            sized = [at for at in own if self.model.unknowns[at].column is not None]
+            found.append(inside[sized].all() and (len(sized) < len(own) or p_value <= rules.SIGNIFICANT))
+        return np.array(found, np.bool_)
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""
@@ -174,7 +183,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     Groups that the refit holds are not fitted; intervals are clustered by `block`, shape (windows,).
     """
     fit, everything = _without_spanned(fit, terms, runs), np.ones(len(runs.observed), np.bool_)
-    model = Model(fit.parameters, tuple(terms), _unknowns(terms))
+    model = Model(fit.parameters, tuple(terms), _unknowns(terms, fit.parameters.nominal))
     theta, values = _start(fit, model, runs)
     # The load per unit of a size depends on the groups, such as a share of the power.
     for again in range(_PASSES if any(one.at_work is not None for one in terms) else 1):
@@ -195,7 +204,8 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
         predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
     )
     owns = [model.of(index) for index in range(len(terms))]
-    wald = [values[own] @ np.linalg.pinv(spread[np.ix_(own, own)], hermitian=True) @ values[own] for own in owns]
+    added = values - model.given
+    wald = [added[own] @ np.linalg.pinv(spread[np.ix_(own, own)], hermitian=True) @ added[own] for own in owns]
     p_values = np.array([fisher.sf(one / len(own), len(own), freedom) for one, own in zip(wald, owns, strict=True)])
     return Corrected(model, values, intervals, p_values, at, jacobian[:, groups:], contribution)
 
@@ -266,29 +276,29 @@ def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
     return holding(fit, runs, fit.held | spanned) if spanned.any() else fit
 
 
-def _unknowns(terms: Sequence[Term]) -> tuple[Unknown, ...]:
+def _unknowns(terms: Sequence[Term], nominal: Robot) -> tuple[Unknown, ...]:
     found: list[Unknown] = []
     for index, term in enumerate(terms):
+        in_file = nominal.effects.get(term.effect, {}) if term.of_rolling_kg is None else {}
         # Bounds of a column that is linear near one size only, such as a lag, do not hold where it is replayed.
         lows, highs = (term.low, term.high) if term.linear else term.hypothesis.limits(len(term.low))
         for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
-            low, high = float(lows[column]), float(highs[column])
-            found.append(Unknown(term.effect, name, unit, low, high, index, column))
+            given = in_file.get(name, 0.0)
+            low, high = float(lows[column]) + given * term.linear, float(highs[column])
+            found.append(Unknown(term.effect, name, unit, low, high, index, column, given))
         for other in () if term.linear else term.hypothesis.searched:
             if other.name in term.shape:
-                found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None))
+                start = term.shape[other.name]
+                found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None, start))
     return tuple(found)
 
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     """Starting parameters and values, by the terms' columns at the shapes that were tried."""
-    theirs = [
-        (0.0 * fit.predicted, term.shape[one.parameter]) if one.column is None else (term.columns[:, one.column], 0.0)
-        for one, term in ((one, model.terms[one.term]) for one in model.unknowns)
-    ]
-    columns = np.column_stack([fit.jacobian, *(column for column, _ in theirs)])
-    values = np.array([value for _, value in theirs])
-    return _stepped(fit, model, values, columns, runs.observed - fit.predicted)[1:]
+    theirs = ((one.column, model.terms[one.term].columns) for one in model.unknowns)
+    beside = (0.0 * fit.predicted if column is None else columns[:, column] for column, columns in theirs)
+    jacobian = np.column_stack([fit.jacobian, *beside])
+    return _stepped(fit, model, model.given, jacobian, runs.observed - fit.predicted)[1:]
 
 
 def _linearised(model: Model, runs: Runs, theta: Array, values: Array, moving: Mask) -> tuple[Array, Array]:

@@ -57,13 +57,9 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> 
     by_motion = motion_gain(fit, runs, fold, rng)
     if by == "block":
         return by_motion / rules.EQUIVALENT
-    return by_motion / rules.OF_MOTION if by_motion > _clock_gain(fit, runs, fold, rng) else 0.0
-
-
-def _clock_gain(fit: Fitted, runs: Runs, fold: Index, rng: Generator) -> float:
-    """The same as `motion_gain` by the time since the start of a run."""
     elapsed_s = runs.time_s - runs.time_s[np.searchsorted(runs.run, runs.run)]
-    return _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, (), [elapsed_s]))
+    by_clock = _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, (), [elapsed_s]))
+    return by_motion / rules.OF_MOTION if by_motion > by_clock else 0.0
 
 
 def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:

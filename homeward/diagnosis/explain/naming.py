@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from itertools import combinations
+from itertools import combinations, compress
 
 import numpy as np
 from numpy.random import Generator
@@ -89,7 +89,7 @@ def name_missing(
     material = holding(fit, runs, immaterial(fit, runs))
     expected_error = channel_error(fit, runs)
     refit_error = float(setting.residual @ setting.residual)
-    named: list[Named] = []
+    named: tuple[Named, ...] = ()
     ranking: tuple[Ranked, ...] = ()
     absorbed: dict[str, float] = {}
     corrected: Corrected | None = None
@@ -105,18 +105,19 @@ def name_missing(
         for found in _best(bench, rng):
             if corrected is not None and not all(_beside(one, named, by_motion) for one in found):
                 continue
-            found, fitted = _fitted(material, (*named, *found), runs, block)
-            found = found[len(named) :]
-            if fitted.all_at_work() and _draws_energy(fitted, runs) and _replays(fitted, model, runs, fold, rng):
+            together, fitted = _fitted(material, (*named, *found), runs, block)
+            if (at_work := fitted.at_work())[len(named) :].all() and not at_work.all():
+                # Backward elimination: beside what is found, an effect named before is not significant.
+                together, fitted = _fitted(material, tuple(compress(together, at_work)), runs, block)
+            if fitted.at_work().all() and _draws_energy(fitted, runs) and _replays(fitted, model, runs, fold, rng):
                 break
         else:
             break  # no candidate passes with a significant size in the joint replay
-        named += found
-        corrected = fitted
+        named, corrected = together, fitted
         by_motion = cache(partial(largest_by_motion, fitted, runs, block, rng))
         setting = corrected.model.setting(runs, corrected.theta, corrected.values)
         setting = replace(setting, residual=runs.observed - corrected.predicted)
-    return Naming(tuple(named), corrected, ranking, absorbed)
+    return Naming(named, corrected, ranking, absorbed)
 
 
 def _beside(one: Named, named: Sequence[Named], by_motion: Callable[[], float]) -> bool:

@@ -18,7 +18,7 @@ from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
-from homeward.logs.channels import Array, Mask
+from homeward.logs.channels import Mask
 
 
 def needless(fit: Refit, runs: Runs) -> Mask | None:
@@ -35,7 +35,10 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
         for one in terms(Setting.of(fit, runs, target), varying=False)
         if one.columns.shape[1] == 1 and one.hypothesis.physical
     ]
-    numbers = _numbers_of_a_file(fit)
+    # Steps of the groups by each number of a robot file alone, (numbers, groups): the mass also changes C_rr m.
+    numbers = np.eye(len(fit.theta))
+    per_mass = problem.start[ROLLING] / problem.start[MASS]
+    numbers[MASS, ROLLING] = per_mass * problem.scale[MASS] / problem.scale[ROLLING]
     columns = np.column_stack([fit.jacobian @ numbers.T, *(one.columns for one in effects), target])
     gram = columns.T @ columns
     low, high = ((bound - problem.start) / problem.scale for bound in (problem.low, problem.high))
@@ -60,11 +63,3 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
         return None
     free: Mask = (numbers[list(changed)] != 0.0).any(axis=0)
     return ~free
-
-
-def _numbers_of_a_file(fit: Refit) -> Array:
-    """Steps of the groups, in units of `scale`, by each number of a robot file alone, shape (numbers, groups)."""
-    problem, numbers = fit.parameters, np.eye(len(fit.theta))
-    per_mass = problem.start[ROLLING] / problem.start[MASS] * problem.scale[MASS] / problem.scale[ROLLING]
-    numbers[MASS, ROLLING] = per_mass
-    return numbers

@@ -206,8 +206,7 @@ class Bench:
         clearly above the residual are identified by the windows around them, so that only short lags count.
         """
         residual, run = self._residual(chosen), self.runs.run
-        clear = chosen and all(clearly_apart(self.candidates[one].schedule) for one in chosen)
-        if clear:
+        if chosen and all(clearly_apart(self.candidates[one].schedule) for one in chosen):
             return max(len(residual) / noise_of(residual, run, _AROUND_A_STEP).correlation, 2.0)
         return independent_windows(residual, run)
 

@@ -26,27 +26,25 @@ class FileContent:
     met: WithEffects  # ground of these drives, lag and scale of their instruments
     reading: Array | float = 0.0  # what instruments add, (windows,)
     before: Mapping[str, Mask] = field(default_factory=dict)  # windows in which an effect had not begun, (windows,)
+    given: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # effects of the given file
 
 
 def is_expressible(term: Term) -> bool:
     """Whether a robot file can express an effect: of one size, begun at some moment to stay, or uneven ground."""
     if not term.hypothesis.physical or term.hypothesis.is_weather or term.flexible:
         return False
-    return term.axis == "steady" or _is_ground(term) or _stays(term)
+    return term.axis == "steady" or term.of_rolling_kg is not None or _stays(term)
 
 
 def _stays(term: Term) -> bool:
     """Whether an effect begins once and is then at work to the end, as in the robot's present state."""
     return (
         term.schedule is not None
+        and term.axis == "time"
         and term.schedule.levels == 2
         and term.schedule.level[-1] == 1
         and int(np.count_nonzero(np.diff(term.schedule.level))) == 1
     )
-
-
-def _is_ground(term: Term) -> bool:
-    return term.hypothesis.of_rolling and term.at_work is not None
 
 
 def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
@@ -57,23 +55,26 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
     effects: dict[str, dict[str, float]] = {}
     met = replace(model.model.within(runs, model.values), effects={})
     before: dict[str, Mask] = {}
+    given = model.parameters.nominal.effects
     reading = np.zeros(len(runs.observed))
     for index, term in enumerate(terms):
-        if _is_ground(term):
+        if term.of_rolling_kg is not None:
             smoothest, gain, roughness = _ground(model, index, runs)
-            theta = theta.copy()
-            theta[ROLLING] *= smoothest
-            typical = float(np.average(roughness, weights=np.abs(runs.context["speed_mps"]) * runs.duration_s))
             of_gain, of_typical = term.hypothesis.entry.parameters
+            given_gain, given_typical = (given.get(term.effect, {}).get(of.name, 0.0) for of in (of_gain, of_typical))
+            theta = theta.copy()
+            theta[ROLLING] *= smoothest * (1.0 + given_gain * given_typical)
+            typical = float(np.average(roughness, weights=np.abs(runs.context["speed_mps"]) * runs.duration_s))
             effects[term.effect] = {of_gain.name: gain, of_typical.name: typical}
             met = replace(met, roughness=roughness)
         elif is_expressible(term):
-            effects[term.effect] = {**_numbers(model, index), **term.hypothesis.reach(runs)}
+            shape = given.get(term.effect, {})
+            effects[term.effect] = {**shape, **_numbers(model, index), **term.hypothesis.reach(runs)}
             if _stays(term) and term.schedule is not None:
                 before[term.effect] = term.schedule.level == 0
         elif term.misread:
             reading += term.columns @ model.sizes(index)
-    return FileContent(theta, effects, met, reading, before)
+    return FileContent(theta, effects, met, reading, before, given)
 
 
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
@@ -135,11 +136,15 @@ def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
     With what no file contains: ground, errors of instruments, the time before an effect began, the current at rest.
     """
     rest_current_a = float(content.theta[AT_REST]) if runs.unit == "A" else 0.0
-    predicted = now = predict(runs, robot, rest_current_a, content.met)
-    for effect, had_not_begun in content.before.items():
-        others = {name: numbers for name, numbers in robot.effects.items() if name != effect}
-        without = predict(runs, dataclasses.replace(robot, effects=others), rest_current_a, content.met)
-        predicted = predicted + had_not_begun * (without - now)
+    predicted = predict(runs, robot, rest_current_a, content.met)
+    masks = np.array(list(content.before.values()), np.bool_).reshape(-1, len(predicted))
+    for absent in np.unique(masks, axis=1).T:
+        if absent.any():
+            names = {effect for effect, lacks in zip(content.before, absent, strict=True) if lacks}
+            effects = {name: numbers for name, numbers in robot.effects.items() if name not in names}
+            effects |= {name: numbers for name, numbers in content.given.items() if name in names}
+            earlier = predict(runs, dataclasses.replace(robot, effects=effects), rest_current_a, content.met)
+            predicted = np.where((absent == masks.T).all(axis=1), earlier, predicted)
     return content.reading + predicted
 
 

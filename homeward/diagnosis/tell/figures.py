@@ -21,7 +21,7 @@ from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.tell.notation import GRID, PLAIN, number
 from homeward.diagnosis.tell.series import PARQUET
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import Array
 
 MOST_RUNS = 12  # of which a page has plots; chosen
 _MOST_POINTS = 2000  # of a line; chosen: more than pixels
@@ -222,8 +222,14 @@ def _condition_figure(
 
 
 def _bins(residual: Array, shown: Dependence, evidence: Evidence) -> pd.DataFrame:
-    known, values = shown.bin >= 0, _values(shown, evidence.runs)
-    return _means(values[known], residual[known], shown.bin[known], evidence.block[known])
+    """For each bin the mean of a channel, in order, and that of the residual with its error clustered by block."""
+    known = shown.bin >= 0
+    values, number = _values(shown, evidence.runs)[known], shown.bin[known]
+    bins = pd.DataFrame({"centre": values, "mean": residual[known]}).groupby(number).mean()
+    off = pd.Series(residual[known] - bins["mean"].to_numpy()[np.searchsorted(bins.index, number)])
+    squares = off.groupby([number, evidence.block[known]]).sum() ** 2
+    bins["error"] = np.sqrt(squares.groupby(level=0).sum()) / off.groupby(number).size()
+    return bins.sort_values("centre")
 
 
 def _values(shown: Dependence, runs: Runs) -> Array:
@@ -237,15 +243,6 @@ def _values(shown: Dependence, runs: Runs) -> Array:
 def _rounded(values: Array | pd.Series) -> NDArray[np.float32]:
     """Values with few digits, for a small page."""
     return np.round(values, 4).astype(np.float32)
-
-
-def _means(values: Array, residual: Array, number: Index, block: Index) -> pd.DataFrame:
-    """For each bin the mean of a channel, in order, and that of the residual with its error clustered by block."""
-    bins = pd.DataFrame({"centre": values, "mean": residual}).groupby(number).mean()
-    off = pd.Series(residual - bins["mean"].to_numpy()[np.searchsorted(bins.index, number)])
-    squares = off.groupby([number, block]).sum() ** 2
-    bins["error"] = np.sqrt(squares.groupby(level=0).sum()) / off.groupby(number).size()
-    return bins.sort_values("centre")
 
 
 def embedded(figure: go.Figure, name: str, says: str, top: int = 8, zooms: bool = False) -> Markup:

@@ -92,7 +92,10 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
         if not is_open.any():
             return model
         at_bound = np.array([one.status == "at bound" for one in estimated])
-        candidates = (is_open | _alike(model, is_open & at_bound)) & ~held
+        columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
+        # Groups correlated with one at a bound may have absorbed a part of it.
+        alike = ((columns.T @ columns)[:, is_open & at_bound] ** 2 > rules.ABSORBING).any(axis=1)
+        candidates = (is_open | alike) & ~held
         each = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
         fits = [model] + [fit_holding(one) for one in each]
         errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in fits]
@@ -100,12 +103,6 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
         if errors[best] > rules.EQUAL * errors[0]:
             return model
         model, held = fits[best], each[best - 1]
-
-
-def _alike(model: Refit | Corrected, chosen: Mask) -> Mask:
-    """Groups correlated with one of those chosen: they may have absorbed a part of it."""
-    columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
-    return np.asarray(((columns.T @ columns)[:, chosen] ** 2 > rules.ABSORBING).any(axis=1))
 
 
 def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:

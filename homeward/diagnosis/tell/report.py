@@ -3,8 +3,6 @@
 import dataclasses
 import hashlib
 import platform
-import tempfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -26,7 +24,7 @@ from homeward.diagnosis.tell.notation import labels, page, templates
 from homeward.diagnosis.tell.robot_uncertainty import uncertainty_of
 from homeward.diagnosis.tell.series import MCAP, PARQUET, mcap, parquet, series
 from homeward.diagnosis.tell.words import why_open
-from homeward.files import write_whole
+from homeward.files import write_files
 
 _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
 
@@ -49,30 +47,6 @@ def write_outputs(analysis: Analysis, folder: str | Path) -> list[Path]:
         if (content := mcap(table)) is not None:
             files[MCAP] = content
     return write_files(folder, files)
-
-
-def write_files(folder: str | Path, files: Mapping[str, str | bytes]) -> list[Path]:
-    """Write files of a folder by name, each whole or not at all.
-
-    Raises:
-        OSError: The folder cannot be written to.
-    """
-    folder = Path(folder)
-    check_writable(folder)
-    for name, content in files.items():
-        write_whole(folder / name, content)
-    return [folder / name for name in files]
-
-
-def check_writable(folder: str | Path) -> None:
-    """Make the output folder and check that a file can be written there, before any work is done.
-
-    Raises:
-        OSError: It cannot.
-    """
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryFile(dir=folder):
-        pass
 
 
 def corrected_toml(analysis: Analysis) -> str:

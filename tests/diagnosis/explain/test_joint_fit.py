@@ -58,7 +58,7 @@ def test_the_interval_holds_the_true_size_and_the_effect_is_significant(correcte
     assert value.ci95[0] < 0.3 < value.ci95[1] and value.unit == CATALOGUE["turning"].entry.switch.unit
     # A known gain error of half a per cent is in it: two standard errors at least.
     assert 0.02 * 0.3 < value.ci95[1] - value.ci95[0] < 0.2 * 0.3
-    assert corrected.p_values[0] < 1e-6 and corrected.all_at_work()
+    assert corrected.p_values[0] < 1e-6 and corrected.at_work().all()
 
 
 def test_what_is_not_there_is_at_its_bound_and_not_at_work(short_runs: Runs, husky: Robot) -> None:
@@ -67,13 +67,13 @@ def test_what_is_not_there_is_at_its_bound_and_not_at_work(short_runs: Runs, hus
     excess = predict(short_runs, dataclasses.replace(husky, effects=TURNING)) - plain.observed
     found = fitted(dataclasses.replace(plain, observed=plain.observed - 0.3 * excess), husky, "turning")
     assert found.values[0] == 0.0 and found.ci95[0][0] == 0.0
-    assert not found.all_at_work()
+    assert not found.at_work().all()
 
 
 def test_a_size_at_its_largest_is_no_measurement(corrected: Corrected) -> None:
     (unknown,) = corrected.model.unknowns
     model = dataclasses.replace(corrected.model, unknowns=(dataclasses.replace(unknown, high=0.3),))
-    assert not dataclasses.replace(corrected, model=model, values=np.array([0.3])).all_at_work()
+    assert not dataclasses.replace(corrected, model=model, values=np.array([0.3])).at_work().all()
 
 
 def test_a_contribution_is_what_the_model_loses_without_its_term(corrected: Corrected, runs: Runs) -> None:

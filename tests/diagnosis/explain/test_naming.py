@@ -374,10 +374,10 @@ def test_a_size_at_the_bound_of_what_is_physical_is_not_at_work(short_drive: Dri
     setting = Setting.of(fit, runs)
     term = next(one for one in CATALOGUE["turning"].forms(setting, False) if not one.flexible)
     block = cut_blocks(runs.run)
-    assert fit_model(fit, [term], runs, block).all_at_work()
+    assert fit_model(fit, [term], runs, block).at_work().all()
     least = dataclasses.replace(term.hypothesis, bounds=(0.0, 0.1))
     bounded = dataclasses.replace(term, hypothesis=least, high=np.array([0.1]))
-    assert not fit_model(fit, [bounded], runs, block).all_at_work()
+    assert not fit_model(fit, [bounded], runs, block).at_work().all()
 
 
 def test_levels_confounded_with_their_mean_are_at_work_together(short_drive: Drive, husky: Robot) -> None:
