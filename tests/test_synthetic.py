@@ -1,12 +1,16 @@
 """Synthetic recordings: drawn from a seed, and the robot's power but for noise of a stated size."""
 
+import gzip
+import io
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from homeward import load_robot, synthetic
+from homeward.datasets import shipped_recording
 from homeward.physics import replay
-from homeward.synthetic import RESOLUTION, SAMPLES, STEP_S, record
+from homeward.synthetic import RESOLUTION, SAMPLES, STEP_S, record, scrubbing_husky
 
 HUSKY = load_robot("husky")
 
@@ -63,3 +67,12 @@ def test_levels_are_held_within_their_times() -> None:
     held_s = np.diff(changes) * STEP_S
     assert held_s.min() >= 2.9 and held_s.max() < 9.0
     assert len(changes) > 50
+
+
+def test_the_shipped_recording_is_what_its_command_makes() -> None:
+    made = pd.read_csv(io.BytesIO(gzip.decompress(scrubbing_husky())))
+    shipped = pd.read_csv(shipped_recording())
+    assert list(made) == list(shipped) == list(RESOLUTION)
+    for name, decimals in RESOLUTION.items():  # to the last digit, which another processor may round otherwise
+        error = np.abs(shipped[name] - made[name]).max()
+        assert error < 1.5 * 10.0**-decimals, f"{name}: run `python -m homeward.synthetic FILE`"

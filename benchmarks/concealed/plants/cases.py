@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -61,6 +62,7 @@ class Case:
     fault: str = "none"
     refit: Robot | None = None  # of the noise-free recordings, for the later drives
     later: list[Later] = field(default_factory=list)
+    without: Callable[[str], list[pd.DataFrame]] | None = None  # the same recordings, noise included, less one effect
 
     @property
     def visible(self) -> dict[str, bool]:
@@ -122,8 +124,14 @@ def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, r
     nominal = robot if rng.random() < 0.5 else misset(robot, rng, 0.03, 0.1)
     noise_seed = int(rng.integers(2**32))
     logging = _logging(vehicle, effects, rng)
-    works = _rollouts(vehicle, runs, mechanisms, read_by, noise_seed)
+    works, before = _rollouts(vehicle, runs, mechanisms, read_by, noise_seed), copy.deepcopy(rng)
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
+
+    def without(effect: str) -> list[pd.DataFrame]:
+        others, same = [one for one in mechanisms if one.effect != effect], copy.deepcopy(before)
+        left = _rollouts(vehicle, runs, others, read_by, noise_seed)
+        return [record(work, NOISES[level], logging, same) for work in left]
+
     misses = {
         one.effect: missed_share(works if mechanisms == [one] else _rollouts(vehicle, runs, [one], read_by, noise_seed))
         for one in mechanisms
@@ -132,7 +140,7 @@ def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, r
     misses |= {name: 1.0 for name in elsewhere & set(effects)}  # visible in voltage, charge or distance
     later = [] if part == "cell" else _later(vehicle, routes, mean_c, len(runs), mechanisms, read_by, rng, short)
     return Case(part, number, robot.name, level, effects, robot, nominal, recordings, misses, refit=_refit(works),
-                later=later)  # fmt: skip
+                later=later, without=without)  # fmt: skip
 
 
 def control_case(number: int, exact: bool, fault: str, rng: Generator, short: bool, part: Part = "controls",

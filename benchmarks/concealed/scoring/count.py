@@ -89,11 +89,12 @@ def tables(outcomes: Sequence[Outcome]) -> list[Table]:
                 table = maker(chosen)
                 made.append(dataclasses.replace(table, title=f"{table.title}, {part}" if part else table.title))
     hidden = [outcome for outcome in outcomes if outcome.part in ("singles", "pairs")]
-    return [*made, *(_later(hidden) if hidden else []), _cost(outcomes)]
+    return [*made, *(_later(hidden) if hidden else [])]
 
 
 def _singles(outcomes: list[Outcome]) -> Table:
-    columns = ("", "found first", "of these visible", *NOISES, "first by name", "visible but no mismatch", "class size")
+    columns = ("", "found first", "of these visible", *NOISES, "provable at best", "first by name",
+               "visible but no mismatch", "class size")  # fmt: skip
 
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
         visible = [o for o in chosen if all(o.visible.values())]
@@ -102,7 +103,7 @@ def _singles(outcomes: list[Outcome]) -> Table:
         blind = share(o.verdict in ("no_mismatch", "parameters_off", "not_testable") for o in visible)
         found = share(map(found_first, chosen)), share(map(found_first, visible))
         sizes = [len(o.classes[0]) for o in chosen if o.classes]
-        return (name, *found, *levels, by_name, blind, f"{np.mean(sizes):.2f}" if sizes else "–")
+        return (name, *found, *levels, _provable(chosen), by_name, blind, f"{np.mean(sizes):.2f}" if sizes else "–")
 
     rows = [row("all", outcomes), row("physics", [o for o in outcomes if o.hidden[0] not in INSTRUMENTS])]
     rows.append(row("instruments", [o for o in outcomes if o.hidden[0] in INSTRUMENTS]))
@@ -111,15 +112,20 @@ def _singles(outcomes: list[Outcome]) -> Table:
     return Table("One hidden effect", columns, rows)
 
 
+def _provable(outcomes: list[Outcome]) -> str:
+    return share(all(o.provable.values()) for o in outcomes if o.provable)
+
+
 def _pairs(outcomes: list[Outcome]) -> Table:
     def row(name: str, chosen: list[Outcome]) -> tuple[str, ...]:
         in_class = [[any(effect in entry for entry in named(o)) for effect in o.hidden] for o in chosen]
         by_name = [[any(effect == entry[0] for entry in named(o)) for effect in o.hidden] for o in chosen]
         first = (bool(set(o.hidden) & set([*named(o), []][0])) for o in chosen)
         shares = (map(all, in_class), map(all, by_name), map(any, in_class), first)
-        return (name, *map(share, shares))
+        return (name, *map(share, shares), _provable(chosen))
 
-    columns = ("", "both in some class", "both by name", "one or both in some class", "first named is one of them")
+    columns = ("", "both in some class", "both by name", "one or both in some class", "first named is one of them",
+               "both provable at best")  # fmt: skip
     rows = [row("all", outcomes), row("both visible", [o for o in outcomes if all(o.visible.values())])]
     return Table("Two hidden effects", columns, rows)
 
@@ -163,19 +169,9 @@ def _outside(outcomes: list[Outcome]) -> Table:
 
 
 def _later(outcomes: list[Outcome]) -> list[Table]:
-    columns = ("", "worse than the refit by > 1 point", "worse than nominal by > 1 point", "median nominal, %",
-               "median refit, %", "median corrected, %", "90th percentile refit, %",
-               "90th percentile corrected, %")  # fmt: skip
-    rows = []
-    for kind in ("all", "same conditions", "new route"):
-        drives = [d for o in outcomes for d in o.later if kind in ("all", d["kind"])]
-        if not drives:
-            continue
-        nominal, refit, corrected = np.array([_errors_pct(drive) for drive in drives]).T
-        shares = [share((corrected > other + 1.0).tolist()) for other in (refit, nominal)]
-        figures = [np.median(errors) for errors in (nominal, refit, corrected)]
-        figures += [np.quantile(errors, 0.9) for errors in (refit, corrected)]
-        rows.append((kind, *shares, *(f"{figure:.2f}" for figure in figures)))
+    drives = [_errors_pct(drive) for o in outcomes for drive in o.later]
+    figures = [tuple(f"{median:.2f}" for median in np.median(drives, axis=0))] if drives else []
+    columns = ("", "worse than the refit by > 1 point", "worse than nominal by > 1 point")
     means = [np.mean([_errors_pct(drive) for drive in o.later], axis=0).tolist() for o in outcomes if o.later]
     files = share(own > refit + 1.0 for _, refit, own in means), share(own > was + 1.0 for was, _, own in means)
     wanted = [
@@ -188,9 +184,10 @@ def _later(outcomes: list[Outcome]) -> list[Table]:
         ("any effect", share(bool(holds) for _, holds in wanted)),
         ("the hidden effect", share(effect in holds for effect, holds in wanted)),
     ]
-    by_file = Table("Mean error of a file over its later drives", ("", *columns[1:3]), [("all", *files)])
+    by_file = Table("Mean error of a file over its later drives", columns, [("all", *files)])
     held = Table("Visible effects that a file can say, for which corrected.toml holds", ("", "share"), kept)
-    return [Table("Energy of later drives", columns, rows), by_file, held]
+    medians = Table("Energy of later drives, median error in %", ("nominal", "refit", "corrected"), figures)
+    return [medians, by_file, held]
 
 
 def _errors_pct(drive: LaterError) -> tuple[float, float, float]:
@@ -212,13 +209,3 @@ def _coverage(outcomes: list[Outcome]) -> Table:
     names = sorted({i["name"] for i in intervals})
     rows += [row(name, [i for i in intervals if i["name"] == name]) for name in names]
     return Table("Intervals of 95 %", columns, rows)
-
-
-def _cost(outcomes: Sequence[Outcome]) -> Table:
-    rows = []
-    for part in dict.fromkeys(o.part for o in outcomes):
-        asked = [o.diagnose_s for o in outcomes if o.part == part]
-        made = [o.make_s for o in outcomes if o.part == part]
-        crashes = share(o.verdict == "crash" for o in outcomes if o.part == part)
-        rows.append((part, f"{np.mean(made):.1f}", f"{np.mean(asked):.1f}", f"{np.max(asked):.1f}", crashes))
-    return Table("Seconds a case", ("", "plant", "diagnosis, mean", "diagnosis, longest", "crashes"), rows)

@@ -1,0 +1,60 @@
+"""What could be named at best: which hidden effects the recordings prove where their exact contribution is known.
+
+The contribution, the recordings less those without the effect, is one regressor beside the refit and the exact
+contributions of the other effects. It must meet the conditions of a name. No diagnosis has more to go on.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.concealed.plants.cases import Case
+from homeward.diagnosis import rules
+from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.hypothesis import Term
+from homeward.diagnosis.explain.proof import Bench
+from homeward.diagnosis.explain.residual_test import independent_blocks
+from homeward.diagnosis.fit.channel_errors import meter_error
+from homeward.diagnosis.fit.refit import refit
+from homeward.diagnosis.fit.replay import Runs, average
+from homeward.diagnosis.fit.usable import usable_runs
+from homeward.logs.recordings import read_recording
+
+_MOST = 10.0  # times the true contribution, as which it may be fitted; chosen: no bound
+
+
+def provable(case: Case) -> dict[str, bool]:
+    """Whether the recordings prove each hidden effect, in power or by another channel; empty where nobody knows."""
+    if case.without is None:
+        return {}
+    runs, *others = (_runs(case, one) for one in (case.recordings, *map(case.without, case.hidden)))
+    if any(len(one.observed) != len(runs.observed) for one in others):
+        return {}  # without the effect other windows are usable
+    fit = refit(runs, case.nominal)
+    terms = tuple(
+        Term(CATALOGUE[effect], (runs.observed - one.observed)[:, None], np.zeros(1), np.full(1, _MOST), fixed=True)
+        for effect, one in zip(case.hidden, others, strict=True)
+    )
+    residual = runs.observed - fit.predicted
+    bench = Bench(fit, terms, runs, residual, independent_blocks(fit, runs).channels)
+    least, found = max(rules.SMALLEST_GAIN_BESIDE * float(residual @ residual), meter_error(runs)), {}
+    for index, effect in enumerate(case.hidden):
+        beside = bench if len(terms) == 1 else bench.with_base(1 - index)
+        share = beside.share(index)
+        named = share >= rules.SMALLEST_GAIN_TO_NAME and share * beside.squared_error(index) >= least
+        elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance
+        found[effect] = elsewhere or (named and beside.held_out_bic(index) >= rules.STRONG_BIC)
+    return found
+
+
+def _runs(case: Case, recordings: list[pd.DataFrame]) -> Runs:
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"drive{index}.parquet" for index in range(len(recordings))]
+        for file, frame in zip(files, recordings, strict=True):
+            frame.to_parquet(file, index=False)
+        usable, _ = usable_runs([read_recording(file) for file in files], case.nominal)
+    return average(usable, rules.SAMPLES_A_WINDOW)
