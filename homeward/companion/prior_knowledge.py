@@ -9,19 +9,20 @@ import numpy as np
 
 from homeward.companion import rules
 from homeward.estimation import Prior
+from homeward.estimation import rules as estimation_rules
 from homeward.estimation.tails import scale_of
 from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.uncertainty import Uncertainty
 
 _GENERIC = Prior(
-    missed=0.2,  # as in the shield: probability of a wind that the forecast lacks
+    missed=estimation_rules.MISSED,
     gain_sd=0.01 / 3.0**0.5,  # the instruments `meter` of the environments
     power_noise=0.005,
     soc_step=1e-3,
     soc_error=5e-3,
     slope_noise=1e-3,
     model_knows_slopes=0.0,
-    model_error=0.006,  # as of the environments' agents in changing weather
+    model_error=estimation_rules.MODEL_ERRORS[-1],
 )
 """The ranges of `uncertain` missions: capacity 0.8 to 1 of the file's, rolling resistance 0.8 to 1.3, payload up to a
 fifth of the mass, wind within 1.5 m/s, and a battery monitor with a shunt. Chosen: `soc_error`, half of the whole per

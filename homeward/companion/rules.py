@@ -4,6 +4,8 @@ Steps and places of the estimator, the points of the trail, weights in running m
 by themselves and stand beside their code. Limits that other packages have too are in `homeward.rules`.
 """
 
+from homeward.estimation import rules as estimation_rules
+
 # --- Advice -----------------------------------------------------------------------------------------------------------
 
 RISK = 1e-3
@@ -125,7 +127,7 @@ DRIVEN_SHARE = 0.01
 
 # --- Prior: how much a robot's file is trusted ------------------------------------------------------------------------
 
-LEAST_MODEL_ERROR = 0.001
+LEAST_MODEL_ERROR = estimation_rules.MODEL_ERRORS[0]
 """Error of the model, a share, for a file that states its unexplained power: as of the environments' agents where
 nothing is hidden."""
 

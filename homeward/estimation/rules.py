@@ -23,6 +23,16 @@ LEAST_CHANCE = OUTLIER
 LEAST_SKEWNESS = 1e-3
 """Skewness below which a distribution counts as normal; chosen: moves no quantile by 0.01 deviations."""
 
+MODEL_ERRORS = 0.001, 0.0015, 0.006
+"""Errors of the model that are always assumed, as shares of a decision's energy and of that of the way home: where
+nothing is hidden, in still weather, and in changing weather. Of 0.001 to 0.01, the last gives intervals of the way home
+with about the right coverage at `uncertain` with its meter (`benchmarks/agents/identification.py`), and the second the
+highest score."""
+
+MISSED = 0.2
+"""Prior probability that the forecast is of another wind, where safety counts: in the shield and the companion. Chosen:
+ten times that of the belief rule (MISSED in `homeward.agents.thresholds`), as on the routes `hidden_wind`."""
+
 # --- Wind and ground --------------------------------------------------------------------------------------------------
 
 TEMPER = 0.5
