@@ -11,7 +11,7 @@ MOST_VOLTAGE_V, MOST_CURRENT_A = 1500.0, 1500.0
 """Highest voltage of a battery, V, and largest current, A, either way. Beyond them are mV and mA."""
 
 MOST_SENSING_HZ = 1e5
-"""Fastest sensing rate, Hz."""
+"""Fastest sensing rate, Hz: samples a second of any sensor of a robot."""
 
 MOST_HEADING_RAD = 1e3
 """Largest heading, rad, either way, wrapped or not: 159 turns. Beyond it are degrees."""
@@ -20,7 +20,7 @@ MOST_TEMPERATURE_C = 60.0
 """Highest air temperature, degC, and lowest below zero. Beyond it are kelvin."""
 
 MOST_INTEREST = 1e6
-"""Largest interest of the ground, a weight."""
+"""Largest interest of the ground, a weight over that of average ground."""
 
 MOST_WIND_MPS = 60.0
 """Strongest wind, m/s: nearly twice the lower limit of a hurricane, 33 m/s on the Beaufort scale. Beyond it are
