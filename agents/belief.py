@@ -13,14 +13,10 @@ from homeward.envs.options import Known
 from homeward.envs.routes.route import HIDDEN_WIND_MPS, KNOTS, NEW_PATCH, WIND_SCALE_MPS
 from homeward.envs.state import RETURN
 from homeward.estimation import READING_DTYPE, Estimator, Margin, Prior, StateEstimate, Vehicle
+from homeward.estimation import rules as estimation_rules
 from homeward.estimation.excitation import looks_back
 
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
-_MODEL_ERRORS = 0.001, 0.0015, 0.006
-"""Errors that are always assumed, as shares of a decision's energy and of that of the way home: where nothing is
-hidden, in still weather, and in changing weather. Of 0.001 to 0.01, the last gives intervals of the way home with about
-the right coverage at `uncertain` with its meter (`benchmarks/agents/identification.py`), and the second the highest
-score."""
 _ON_BORDER = 1e-4
 """Share of a place within which a robot counts as being on its border. Chosen: above the rounding of the observed
 distance, in single precision (6e-8 of up to 64 places)."""
@@ -68,7 +64,7 @@ def prior_of(known: Known, missed: float) -> Prior:
         slope_noise=i.grade_noise,
         slope_within_place=0.0,
         model_knows_slopes=0.0,
-        model_error=_MODEL_ERRORS[conditions],
+        model_error=estimation_rules.MODEL_ERRORS[conditions],
     )
 
 

@@ -18,7 +18,7 @@ from homeward.envs.conditions.instruments import meter
 from homeward.envs.driving import cross, decide, map_place
 from homeward.envs.features import FEATURES, OBSERVATION_DTYPE, home_cost, observe
 from homeward.envs.kernel import note_ahead
-from homeward.envs.options import Known
+from homeward.envs.options import OFF_COMMAND, Known
 from homeward.envs.reward import score
 from homeward.envs.routes.route import MEAN_INTEREST, Route
 from homeward.envs.state import CONSTANTS_DTYPE, GO, MISSION_DTYPE, RETURN, ROUTE_DTYPE, STOP
@@ -26,9 +26,6 @@ from homeward.physics.jit import compiled, inline
 
 Array = NDArray[np.float64]
 
-_SLACK = 0.1
-"""Share of a decision's way at top speed by which a robot may differ from its command: beyond that, it is assumed to
-have driven evenly between its positions. Chosen: a tenth or twice of it changes no test of `observer` and `onboard`."""
 _STANDING_MPS = 1e-6  # chosen: above 0, because the kernel divides by speed, and no distance in a decision
 _BORDER = 1e-6
 """Share of a place within which a robot counts as being on its border. Chosen: above rounding, and no distance."""
@@ -154,7 +151,7 @@ class Observer:
         records, routes = self._records.copy(), self._routes.copy()
         way_m = read.position_m - float(records["position_m"][0])
         self._drive(action, None)
-        if abs(self._records["position_m"][0] - read.position_m) > _SLACK * s["max_speed_mps"] * decision_s:
+        if abs(self._records["position_m"][0] - read.position_m) > OFF_COMMAND * s["max_speed_mps"] * decision_s:
             self._records, self._routes = records.copy(), routes
             self._drive(action, way_m / decision_s)
         m = self._records[0]

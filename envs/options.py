@@ -27,8 +27,8 @@ from homeward.envs.state import (
     SURVEY,
 )
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, optimal_speed
+from homeward.physics import rules as physics_rules
 from homeward.physics.intervals import Bounds
-from homeward.physics.uncertainty import MOST_ERROR
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous")
@@ -41,6 +41,9 @@ hundred. With one, a random policy ends its mission after three decisions. With 
 learned: stable-baselines3's PPO had learned to stand still after 0.3 M decisions of OutAndBack, and with three to come
 home (0.4 M, 96 % of 200 unseen missions; one seed of training each, at commit b39fd99, which had other features).
 `benchmarks/agents/plain_ppo.py` measures the present result."""
+OFF_COMMAND = 0.1
+"""Share of a decision's way at top speed by which a robot may differ from its command: beyond that, it is assumed to
+have driven evenly between its positions. Chosen: a tenth or twice of it changes no test of `observer` and `onboard`."""
 _MOST_HALF = 0.6
 """Half of the widest range that is drawn from a file's uncertainty. Chosen: the factors then stay above 0.4."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
@@ -336,7 +339,10 @@ def _by_file(
         payload=around(0.0, "mass", difficulty.payload),
     )
     if own_s is not None:
-        read = {name: value if name == "soc_lag_s" else min(value, MOST_ERROR) for name, value in sure.instruments}
+        read = {
+            name: value if name == "soc_lag_s" else min(value, physics_rules.MOST_ERROR)
+            for name, value in sure.instruments
+        }
         reading_s = dict(sure.instruments).get("reading_s", own_s)
         read.pop("reading_s", None)
         if "power_noise" in read:

@@ -20,6 +20,7 @@ from safetensors import safe_open
 from safetensors.torch import save
 from stable_baselines3 import PPO
 
+from homeward.agents import thresholds
 from homeward.agents.learning.network import layers_of
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.trained.policy_file import Layer
@@ -29,8 +30,6 @@ SCHEMA = 3
 """Of the format of checkpoints; one of another schema is refused."""
 _HEADER = "homeward"
 _MOST_HEADER_BYTES = 1_000_000  # chosen: names and shapes of some dozen tensors need kilobytes
-_LARGEST = 1e6
-"""Largest weight. Chosen: far beyond any in training, with a finite square."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ def _expect_like(given: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.T
     _expect(given.keys() == wanted.keys(), "names")
     for name, tensor in given.items():
         _expect(tensor.shape == wanted[name].shape and tensor.dtype == wanted[name].dtype, name)
-        _expect(bool((tensor.abs() <= _LARGEST).all()), name)  # which nan is not
+        _expect(bool((tensor.abs() <= thresholds.LARGEST_WEIGHT).all()), name)  # which nan is not
 
 
 def _averages(tensors: Mapping[str, torch.Tensor], model: PPO) -> dict[int, dict[str, torch.Tensor]]:

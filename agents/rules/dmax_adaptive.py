@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.agents import thresholds
 from homeward.agents.base import Observations, feature
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.turn_back import BelievingRule, Outlook
@@ -16,10 +17,6 @@ from homeward.physics import ancillary_power
 _PRIOR = np.diag([0.01, 0.05])
 """Precision of the prior that the ratios of driving and of sensing are 1: the modelled energy with equal weight, as a
 share of the usable energy. Chosen: electronics are better known than ground."""
-_UNSEEN = 0.1
-"""Standard deviation of the ratio on the way home about that on the way out, by causes not observable there: wind.
-Chosen, and the reserve k was tuned with it (`homeward.agents.rules.reserves`): on 2,000 missions of OutAndBack (seed
-31), 0.05 with k = 3 or 0.2 with k = 1 change the mean score by less than 0.4 %."""
 
 
 @final
@@ -55,7 +52,7 @@ class AdaptiveDmaxRule(BelievingRule):
             left=feature(observations, "metered"),
             home=ratios[:, 0] * home,
             onwards=ratios[:, 0] * onwards,
-            deviation=np.sqrt(spread + _UNSEEN**2) * (home + onwards),
+            deviation=np.sqrt(spread + thresholds.UNSEEN_HOME**2) * (home + onwards),
         )
 
     def _forget(self, count: int) -> None:

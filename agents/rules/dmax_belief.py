@@ -7,16 +7,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.agents import thresholds
 from homeward.agents.base import Observations
 from homeward.agents.belief import Belief
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.turn_back import BelievingRule, Outlook
 from homeward.envs.options import Known
 from homeward.estimation.prior import PER_CAPACITY
-
-MISSED = 0.02
-"""Prior probability that the forecast is of another wind. Chosen so that one reading in fifty that the forecast cannot
-explain is enough to doubt it."""
 
 
 @final
@@ -41,7 +38,7 @@ class BeliefDmaxRule(BelievingRule):
         self._onwards_mps = float(s["cruise_mps"])
         if step_mps is not None and not self._patrol:
             self._onwards_mps, self._outward_m = step_mps, step_mps * float(s["decision_s"])
-        self.belief = Belief(known, MISSED)
+        self.belief = Belief(known, thresholds.MISSED)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
         """Posterior mean and standard deviation of the energies, see `BelievingRule.look`."""

@@ -8,18 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.agents import thresholds
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.rules.pace import Pace
 from homeward.envs.options import Known
-from homeward.envs.routes.files import STEEPEST_SINE
+from homeward.envs.routes import rules as routes_rules
 from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
-
-AT_END = 1.0 - 1e-6
-"""Share of the length of a route from which a robot is at its end. Chosen: positions are rounded by less."""
-HOME_TIME = 1.25
-"""Time kept for the way home over that at cruise. Chosen: the nearest speed level may be below cruise, by 17 % at most
-for the robots that ship (f1tenth)."""
 
 
 class Outlook(NamedTuple):
@@ -57,7 +52,7 @@ class TurnBackRule(Policy):
         self._turned = np.zeros(0, np.bool_)
         s = known.shared[0]
         self._patrol = bool(s["mission"] == PATROL)
-        self._sines = np.linspace(-STEEPEST_SINE, STEEPEST_SINE, 281)
+        self._sines = np.linspace(-routes_rules.STEEPEST_SINE, routes_rules.STEEPEST_SINE, 281)
         # Eq. 8 with a full battery: share of it that a metre consumes at each grade.
         self._shares_per_m = 1.0 / np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
         self._reach_m = float(s["reach_m"])
@@ -84,7 +79,7 @@ class TurnBackRule(Policy):
         if self._sees_posts:
             turns &= self._may_turn(distance_m)
         elif not self._patrol:
-            turns |= distance_m >= AT_END * s["length_m"]
+            turns |= distance_m >= thresholds.AT_END * s["length_m"]
         if len(begun) != len(self._turned):
             self._turned = np.zeros(len(begun), np.bool_)
         self._turned[begun] = False
@@ -125,7 +120,7 @@ class TurnBackRule(Policy):
     def _late(self, observations: Observations, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
-        return np.asarray(left_s < HOME_TIME * (distance_m / s["cruise_mps"] + self._round_s))
+        return np.asarray(left_s < thresholds.HOME_TIME * (distance_m / s["cruise_mps"] + self._round_s))
 
 
 class BelievingRule(TurnBackRule):

@@ -1,5 +1,6 @@
 """The shield: wraps any agent, and returns home before the risk of stranding exceeds a limit."""
 
-from homeward.agents.shield.shield import RISK, Shield
+from homeward.agents.shield.shield import Shield
+from homeward.agents.thresholds import RISK
 
 __all__ = ["RISK", "Shield"]

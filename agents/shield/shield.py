@@ -7,22 +7,14 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.agents import thresholds
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.belief import Belief
 from homeward.envs.actions import Commands, decode_actions, encode_actions
 from homeward.envs.options import Known
 from homeward.envs.state import RETURN
+from homeward.estimation import rules as estimation_rules
 from homeward.physics import ancillary_power
-
-RISK = 1e-6
-"""Probability of stranding in the chance constraint of each decision: at least 99.9 % of missions get home, see
-docs/results.md."""
-_MISSED = 0.2
-"""Prior probability that the forecast is of another wind, as on the routes `hidden_wind`. Chosen: ten times that of
-`BeliefDmaxRule`, for safety in such winds."""
-_SPARE_DECISIONS = 3.0
-"""Time kept in reserve before the time limit, in decisions: one for the action, one because a mission ends with a whole
-decision, and one to spare."""
 
 
 @final
@@ -41,9 +33,9 @@ class Shield(Policy):
         risk: Allowed probability of stranding in each decision, within (0, 0.5].
     """
 
-    def __init__(self, policy: Policy, known: Known, risk: float = RISK) -> None:
+    def __init__(self, policy: Policy, known: Known, risk: float = thresholds.RISK) -> None:
         self._policy, self._known, self._risk = policy, known, risk
-        self._belief = Belief(known, _MISSED)
+        self._belief = Belief(known, estimation_rules.MISSED)
         self._safe_action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, RETURN)[0]
         self._home_mps = float(decode_actions(known, self._safe_action[None]).speed_mps[0])
         self._overruled = np.zeros(0, np.bool_)
@@ -105,5 +97,5 @@ class Shield(Policy):
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         position_m = feature(observations, "distance") * s["reach_m"]
         ends_m = np.where(wanted.returns, position_m, position_m + wanted.driven_mps * s["decision_s"])
-        reserve_s = max(_SPARE_DECISIONS, float(s["return_decisions"])) * s["decision_s"] + s["pit_stop_s"]
+        reserve_s = max(thresholds.SPARE_DECISIONS, float(s["return_decisions"])) * s["decision_s"] + s["pit_stop_s"]
         return np.asarray(left_s < ends_m / self._home_mps + reserve_s)

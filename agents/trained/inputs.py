@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.agents import thresholds
 from homeward.agents.base import Observations, feature
 from homeward.agents.belief import Belief
-from homeward.agents.rules.dmax_belief import MISSED
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
 from homeward.agents.rules.reserves import PACES, RESERVES
-from homeward.agents.rules.turn_back import AT_END, HOME_TIME, sees_posts
+from homeward.agents.rules.turn_back import sees_posts
 from homeward.envs.actions import LEVELS, MODES, encode_actions
 from homeward.envs.features import GAINS, INDEX, NAMES
 from homeward.envs.options import Known
@@ -82,7 +82,7 @@ class BeliefInputs:
     def __init__(self, known: Known, deviations: float) -> None:
         self._known, self._deviations = known, deviations
         # By the file, with nothing sensed.
-        self._rule, self._belief = MappedDmaxRule(known, NO_SENSING, 0.0), Belief(known, MISSED)
+        self._rule, self._belief = MappedDmaxRule(known, NO_SENSING, 0.0), Belief(known, thresholds.MISSED)
         s = known.shared[0]
         idle_w = float(ancillary_power(known.robot, 0.0))
         self._patrol, self._sees_posts = bool(s["mission"] == PATROL), sees_posts(known)
@@ -126,12 +126,13 @@ class BeliefInputs:
         s = self._known.shared[0]
         distance_m = feature(observations, "distance") * s["reach_m"]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
-        decisions_left = (left_s - HOME_TIME * (distance_m / s["cruise_mps"] + self._round_s)) / s["decision_s"]
+        home_s = thresholds.HOME_TIME * (distance_m / s["cruise_mps"] + self._round_s)
+        decisions_left = (left_s - home_s) / s["decision_s"]
         # A decision consumes 0.5 % of the battery at cruise; chosen: twice that, as it may also sense.
         margin = np.minimum(margin, 0.01 * decisions_left)
         if self._sees_posts:
             return np.where(distance_m <= 0.0, margin, 1.0)
-        ends = np.asarray(distance_m >= AT_END * s["length_m"]) & (not self._patrol)
+        ends = np.asarray(distance_m >= thresholds.AT_END * s["length_m"]) & (not self._patrol)
         return np.where(ends, -1.0, margin)
 
     def _believed(self, observations: Observations, going: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -22,6 +22,7 @@ from rich import box
 from rich.table import Table
 
 from homeward import cli
+from homeward.agents import thresholds
 from homeward.agents.trained.environment import setting_of
 from homeward.agents.trained.inputs import COLUMNS
 from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
@@ -40,9 +41,6 @@ if TYPE_CHECKING:
 _CHECKED = 2000
 """Random observations on which the exported network must act as the policy does: what is wrong in 0.15 % of them is
 found with a probability of 95 % (rule of three: Hanley & Lippman-Hand, 1983)."""
-_ALMOST = 1e-4
-"""Difference of two outputs of the network below which either action is right: runtimes add in different order. Chosen:
-far above the rounding of single precision (1e-7), and no action of note."""
 
 
 class ExportError(ValueError):
@@ -92,7 +90,7 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known, rng: Genera
     outputs = policy.outputs(seen)
     actions = policy.choose(outputs)
     (_, fastest_mps), (_, most_hz) = limits(known)
-    wrong = np.abs(commands - decode(actions, known)) > _ALMOST * np.array([fastest_mps, most_hz, 1.0])
+    wrong = np.abs(commands - decode(actions, known)) > thresholds.SAME_OUTPUT * np.array([fastest_mps, most_hz, 1.0])
     wrong &= ~_undecided(policy, outputs, actions)
     if wrong.any():
         row, part = np.argwhere(wrong)[0]
@@ -108,10 +106,12 @@ def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDA
     if isinstance(policy.action_space, spaces.MultiDiscrete):
         parts = np.split(outputs, np.cumsum(policy.action_space.nvec)[:-1], axis=1)
         best = [np.sort(part, axis=1)[:, -2:] for part in parts]
-        undecided = np.stack([second >= first - _ALMOST for second, first in (one.T for one in best)], axis=1)
+        undecided = np.stack(
+            [second >= first - thresholds.SAME_OUTPUT for second, first in (one.T for one in best)], axis=1
+        )
     else:
         borders = thirds(actions)
-        undecided[:, 2] = np.abs(borders - np.rint(borders)) < _ALMOST
+        undecided[:, 2] = np.abs(borders - np.rint(borders)) < thresholds.SAME_OUTPUT
     undecided[:, 1] |= undecided[:, 2]  # without go there is no sensing
     return undecided
 

@@ -21,6 +21,7 @@ _LEARNER = (
     "rules/pace.py",
     "rules/turn_back.py",
     "rules/reserves.py",
+    "thresholds.py",
 )
 _COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "randomise")
 

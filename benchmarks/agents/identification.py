@@ -31,8 +31,8 @@ from homeward.agents.belief import Belief
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.statistics import Bootstrap, interval
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
-from homeward.agents.rules.dmax_belief import MISSED
 from homeward.agents.rules.pace import NO_SENSING
+from homeward.agents.thresholds import MISSED
 from homeward.envs.actions import decode_actions, encode_actions
 from homeward.envs.batch import Batch
 from homeward.envs.conditions.instruments import InstrumentError

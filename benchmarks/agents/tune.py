@@ -212,7 +212,7 @@ def best_number(grids: Mapping[str, Grid], episodes: int, most: float = 1.0, ask
 
 
 def main(args: Args) -> None:
-    """Tune, and print the numbers for `agents/rules/reserves.py` and `agents/shield/shield.py`.
+    """Tune, and print the numbers for `agents/rules/reserves.py` and `agents/thresholds.py`.
 
     Raises:
         OptionError, ClusterError: An argument cannot be used.

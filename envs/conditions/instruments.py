@@ -11,9 +11,9 @@ import numpy as np
 
 from homeward.envs.conditions.draws import GRADE, POWER, SOC, SPEED, normal
 from homeward.files import read_toml
+from homeward.physics import rules as physics_rules
 from homeward.physics.intervals import Bounds
 from homeward.physics.jit import inline
-from homeward.physics.uncertainty import MOST_ERROR, MOST_LAG_S
 
 
 class InstrumentError(ValueError):
@@ -54,7 +54,7 @@ class Instruments:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            bounds = Bounds(0.0, MOST_LAG_S if field.name == "soc_lag_s" else MOST_ERROR)
+            bounds = Bounds(0.0, physics_rules.MOST_LAG_S if field.name == "soc_lag_s" else physics_rules.MOST_ERROR)
             if isinstance(value, bool) or not isinstance(value, int | float) or not bounds.hold(value):
                 raise InstrumentError(f"{field.name} = {value!r} is not allowed; give a number in {bounds}")
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.envs.routes import rules
 from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, LIMITS, MOST_ROUTE_BYTES, OF_THE_DAY, Route, RouteError
 from homeward.envs.state import MAX_PLACES
 from homeward.files import STANDARD_INPUT, read_text
@@ -35,9 +36,6 @@ _ALIASES = {
     **dict.fromkeys(("ele", "elevation", "alt", "altitude", "height"), "elevation_m"),
 }
 """Names of a track's columns in files of loggers, in lower case."""
-
-STEEPEST_SINE = 0.7
-"""Sine of the steepest slope of a route: 44 degrees. Chosen: at 45, wheels slide with a friction coefficient of 1."""
 
 
 def route_names() -> list[str]:
@@ -186,7 +184,7 @@ def _cut(path: Any, columns: dict[str, NDArray[np.float64]], place_m: float) -> 
     if "elevation_m" in columns:
         rise = np.diff(np.interp(edges, distance, columns["elevation_m"]))
         steepest = int(np.abs(rise).argmax())
-        if abs(rise[steepest]) > STEEPEST_SINE * length:
+        if abs(rise[steepest]) > rules.STEEPEST_SINE * length:
             raise RouteError(
                 f"{path}: elevation_m changes by {rise[steepest]:g} m in {length:g} m of way, which is too steep; feet?"
             )

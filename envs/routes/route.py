@@ -12,18 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward import rules as shared
 from homeward.physics.jit import inline
 
 GENERATED = "generated"
 HIDDEN_WIND = "hidden_wind"
 
 LIMITS: dict[str, tuple[float, float, str]] = {
-    "grade_rad": (-0.8, 0.8, "rad; degrees or per cent?"),
+    "grade_rad": (-shared.STEEPEST_RAD, shared.STEEPEST_RAD, "rad; degrees or per cent?"),
     "roughness": (0.0, 10.0, "0 where C_rr was measured"),
-    "interest": (0.0, 1e6, "a weight, not negative"),
-    "heading_rad": (-1e3, 1e3, "rad, counter-clockwise from east"),
-    "temperature_c": (-60.0, 60.0, "degrees Celsius"),
-    "wind_mps": (0.0, 60.0, "m/s; km/h?"),
+    "interest": (0.0, shared.MOST_INTEREST, "a weight, not negative"),
+    "heading_rad": (-shared.MOST_HEADING_RAD, shared.MOST_HEADING_RAD, "rad, counter-clockwise from east"),
+    "temperature_c": (-shared.MOST_TEMPERATURE_C, shared.MOST_TEMPERATURE_C, "degrees Celsius"),
+    "wind_mps": (0.0, shared.MOST_WIND_MPS, "m/s; km/h?"),
     "wind_from_rad": (-10.0, 10.0, "rad; degrees?"),
 }
 """Lowest and highest value of each quantity of a route, and a likely mistake. Chosen: wider than any ground and weather

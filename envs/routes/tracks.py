@@ -1,16 +1,17 @@
 """Recorded or planned tracks (GPX, FIT, positions in a CSV file) converted to elevation profiles.
 
 A track's elevation has noise on top of hills, and differentiating it gives false slopes. The steps from points to a
-profile, each with its constant below:
+profile, with the lengths below and the thresholds of `homeward.envs.routes.rules`:
 
 1. Way. Distance between positions on a sphere, summed over points at least `SPACING_M` apart. Nearer ones are averaged,
    or the jitter of a standing robot would add up. A FIT file's own distance is used if it has one.
 2. Spikes. The elevation, linear between points on a grid of `GRID_M`, goes through a running median of `MEDIAN_M`.
 3. Noise. A Gaussian of standard deviation `SIGMA_M` along the way, the ends continued point-symmetrically.
 4. Turning points. Rises and falls below a threshold are removed: between the remaining turning points the profile is
-   made monotonic (isotonic regression, least squares). The threshold is `LEAST_RISE_M` or, if larger, three standard
-   deviations of the noise that remains from a white error of the size seen in steps 2 and 3.
-5. Limit. Slopes beyond `STEEPEST` are limited to it; a track with more than `CAPPED_SHARE` of them is refused.
+   made monotonic (isotonic regression, least squares). The threshold is `LEAST_RISE_M` or, if larger,
+   `NOISE_DEVIATIONS` of the noise that remains from a white error of the size seen in steps 2 and 3.
+5. Limit. Slopes beyond `STEEPEST_OF_TRACK` are limited to it; a track with more than `CAPPED_SHARE` of them is
+   refused.
 
 Limits: hills shorter than about 100 m are flattened, and so are bridges and cuttings. GPS heights without a barometer
 drift by several metres over minutes; no smoothing can distinguish that from hills.
@@ -28,24 +29,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.envs.routes import rules
 from homeward.envs.routes.route import MOST_ROUTE_BYTES, RouteError
 from homeward.files import read_bytes, read_text
 from homeward.installed import advice
 
 Array = NDArray[np.float64]
 
-SPACING_M = 5.0  # least, between points: nearer ones differ by the receiver's noise (4.9 m, see `homeward.companion`)
 GRID_M = 5.0  # of the smoothed profile; as fine as the points may be (SPACING_M)
 MEDIAN_M = 50.0  # of the running median, against spikes; chosen: spikes of up to 25 m go
 SIGMA_M = 25.0  # of the Gaussian, against noise; docs/results.md has the resulting ascent
-LEAST_RISE_M = 2.0  # smaller ones are noise; chosen on two tracks of known ascent, see the same page
-STEEPEST = 0.5  # sine of 30 degrees; chosen: the steepest streets have 19 (Baldwin Street, Dunedin)
-CAPPED_SHARE = 0.02  # chosen: with more limited slopes the heights are wrong
-SHORTEST_M = 100.0  # smoothing would leave nothing of a shorter one: four times SIGMA_M
-JUMP_M = 100_000.0  # between neighbouring points: chosen: farther than a ground robot drives on a charge
 
 _EARTH_M = 6371008.8  # mean radius, IUGG
-_MISSING_SHARE = 0.2  # of the points may lack an elevation; chosen: gaps can then be bridged linearly
 _TO_DEGREES = 180.0 / 2**31  # FIT positions are in semicircles
 
 
@@ -167,23 +162,24 @@ def profile(track: Track, name: str) -> Profile:
     elevation = _filled(track.elevation_m, name)
     distance, elevation, east_m, north_m = _way(track, elevation, name)
     length_m = float(distance[-1])
-    if length_m < SHORTEST_M:
+    if length_m < rules.SHORTEST_M:
         raise RouteError(
-            f"{name}: is {length_m:.0f} m long; give at least {SHORTEST_M:.0f} m, or a CSV profile with distance_m and "
-            "grade_rad for a shorter way: heights of a track are too coarse for it"
+            f"{name}: is {length_m:.0f} m long; give at least {rules.SHORTEST_M:.0f} m, or a CSV profile with "
+            "distance_m and grade_rad for a shorter way: heights of a track are too coarse for it"
         )
     count = max(int(np.ceil(length_m / GRID_M)), 1) + 1
     grid, step_m = np.linspace(0.0, length_m, count), length_m / (count - 1)
     smooth, threshold_m = _smooth(np.interp(grid, distance, elevation), step_m, length_m / (len(distance) - 1))
     level = _without_wiggles(smooth, threshold_m)
     rise = np.diff(level)
-    steep = np.abs(rise) > STEEPEST * np.hypot(step_m, rise)
-    if steep.mean() > CAPPED_SHARE:
+    steep = np.abs(rise) > rules.STEEPEST_OF_TRACK * np.hypot(step_m, rise)
+    if steep.mean() > rules.CAPPED_SHARE:
+        steepest_deg = np.degrees(np.arcsin(rules.STEEPEST_OF_TRACK))
         raise RouteError(
-            f"{name}: {steep.mean():.0%} of the way is steeper than {np.degrees(np.arcsin(STEEPEST)):.0f} degrees; no "
+            f"{name}: {steep.mean():.0%} of the way is steeper than {steepest_deg:.0f} degrees; no "
             "ground robot climbs that: feet, or an elevation that jumps?"
         )
-    most = step_m * np.tan(np.arcsin(STEEPEST))
+    most = step_m * np.tan(np.arcsin(rules.STEEPEST_OF_TRACK))
     rise = np.clip(rise, -most, most)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(step_m, rise))))
     height = level[0] + np.concatenate(([0.0], np.cumsum(rise)))
@@ -207,7 +203,7 @@ def _without_null_island(track: Track, name: str) -> Track:
 
 
 def _refuse_jump(step_m: Array, name: str) -> None:
-    if len(step_m) and step_m.max() > JUMP_M:
+    if len(step_m) and step_m.max() > rules.JUMP_M:
         raise RouteError(
             f"{name}: point {int(step_m.argmax()) + 2} is {step_m.max() / 1e3:.0f} km from the one before; "
             "remove it, or give a track of one drive"
@@ -216,7 +212,7 @@ def _refuse_jump(step_m: Array, name: str) -> None:
 
 def _filled(elevation: Array, name: str) -> Array:
     known = np.isfinite(elevation)
-    if known.mean() < 1.0 - _MISSING_SHARE:
+    if known.mean() < 1.0 - rules.MISSING_SHARE:
         raise RouteError(
             f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations"
         )
@@ -264,7 +260,7 @@ def _apart(east_m: Array, north_m: Array) -> NDArray[np.intp]:
     """Indices of points at least `SPACING_M` from the last one."""
     kept, last_east, last_north = [0], east_m[0], north_m[0]
     for index, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
-        if (east - last_east) ** 2 + (north - last_north) ** 2 >= SPACING_M**2:
+        if (east - last_east) ** 2 + (north - last_north) ** 2 >= rules.SPACING_M**2:
             kept.append(index)
             last_east, last_north = east, north
     return np.array(kept, dtype=np.intp)
@@ -283,7 +279,7 @@ def _smooth(elevation: Array, step_m: float, spacing_m: float) -> tuple[Array, f
     noise_m = 1.4826 * float(np.median(np.abs(taken - np.median(taken))))
     # A Gaussian of deviation SIGMA_M averages 2 sqrt(pi) SIGMA_M / spacing independent errors.
     left_m = noise_m / np.sqrt(max(2.0 * np.sqrt(np.pi) * SIGMA_M / spacing_m, 1.0))
-    return smooth, max(LEAST_RISE_M, 3.0 * left_m)
+    return smooth, max(rules.LEAST_RISE_M, rules.NOISE_DEVIATIONS * left_m)
 
 
 def _without_wiggles(elevation: Array, threshold_m: float) -> Array:

@@ -6,9 +6,8 @@ import math
 import numbers
 from typing import Any
 
+from homeward import rules as shared
 from homeward.companion.readings import CompanionError, checked_position
-
-_MOST_WIND_MPS = 60.0  # nearly twice the lower limit of a hurricane, 33 m/s on the Beaufort scale
 
 
 def check_number(name: str, value: Any, low: float, high: float) -> None:
@@ -33,5 +32,5 @@ def check_wind(forecast_mps: Any) -> None:
     """Check that a forecast of the wind, if given, is `(east, north)` and of a plausible strength."""
     if forecast_mps is not None:
         wind = checked_position("forecast_mps", forecast_mps)
-        if not isinstance(wind, tuple) or math.hypot(*wind) > _MOST_WIND_MPS:
+        if not isinstance(wind, tuple) or math.hypot(*wind) > shared.MOST_WIND_MPS:
             raise CompanionError(f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s")

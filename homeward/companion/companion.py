@@ -15,15 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward import rules as shared
+from homeward.companion import rules
 from homeward.companion.advice import Action, Advice, UncertainValue
 from homeward.companion.checks import check_home, check_number, check_route, check_wind
 from homeward.companion.cutoff import Cutoff
 from homeward.companion.home_estimator import HomeEstimator, WayHome
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.prior_knowledge import PriorKnowledge, known_of
-from homeward.companion.readings import POSITION_M, CompanionError, Position, Reading, Readings, checked_position
+from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.turn_advice import chance, latest
-from homeward.companion.way import OFF_ROUTE_M, RouteLike, Step, Way, along_route, back_over
+from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
 from homeward.estimation import Prior, Vehicle
@@ -39,23 +41,6 @@ _LONGEST_PLACES, _PLACES = 160.0, 128
 Chosen: a place is then 0.6 % of d_max."""
 _CRUMBS = 8.0
 """Points of the trail per place. Chosen: a bend is cut by an eighth of a place at most."""
-_DETOUR = 1.3
-"""Way on the ground over the straight line, for a home that moved off the trail. Roads have 1.2 to 1.5 (Ballou and
-others, Transportation Research A 36, 2002)."""
-_DEAD_RECKONING_ERROR = 0.1
-"""Relative standard deviation of a way from dead reckoning with speed and heading. Chosen: twice the upper
-end of the 1 to 5 % of calibrated odometry (Borenstein & Feng, 1996)."""
-_MOST_CUTOFF = 1.2
-"""Ratio of cut-off to nominal voltage that no battery exceeds. Chosen: a cell's charged voltage is at most 1.17 times
-the nominal one (4.2 V over 3.6 V)."""
-_UNTOLD, _UNTOLD_WINDOWS = 0.1, 3
-"""Difference of the state-of-charge reading from the energy drawn, and windows in a row with it, for another battery or
-a reading that is stuck: monitors that measure voltage are off by some per cent. Chosen: above
-that, and more than a single window."""
-_STANDS_WINDOWS = 3
-"""Windows in a row with a speed of 0 and driving power before a warning. Chosen: 1.5 % of the time of a charge."""
-RISK = 1e-3
-"""Default of the accepted risk of not getting home. Chosen: one mission in a thousand."""
 _SCHEMA = 1  # of a saved state; other schemas are refused
 
 
@@ -103,7 +88,7 @@ class Companion:
         *,
         home: Position | str | None = None,
         route: RouteLike | None = None,
-        risk: float = RISK,
+        risk: float = rules.RISK,
         soc: float | None = None,
         forecast_mps: tuple[float, float] | None = None,
         cutoff_v: float | None = None,
@@ -111,7 +96,7 @@ class Companion:
         window_s: float | None = None,
         place_m: float | None = None,
         reaction_s: float | None = None,
-        arrived_m: float = POSITION_M,
+        arrived_m: float = shared.POSITION_M,
         prior: Prior | None = None,
         policy: OnboardPolicy | None = None,
     ) -> None:
@@ -119,12 +104,14 @@ class Companion:
         range_m = self._range_m = float(d_max(self.robot))
         if not math.isfinite(range_m):
             raise CompanionError(f"robot {self.robot.name!r} never runs empty on level ground; check its effects")
+        most_v = rules.MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)
         for name, value, low, high in (
-            ("risk", risk, 1e-6, 0.5), ("soc", soc, 0.0, 1.0),
-            ("cutoff_v", cutoff_v, 0.1, _MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)),
-            ("cruise_mps", cruise_mps, 1e-3, self.robot.max_speed_mps), ("window_s", window_s, 0.1, 3600.0),
-            ("place_m", place_m, 1e-3 * range_m, range_m), ("reaction_s", reaction_s, 0.0, 3600.0),
-            ("arrived_m", arrived_m, 0.0, 1000.0),
+            ("risk", risk, *rules.RISKS), ("soc", soc, 0.0, 1.0),
+            ("cutoff_v", cutoff_v, rules.LEAST_VOLTAGE_V, most_v),
+            ("cruise_mps", cruise_mps, rules.SLOWEST_MPS, self.robot.max_speed_mps),
+            ("window_s", window_s, *rules.WINDOWS_S), ("place_m", place_m, rules.SHORTEST_PLACE * range_m, range_m),
+            ("reaction_s", reaction_s, 0.0, rules.LONGEST_REACTION_S),
+            ("arrived_m", arrived_m, 0.0, rules.LARGEST_HOME_M),
         ):  # fmt: skip
             if value is not None:
                 check_number(name, value, low, high)
@@ -316,8 +303,8 @@ class Companion:
     def _check_charge(self, soc: float) -> None:
         """Warn if the state of charge is far from the energy drawn; a lower reading is accepted, which is safe."""
         above = soc - self._estimator.soc
-        self._untold = self._untold + 1 if abs(above) > _UNTOLD else 0
-        if self._untold < _UNTOLD_WINDOWS:
+        self._untold = self._untold + 1 if abs(above) > rules.UNTOLD else 0
+        if self._untold < rules.UNTOLD_WINDOWS:
             return
         kind = "the state of charge reads"
         text = f"{kind} {abs(above):.0%} {'more' if above > 0.0 else 'less'} than the energy drawn implies"
@@ -332,7 +319,7 @@ class Companion:
         """Warn if the robot stands by its speed and drives by its power; which is wrong cannot be known."""
         stands = window.stood_s >= window.time_s and window.power_w > self._estimator.driving_w
         self._stands = self._stands + 1 if stands else 0
-        if self._stands >= _STANDS_WINDOWS:
+        if self._stands >= rules.STANDS_WINDOWS:
             kind = "the speed reads 0 while"
             text = (
                 f"{kind} {window.power_w:.3g} W are drawn, as in driving: is it stuck, or a load that its file lacks?"
@@ -360,7 +347,7 @@ class Companion:
 
     def _way_home(self) -> WayHome:
         """The way home from here: along the way out, or another one."""
-        unsure_m, cruise_mps = _DEAD_RECKONING_ERROR * self._way.reckoned_m, self.vehicle.cruise_mps
+        unsure_m, cruise_mps = rules.DEAD_RECKONING_ERROR * self._way.reckoned_m, self.vehicle.cruise_mps
         if self._other_way is not None:
             ways = along_route(*self._other_way, cruise_mps)
         elif self._moved_home is not None:
@@ -370,7 +357,7 @@ class Companion:
                 self.vehicle.place_m,
                 self._way.position_m,
                 from_m,
-                _DETOUR * leg_m,
+                rules.DETOUR * leg_m,
                 cruise_mps,
             )
         else:
@@ -393,7 +380,7 @@ class Companion:
         needs_m = self._reaction_s * estimator.pace_mps
         self._turned |= turn_in_m <= needs_m or turn_in_s <= self._reaction_s
         # A way from dead reckoning has a relative error: a robot that may be elsewhere has not arrived.
-        self._turned &= home.way_m + _DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
+        self._turned &= home.way_m + rules.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
         chance_there = None
         if self._way.route_m is not None and home.ways is None:
             chance_there = chance(estimator.leaves(home, max(self._way.route_m - home.way_m, 0.0)), withheld_j)
@@ -424,7 +411,7 @@ class Companion:
 
     def _off_route(self) -> tuple[str, ...]:
         off_m = self._way.off_route_m
-        return (f"{off_m:.0f} m off the route",) if off_m > OFF_ROUTE_M else ()
+        return (f"{off_m:.0f} m off the route",) if off_m > rules.OFF_ROUTE_M else ()
 
     def _what_home(self) -> str:
         if self._other_way is not None:

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from homeward.companion import rules
+
 _FORGETS = 0.97
 """Weight of a window relative to the next: about thirty windows count. Chosen: the last seventh of a charge (30 of 200
 windows)."""
-_LEAST_WINDOWS, _LEAST_SPAN = 8, 0.03
-"""Windows, and share of the battery used over them, before a fall of the voltage is used. Chosen: more than twice
-the three numbers that are fitted, and the energy of six windows at cruise."""
 
 
 class Cutoff:
@@ -46,7 +45,7 @@ class Cutoff:
         voltage_v, _, used = self._now
         if voltage_v <= self.voltage_v:
             return 0.0
-        if self._windows < _LEAST_WINDOWS or abs(used - self._first) < _LEAST_SPAN:
+        if self._windows < rules.CUTOFF_WINDOWS or abs(used - self._first) < rules.CUTOFF_SPAN:
             return math.inf
         fall = float(np.linalg.lstsq(self._normal, self._moment, rcond=1e-9)[0][2])
         return (voltage_v - self.voltage_v) / fall if fall > 0.0 else math.inf

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.companion import rules
 from homeward.companion.advice import UncertainValue
 from homeward.companion.prior_knowledge import PriorKnowledge
 from homeward.companion.readings import CompanionError, Reading
@@ -28,12 +29,6 @@ from homeward.physics.jit import announce_first_compilation
 from homeward.physics.kernel import full_charge
 from homeward.physics.terminal_power import at_terminals
 
-_OFTEN = 0.2
-"""Distance, in places, over which a slope reading may stand for the way since the last reading. A window's single
-reading may be of the other direction of travel, if the robot has just turned. Used for the whole way, it turns 60
-missions of benchmarks/on_the_robot/companion.py home at 82 % of the shield's distance, not 96 %."""
-_NO_SLOPE_SD = 0.04
-"""Standard deviation of a slope's sine that is not read: that of generated routes."""
 _PACE = 0.2
 """Weight of the last window in the present pace. Chosen: some five windows count."""
 _MOST_STATE = 10_000_000
@@ -172,7 +167,7 @@ class HomeEstimator:
     @property
     def driving_w(self) -> float:
         """Power half way between standing and driving at cruise on level ground, by the robot's own model."""
-        return self.vehicle.idle_w + 0.5 * modelled_driving(self.vehicle, 0.0, self.vehicle.cruise_mps) * (
+        return self.vehicle.idle_w + rules.DRIVES * modelled_driving(self.vehicle, 0.0, self.vehicle.cruise_mps) * (
             self.vehicle.cruise_mps
         )
 
@@ -223,7 +218,7 @@ class HomeEstimator:
         place_m, here = self.vehicle.place_m, self._place_at(position_m)
         self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
         self.pace_w = (1.0 - _PACE) * self.pace_w + _PACE * ((window.other_j - window.extra_j) / window.time_s)
-        if window.way_m > 0.01 * place_m:  # chosen: a robot that stands has no energy per metre
+        if window.way_m > rules.DRIVEN_SHARE * place_m:
             extra = window.extra_j / window.way_m
             share = min(window.way_m / place_m, 1.0)
             self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
@@ -241,7 +236,7 @@ class HomeEstimator:
         r["position_m"] = position_m if straight else float(robot["position_m"]) + window.way_m
         r["power_w"], r["soc"] = window.power_w, window.soc
         # If slopes are read often enough, they are known within a place, and not only on average.
-        often = window.slopes > 1 and window.way_m <= _OFTEN * self.vehicle.place_m * window.slopes
+        often = window.slopes > 1 and window.way_m <= rules.OFTEN * self.vehicle.place_m * window.slopes
         r["modelled_j"] = window.modelled_j if often and math.isfinite(window.sine) else np.nan
         r["other_j"] = window.other_j - self.vehicle.idle_w * window.time_s
         r["speed_mps"] = window.speed_mps
@@ -253,7 +248,7 @@ class HomeEstimator:
         prior = self.known.with_unexplained(window.way_m)
         changes: dict[str, float] = {}
         if math.isnan(window.sine) and window.way_m > 0.0 and self._route is None:
-            changes["slope_noise"] = _NO_SLOPE_SD
+            changes["slope_noise"] = rules.NO_SLOPE_SD
         changes["power_noise"] = math.hypot(prior.power_noise * window.of_the_mean, window.power_noise)
         self._estimator.prior = prior._replace(**changes)
         self._estimator.update(reading, _ONE)
@@ -317,7 +312,7 @@ class HomeEstimator:
         plan, v = plans[0], self.vehicle
         pace_mps = max(self.pace_mps, self._robot.min_speed_mps)
         plan["onwards_m"], plan["onwards_s"] = onwards_m, onwards_m / pace_mps
-        plan["speed_mps"] = min(max(pace_mps, 1e-3), self._robot.max_speed_mps)
+        plan["speed_mps"] = min(max(pace_mps, rules.SLOWEST_MPS), self._robot.max_speed_mps)
         plan["onwards_j"] = max(self.pace_w, v.idle_w) * plan["onwards_s"]
         plan["home_mps"], plan["home_cost_j"], plan["sine"] = v.cruise_mps, home_cost_j, np.nan
         plan["knows_ahead"] = float(self._route is not None)

@@ -7,20 +7,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from homeward.companion import rules
 from homeward.estimation import Prior
+from homeward.estimation import rules as estimation_rules
 from homeward.estimation.tails import scale_of
 from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.uncertainty import Uncertainty
 
 _GENERIC = Prior(
-    missed=0.2,  # as in the shield: probability of a wind that the forecast lacks
+    missed=estimation_rules.MISSED,
     gain_sd=0.01 / 3.0**0.5,  # the instruments `meter` of the environments
     power_noise=0.005,
     soc_step=1e-3,
     soc_error=5e-3,
     slope_noise=1e-3,
     model_knows_slopes=0.0,
-    model_error=0.006,  # as of the environments' agents in changing weather
+    model_error=estimation_rules.MODEL_ERRORS[-1],
 )
 """The ranges of `uncertain` missions: capacity 0.8 to 1 of the file's, rolling resistance 0.8 to 1.3, payload up to a
 fifth of the mass, wind within 1.5 m/s, and a battery monitor with a shunt. Chosen: `soc_error`, half of the whole per
@@ -51,16 +53,6 @@ class PriorKnowledge(NamedTuple):
         return self.prior._replace(model_error=error)
 
 
-_LEAST_MODEL_ERROR = 0.001
-"""For a file that states its unexplained power: as of the environments' agents where nothing is hidden."""
-_OF_ONE_RUN = 0.1
-"""Relative standard deviation between runs for a file that does not know it. Chosen: files from several runs of
-rovers, batteries, a car and a Husky say 0.001 to 0.9, and 0.07 in the median
-(benchmarks/on_the_robot/range_coverage.py, seed 0)."""
-_MOST_AIR = 0.04
-"""Upper limit of a robot's air drag c, N s^2/m^2 over kg^(2/3): twice that of 0.03 m^2 kg^(-2/3) of frontal area, the
-largest
-of Husky, Jackal, TurtleBot3 and the F1TENTH car by their sizes, at a drag coefficient of 1.2."""
 _OLD_CELLS = "the robot's file states no uncertainty of the battery's capacity: 80 to 100 %"
 
 
@@ -95,7 +87,7 @@ def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, 
     rolling, mass, idle, capacity = variances.values()
     own = (rolling or 0.0) * share**2, (idle or 0.0) * (1.0 - share) ** 2  # as shares of the total power
     if given.between_runs is None:
-        own, rest = (prior.rolling_sd**2 * share**2, own[1]), _OF_ONE_RUN**2
+        own, rest = (prior.rolling_sd**2 * share**2, own[1]), rules.BETWEEN_RUNS**2
     else:
         rest = max(scale_of(given.between_runs) ** 2 - sum(own), 0.0)  # it includes the file's own error
     # Differences between runs may be due to the ground or anything else: one half each.
@@ -103,17 +95,17 @@ def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, 
         rolling=1.0, rolling_sd=math.sqrt(own[0] + 0.5 * rest) / share,
         # The fit is of rolling resistance times mass; mass alone matters on climbs.
         mass=1.0, mass_sd=0.0, gain_sd=math.sqrt(own[1] + 0.5 * rest),
-        model_error=_LEAST_MODEL_ERROR,
+        model_error=rules.LEAST_MODEL_ERROR,
     )  # fmt: skip
     if "drag" in given.fitted:
         # Power that grows with the square of the speed need not be air drag: the wind acts at most on the frontal area.
-        felt = min(_MOST_AIR * robot.mass_kg ** (2.0 / 3.0) / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
+        felt = min(rules.MOST_AIR * robot.mass_kg ** (2.0 / 3.0) / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
         prior = prior._replace(
             wind_sd_mps=felt * prior.wind_sd_mps, missed_mps=felt * prior.missed_mps,
             missed_sd_mps=felt * prior.missed_sd_mps,
         )  # fmt: skip
     if capacity is not None:
-        prior = prior._replace(capacity=1.0, capacity_sd=max(math.sqrt(capacity), 1e-3))
+        prior = prior._replace(capacity=1.0, capacity_sd=max(math.sqrt(capacity), rules.LEAST_CAPACITY_SD))
     read = dict(given.instruments)
     if "power_gain" in read:
         prior = prior._replace(gain_sd=math.hypot(prior.gain_sd, read["power_gain"] / 3.0**0.5))

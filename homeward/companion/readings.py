@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from homeward import rules as shared
+from homeward.companion import rules
 from homeward.physics import Robot, ancillary_power, model
 
 Position = float | tuple[float, float]
@@ -35,37 +37,6 @@ class Reading(NamedTuple):
     position: Position | None
 
 
-# Chosen: wide enough for any drive of the robot, narrow enough to detect a broken instrument or another unit.
-_SPEEDS = 2.0
-"""Multiple of the top speed above which a speed is impossible."""
-_POWERS = 20.0
-"""Multiple of the power at top speed up the steepest typical slope above which a power is impossible."""
-_STEEP = 0.3  # rad, of that
-_STEEPEST = 0.8  # rad, as `homeward.logs.channels` allows
-POSITION_M = 5.0
-"""Error of a position: the accuracy of a receiver of satellites under open sky, 4.9 m (van Diggelen and Enge,
-Proceedings of ION GNSS+ 2015)."""
-_SOC_SLACK = 0.02
-"""Share of a battery by which a reading may be below 0 or above 1. Chosen: a monitor may be off by that at its ends;
-one
-in per cent is far beyond."""
-_HELD = 3.0
-"""Multiple of an instrument's typical interval for which its last value holds. Chosen: two readings may be lost."""
-_LEAST_HOLD_S = 0.5
-"""Time for which a value holds, and after which a missing instrument is reported, however often it is read. Chosen."""
-_JUMPS = 5
-"""Positions in a row that are too far away until they are accepted. Chosen: fewer may be a receiver's errors."""
-_STILL_M, _DRIVEN_M = 0.2, 20.0
-"""Distance by which positions must have moved when the speed integrates to this. Chosen: 1 %, a tenth of the error of
-dead reckoning."""
-_BACK = 3
-"""Readings in a row from before the last one until the clock is assumed to be set back. Chosen: fewer may be late."""
-STAYS_S = 60.0
-"""Time for which a warning is shown, and for which motion may be missing at the start. Chosen: can be read."""
-_GAP = 3.0
-"""Multiple of the typical interval beyond which readings are missing. Chosen as `_HELD`."""
-
-
 class _Held:
     """The last value of an instrument, and its typical interval."""
 
@@ -77,14 +48,17 @@ class _Held:
             since_s = now_s - self.at_s
             if since_s > 0.0:
                 # Moved towards the new interval; one gap does not become typical at once.
-                step_s = min(since_s, 2.0 * self.every_s) if math.isfinite(self.every_s) else since_s
-                self.every_s = step_s if math.isnan(self.every_s) else 0.8 * self.every_s + 0.2 * step_s
+                if math.isnan(self.every_s):
+                    self.every_s = since_s
+                else:
+                    new, step_s = rules.NEW_INTERVAL, min(since_s, rules.LONGEST_INTERVAL * self.every_s)
+                    self.every_s = (1.0 - new) * self.every_s + new * step_s
             self.value, self.at_s = value, now_s
 
     def now(self, now_s: float, dt_s: float) -> float:
         """The value for the time since the last reading, NaN if it is too old or held for too long."""
         usual_s = self.every_s if math.isfinite(self.every_s) else dt_s
-        allowed_s = max(_HELD * usual_s, _LEAST_HOLD_S) * (1.0 + 1e-9)
+        allowed_s = max(rules.HELD_INTERVALS * usual_s, rules.LEAST_HOLD_S) * (1.0 + 1e-9)
         return self.value if now_s - self.at_s <= allowed_s and dt_s <= allowed_s else math.nan
 
 
@@ -98,10 +72,10 @@ class Readings:
 
     def __init__(self, robot: Robot) -> None:
         self.clock_s, self.counts = 0.0, dict[str, int]()
-        force_n = float(model.traction_force(robot, robot.max_speed_mps, _STEEP))
+        force_n = float(model.traction_force(robot, robot.max_speed_mps, rules.STEEP_RAD))
         full_w = float(model.drive_power(robot, force_n, robot.max_speed_mps))
-        self._most_w = _POWERS * (full_w + float(ancillary_power(robot, robot.max_sensing_hz)))
-        self._most_mps = _SPEEDS * robot.max_speed_mps
+        self._most_w = rules.POWERS * (full_w + float(ancillary_power(robot, robot.max_sensing_hz)))
+        self._most_mps = rules.TOP_SPEEDS * robot.max_speed_mps
         self._last_s, self._ignored_s, self._back = math.nan, math.nan, 0
         self._power, self._grade, self._heading = _Held(), _Held(), _Held()
         self._clock, self._motion = _Held(), _Held()
@@ -130,16 +104,18 @@ class Readings:
         self.clock_s += dt_s
         usual_s = self._clock.every_s
         self._clock.see(0.0, self.clock_s)
-        if dt_s > _GAP * usual_s and dt_s > _LEAST_HOLD_S:
+        if dt_s > rules.GAP_INTERVALS * usual_s and dt_s > rules.LEAST_HOLD_S:
             self.say(f"no reading for {dt_s:.0f} s")
         speed = self._within("speed_mps", given["speed_mps"], -self._most_mps, self._most_mps, "km/h?")
-        voltage = self._within("voltage_v", given["voltage_v"], 0.1, 1500.0, "mV?")
-        current = self._within("current_a", given["current_a"], -1500.0, 1500.0, "mA?")
+        voltage = self._within("voltage_v", given["voltage_v"], rules.LEAST_VOLTAGE_V, shared.MOST_VOLTAGE_V, "mV?")
+        current = self._within("current_a", given["current_a"], -shared.MOST_CURRENT_A, shared.MOST_CURRENT_A, "mA?")
         power = given["power_w"] if math.isfinite(given["power_w"]) else voltage * current
         power = self._within("power_w", power, -self._most_w, self._most_w, "mW?")
-        soc = self._within("soc", given["soc"], -_SOC_SLACK, 1.0 + _SOC_SLACK, "per cent?")
-        grade = self._within("grade_rad", given["grade_rad"], -_STEEPEST, _STEEPEST, "degrees?")
-        heading = self._within("heading_rad", given["heading_rad"], -1e3, 1e3, "degrees?")
+        soc = self._within("soc", given["soc"], -rules.SOC_SLACK, 1.0 + rules.SOC_SLACK, "per cent?")
+        grade = self._within("grade_rad", given["grade_rad"], -shared.STEEPEST_RAD, shared.STEEPEST_RAD, "degrees?")
+        heading = self._within(
+            "heading_rad", given["heading_rad"], -shared.MOST_HEADING_RAD, shared.MOST_HEADING_RAD, "degrees?"
+        )
         for held, value in ((self._power, power), (self._grade, grade), (self._heading, heading)):
             held.see(value, self.clock_s)
         had_power = math.isfinite(self._power.value)
@@ -148,9 +124,11 @@ class Readings:
             silent_s = max(self.clock_s - self._power.at_s, dt_s)
             self.say(f"no power for {silent_s:.0f} s: predicted by the model", "no power")
         self._check_motion(speed, given["position"], dt_s)
-        sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, 1e5, "Hz")
-        temperature = self._within("temperature_c", given["temperature_c"], -60.0, 60.0, "kelvin?")
-        interest = self._within("interest", given["interest"], 0.0, 1e6, "a weight")
+        sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, shared.MOST_SENSING_HZ, "Hz")
+        temperature = self._within(
+            "temperature_c", given["temperature_c"], -shared.MOST_TEMPERATURE_C, shared.MOST_TEMPERATURE_C, "kelvin?"
+        )
+        interest = self._within("interest", given["interest"], 0.0, shared.MOST_INTEREST, "a weight")
         driven_m = abs(speed) * dt_s if math.isfinite(speed) else 0.0
         return Reading(
             dt_s, speed, power, min(max(soc, 0.0), 1.0) if math.isfinite(soc) else math.nan,
@@ -168,7 +146,7 @@ class Readings:
         if math.isfinite(self._motion.value):
             silent_s = max(self.clock_s - self._motion.at_s, dt_s)
             self.say(f"{kind} for {silent_s:.0f} s: assumed to drive on as before", kind)
-        elif self.clock_s <= STAYS_S:
+        elif self.clock_s <= rules.STAYS_S:
             self.say(f"{kind} was read yet: assumed to stand", kind)
         else:
             raise CompanionError(
@@ -184,7 +162,7 @@ class Readings:
 
     def warnings(self) -> tuple[str, ...]:
         """Present warnings, a sentence each."""
-        return tuple(text for at_s, text in self._said if self.clock_s - at_s <= STAYS_S)
+        return tuple(text for at_s, text in self._said if self.clock_s - at_s <= rules.STAYS_S)
 
     def _passed_s(self, time_s: float) -> float | None:
         """Time since the last reading; None if this one is not later."""
@@ -203,13 +181,13 @@ class Readings:
             return None
         self._back = self._back + 1 if self._back == 0 or time_s > self._ignored_s else 1
         self._ignored_s = time_s
-        if self._back < _BACK:
+        if self._back < rules.LATE:
             self._leave_out("late readings")
             return None
         self.say(f"the clock was set back by {-dt_s:.0f} s: time continues as before")
         self._last_s, self._back = time_s, 0
         every_s = self._clock.every_s
-        return _BACK * every_s if math.isfinite(every_s) else 0.0
+        return rules.LATE * every_s if math.isfinite(every_s) else 0.0
 
     def _within(self, name: str, value: float, low: float, high: float, hint: str) -> float:
         if math.isnan(value) or low <= value <= high:
@@ -224,19 +202,19 @@ class Readings:
     def _place_now(self, position: Position | None, driven_m: float) -> Position | None:
         """The position, None if there is none or the robot cannot have come there."""
         if position is None:
-            if self._place is not None and self.clock_s - self._place_at_s > _LEAST_HOLD_S:
+            if self._place is not None and self.clock_s - self._place_at_s > rules.LEAST_HOLD_S:
                 away_s = self.clock_s - self._place_at_s
                 self.say(f"no position for {away_s:.0f} s: dead reckoning", "no position")
             return None
         if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
             apart_m = float(np.linalg.norm(np.subtract(position, self._place)))
-            most_m = self._most_mps * (self.clock_s - self._place_at_s) + 2.0 * POSITION_M
-            if apart_m > most_m and self._jumps < _JUMPS:
+            most_m = self._most_mps * (self.clock_s - self._place_at_s) + 2.0 * shared.POSITION_M
+            if apart_m > most_m and self._jumps < rules.JUMPS:
                 self._jumps += 1
                 self._leave_out("impossible position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
             if apart_m > most_m:
-                self.say(f"{_JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump")
+                self.say(f"{rules.JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump")
         if self._stays(position, driven_m):
             return None
         self._place, self._place_at_s, self._jumps = position, self.clock_s, 0
@@ -246,12 +224,12 @@ class Readings:
         """Whether positions stay while the speed is not 0: dead reckoning is then the safer of both."""
         self._driven_m += driven_m
         same_kind = isinstance(position, float) == isinstance(self._anchor, float)
-        if self._anchor is None or not same_kind or np.linalg.norm(np.subtract(position, self._anchor)) > _STILL_M:
+        if self._anchor is None or not same_kind or np.linalg.norm(np.subtract(position, self._anchor)) > rules.STILL_M:
             self._anchor, self._driven_m = position, 0.0
-        elif self._driven_m > _DRIVEN_M:
-            text = f"the positions stay within {_STILL_M:g} m while the speed integrates to {self._driven_m:.0f} m"
+        elif self._driven_m > rules.DRIVEN_M:
+            text = f"the positions stay within {rules.STILL_M:g} m while the speed integrates to {self._driven_m:.0f} m"
             self.say(f"{text}: degrees, or spinning wheels? Dead reckoning is used", "the positions stay")
-        return self._driven_m > _DRIVEN_M
+        return self._driven_m > rules.DRIVEN_M
 
 
 def _number(name: str, value: Any) -> float:

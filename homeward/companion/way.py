@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward.companion import rules
 from homeward.companion.readings import CompanionError, Position, Reading
 from homeward.estimation import WAY_DTYPE
 
@@ -40,8 +41,6 @@ class Step(NamedTuple):
 
 
 _MOST_CRUMBS = 1024  # points of the trail; chosen: a saved state stays at some tens of kilobytes
-OFF_ROUTE_M = 50.0
-"""Distance from the route above which it is reported. Chosen: ten times the error of a position."""
 
 
 class Way:
@@ -178,7 +177,7 @@ class Way:
         apart_m = np.hypot(*(starts + share[:, None] * along - self._xy).T)
         at_m = (np.arange(len(share)) + share) * self._place_m
         # If a route crosses itself, points far along it count as further away, by the error of dead reckoning.
-        best = int(np.argmin(apart_m + 0.1 * np.abs(at_m - self.position_m)))
+        best = int(np.argmin(apart_m + rules.DEAD_RECKONING_ERROR * np.abs(at_m - self.position_m)))
         self.off_route_m = float(apart_m[best])
         return float(at_m[best] + self.off_route_m)
 

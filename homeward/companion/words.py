@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
+from homeward.companion import rules
 from homeward.companion.prior_knowledge import PriorKnowledge
 
 _HOME = {
     "trail": "the way home is back along the way out",
     "route": "the way home is back along the route, whose slopes and directions are known",
     "loop": "the route ends where it begins, and the way home is back along all of it",
-    "moved": "home has moved: back along the way out as far as that helps, then straight on, times 1.3",
+    "moved": f"home has moved: back along the way out as far as that helps, then straight on, times {rules.DETOUR:g}",
     "other way": "the way home is the one given, over ground with the rolling resistance estimated here",
 }
 
@@ -40,7 +41,7 @@ def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, has_cutoff: b
     if "position" not in has:
         sentences.append("no position: the robot started at home, and its way is reckoned from speed and heading")
     if "grade" not in has and home not in ("route", "loop"):
-        sentences.append("no slopes: the ground is assumed to be flat, within 4 %")
+        sentences.append(f"no slopes: the ground is assumed to be flat, within {100.0 * rules.NO_SLOPE_SD:g} %")
     if "heading" not in has:
         sentences.append("no heading: the way is assumed to be straight, so a tail wind becomes a head wind")
     sentences += words

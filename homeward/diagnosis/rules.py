@@ -146,7 +146,7 @@ squared error that its levels so far explain: with half of it a load that switch
 levels (test_proof); twice changes no test of these."""
 
 STOPS_MPS = 0.05
-"""Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.channels`, as a
+"""Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.rules`, as a
 short stop leaves no window without motion."""
 
 CLEARLY_APART = 4.0
@@ -254,7 +254,7 @@ be lost; one and a half is half-way to a missing window."""
 
 STANDSTILL_SHARE = 0.02
 """Share of the robot's top speed up to which it stands. Chosen: for a robot of 1 m/s as STANDSTILL_MPS in
-`homeward.logs.channels`, above one step of a wheel encoder; faster robots have coarser ones."""
+`homeward.logs.rules`, above one step of a wheel encoder; faster robots have coarser ones."""
 
 # --- Instruments: noise, lags and faults estimated from a recording's own channels --------------------------------
 

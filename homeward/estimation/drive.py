@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from homeward.estimation import rules
 from homeward.estimation.prior import (
     CLIMB,
     EAST,
@@ -23,7 +24,6 @@ from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.jit import inline
 
 _DRIVING = CLIMB + 1  # the states that determine the energy of driving come first
-_SURELY = 0.7  # of rolling: energy of a stretch above which it surely consumes some, five prior deviations (0.144)
 
 
 class Vehicle(NamedTuple):
@@ -138,7 +138,7 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
         part[ROLLING], part[ROLLED], part[CLIMB] = 0.0, s.rolled * roll, -misread_climb(prior, x) * s.climb_share
     energy += part[ROLLING] * x[ROLLING] + part[ROLLED] * x[ROLLED] + part[CLIMB] * x[CLIMB]
     share, residual_variance = 1.0, 0.0
-    if energy < _SURELY * roll:
+    if energy < rules.SURELY_CONSUMES * roll:
         variance = 0.0
         for a in range(_DRIVING):
             half = 0.5 * part[a] * p[a, a]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from homeward.estimation import rules
 from homeward.estimation.drive import Stretch, climbing, misread_climb, modelled_driving, predict, rolling
 from homeward.estimation.kalman import add_to_used, bend_along, carry, kalman_update, spread
 from homeward.estimation.prior import (
@@ -73,24 +74,7 @@ HYPOTHESIS_DTYPE = np.dtype(
 PLACE_DTYPE = np.dtype([(name, np.float64) for name in ("sine", "east", "north", "readings", "sine_driven")])
 """Mean of the slope readings, direction of the way out, number of readings, and slope that was used for driving."""
 
-_LEAST_LOG_WEIGHT = -14.0  # one in a million: a hypothesis may recover if ground and wind differ from those assumed
-# The next three were chosen by trial on seeds 1, 3 and 5 of tests/estimation/world.py.
-_TEMPER = 0.5
-"""Power of the likelihood in the weights: errors are correlated, but the filter assumes independence. With 1 the margin
-is below its 1e-3 quantile twice as often, with 0.35 the quantile is lower."""
-_ADAPT = 0.15
-"""Change of the logarithm of the gusts' correlation time for a squared error that is 1 above its expectation."""
-_UNEVEN = 0.3
-"""Error of the rolling of one place on the way home, over the standard deviation of a change of the ground."""
-_ROLLS = 0.01  # energy over that of rolling on level ground below which the robot coasted; chosen: above rounding
 _UNKNOWN = -1  # of whether the robot coasts: neither 0 nor 1
-_LEAST_CHANCE = 1e-3  # of that: a slope may have been misread; chosen as _OUTLIER of kalman
-_DOUBT = 9.0  # squared standard deviations above which a state of charge counts less, and errors do not update gusts
-_LEAST_ERROR = 1e-5  # of a state of charge: single precision and accumulated rounding
-_STUCK_STEPS, _STUCK_NOISE, _STUCK = 3.0, 5.0, 0.005
-"""Steps, standard deviations and share of the battery by which an unchanged state of charge must be off together before
-it is ignored. Chosen: none of them alone may end the use of a reading that is right."""
-LEAST_ROLLING = 0.1  # over the file's, wherever it is noted for the way home; chosen: positive
 
 
 @compiled
@@ -177,9 +161,9 @@ def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
 
 @inline
 def _speed(robot: Any, reading: Any, dt_s: float) -> float:
-    """Speed while it moved: distance over time, unless it stood for a part of the time (chosen: 5 % and more)."""
+    """Speed while it moved: distance over time, unless it stood for a part of the time."""
     by_way_mps = abs(reading.position_m - robot.position_m) / dt_s
-    return float(reading.speed_mps if reading.speed_mps > 1.05 * by_way_mps else by_way_mps)
+    return float(reading.speed_mps if reading.speed_mps > rules.STOOD * by_way_mps else by_way_mps)
 
 
 @compiled
@@ -237,7 +221,7 @@ def _drive(
         shared[CLIMB] += weight * climb_variance
     else:
         # The sum of rolling is known better than that of each place: what one consumed more, the others consumed less.
-        uneven = (_UNEVEN * prior.patch_sd * rolls) ** 2
+        uneven = (rules.UNEVEN * prior.patch_sd * rolls) ** 2
         p[ROLLED, ROLLED] += uneven
         p[USED, USED] += uneven
         p[ROLLED, USED] -= uneven
@@ -298,11 +282,11 @@ def _update_with_power(
         return coasts
     variance += (prior.power_noise * read) ** 2
     if coasts == _UNKNOWN:
-        coasts = int(read - predicted + drive < _ROLLS * rolls and rolls > 0.0)
+        coasts = int(read - predicted + drive < rules.COASTS * rolls and rolls > 0.0)
     if coasts:
         # All hypotheses use the same decision, as the density of one and the probability of another cannot be compared.
-        may = 0.5 * math.erfc((drive - _ROLLS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
-        h.log_weight += _TEMPER * np.log(max(may, _LEAST_CHANCE))
+        may = 0.5 * math.erfc((drive - rules.COASTS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
+        h.log_weight += rules.TEMPER * np.log(max(may, rules.LEAST_CHANCE))
         if residual_variance > 0.0:
             # The prediction includes that it may coast: the other states keep their estimates.
             x[USED] += read - predicted
@@ -313,9 +297,9 @@ def _update_with_power(
     east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
     log_likelihood, nis = kalman_update(x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read)
     if not coasts:
-        h.log_weight += _TEMPER * log_likelihood
+        h.log_weight += rules.TEMPER * log_likelihood
     # A normalised innovation squared above 1 indicates gusts that change faster.
-    gust_s = h.gust_s * np.exp(-_ADAPT * (min(nis, _DOUBT) - 1.0))
+    gust_s = h.gust_s * np.exp(-rules.ADAPT * (min(nis, rules.DOUBT) - 1.0))
     h.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
     by_mean_mps = x[EAST] - east_mps, x[NORTH] - north_mps
     by_gust_mps = x[GUST_EAST] - gust_east_mps, x[GUST_NORTH] - gust_north_mps
@@ -397,7 +381,7 @@ def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, r
             total += rollings[k] * rolling(v, places[k].sine_driven) * max(min(v.place_m, kept_m - k * v.place_m), 0.0)
         h.rolled = total / v.full_j
         return
-    rolling_now, reached_m = max(h.mean[ROLLING], LEAST_ROLLING), robot.position_m
+    rolling_now, reached_m = max(h.mean[ROLLING], rules.LEAST_ROLLING), robot.position_m
     k = place_of(v, reached_m, places)
     while reached_m < reading.position_m:
         border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
@@ -451,13 +435,15 @@ def _update_with_charge(
         return
     if soc != robot.soc:
         robot.soc, robot.soc_since = soc, used
-    elif used - robot.soc_since > _STUCK_STEPS * prior.soc_step + _STUCK_NOISE * prior.soc_noise + _STUCK:
-        return
+    else:
+        most = rules.STUCK_STEPS * prior.soc_step + rules.STUCK_NOISE * prior.soc_noise + rules.STUCK
+        if used - robot.soc_since > most:
+            return
     # Rounding errors repeat until noise or consumption changes the reading by a step.
     step, noise = max(prior.soc_step, 1e-9), prior.soc_noise
     alike = np.exp(-((2.0 * np.pi * noise / step) ** 2)) * max(1.0 - abs(used - robot.soc_taken) / step, 0.0)
     robot.soc_taken = used
-    error = (step * step / 12.0 + noise * noise + _LEAST_ERROR**2) / max(1.0 - alike, 1e-3)
+    error = (step * step / 12.0 + noise * noise + rules.LEAST_SOC_ERROR**2) / max(1.0 - alike, rules.LEAST_INDEPENDENT)
     for k in range(len(hypotheses)):
         h = hypotheses[k]
         if h.log_weight > -np.inf:
@@ -469,7 +455,7 @@ def _update_with_charge(
             for a in range(STATES):
                 gain[a] = spent * p[a, PER_CAPACITY] + per_capacity * p[a, USED] - p[a, SOC_ERROR]
             variance += spent * gain[PER_CAPACITY] + per_capacity * gain[USED] - gain[SOC_ERROR]
-            variance = max(variance, innovation * innovation / _DOUBT)
+            variance = max(variance, innovation * innovation / rules.DOUBT)
             for a in range(STATES):
                 x[a] += gain[a] * innovation / variance
                 for b in range(STATES):
@@ -485,7 +471,7 @@ def _normalise(hypotheses: Any) -> None:
         most = max(most, hypotheses[k].log_weight)
     for k in range(len(hypotheses)):
         if hypotheses[k].log_weight > -np.inf:
-            hypotheses[k].log_weight = max(hypotheses[k].log_weight - most, _LEAST_LOG_WEIGHT)
+            hypotheses[k].log_weight = max(hypotheses[k].log_weight - most, rules.LEAST_LOG_WEIGHT)
             total += np.exp(hypotheses[k].log_weight)
     for k in range(len(hypotheses)):
         hypotheses[k].log_weight -= np.log(total)

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from homeward.estimation import rules
 from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES, USED
 from homeward.physics.jit import compiled, inline
-
-_OUTLIER = 1e-3  # probability that a reading of power is an outlier; chosen: none or one of the readings of a mission
 
 
 @inline
@@ -98,7 +97,7 @@ def kalman_update(
     square = innovation * innovation
     same = (1.0 - change) * np.exp(-0.5 * square / variance) / np.sqrt(2.0 * np.pi * variance)
     other = change * np.exp(-0.5 * square / changed) / np.sqrt(2.0 * np.pi * changed)
-    nothing = _OUTLIER / max(abs(read), abs(read - innovation), 1e-9)
+    nothing = rules.OUTLIER / max(abs(read), abs(read - innovation), 1e-9)
     total = same + other + nothing
     same, other = same / total, other / total
     weight_0, weight_1 = same * (square - variance), other * (square - changed)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from homeward.estimation import rules
 from homeward.estimation.drive import Stretch, modelled_driving, predict, rolling
 from homeward.estimation.filter import place_of
 from homeward.estimation.prior import (
@@ -48,7 +49,6 @@ share of a full battery; and the margin at the given risk."""
 _BISECTIONS, _FARTHEST = 50, 20.0  # deviations within which a quantile is searched; chosen: to rounding
 _MOST_STEPS = 100  # five or six are enough, unless the probability jumps; chosen: bounds the search
 _EXACTLY = 1e-3  # relative accuracy of a quantile's probability; chosen: far below that of any risk
-_LEAST_SKEWNESS = 1e-3  # below which a distribution counts as normal; chosen: moves no quantile by 0.01 deviations
 
 
 @compiled
@@ -164,7 +164,7 @@ def _below(z: float, skewness: float) -> float:
     As in a Pearson type III distribution, by Wilson and Hilferty's cube root (Proceedings of the National Academy of
     Sciences 17, 1931).
     """
-    if abs(skewness) > _LEAST_SKEWNESS:
+    if abs(skewness) > rules.LEAST_SKEWNESS:
         z = 6.0 / skewness * (np.cbrt(max(1.0 + 0.5 * skewness * z, 0.0)) - 1.0) + skewness / 6.0
     return 0.5 * math.erfc(-z / math.sqrt(2.0))
 
@@ -172,7 +172,7 @@ def _below(z: float, skewness: float) -> float:
 @inline
 def _deviations(z: float, skewness: float) -> float:
     """The inverse of `_below`, for the probability that a normal distribution has below `z`."""
-    if abs(skewness) > _LEAST_SKEWNESS:
+    if abs(skewness) > rules.LEAST_SKEWNESS:
         return float(2.0 / skewness * (max(1.0 + skewness / 6.0 * (z - skewness / 6.0), 0.0) ** 3 - 1.0))
     return z
 

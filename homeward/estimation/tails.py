@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
-DEGREES = 7.0
-"""Degrees of freedom. Chosen: those at which the shield's confidence of 0.999 corresponds to its risk of 1e-6."""
+from homeward.estimation import rules
 
 
 def normal_risk(risk: float) -> float:
@@ -19,7 +18,7 @@ def normal_risk(risk: float) -> float:
     >>> f"{normal_risk(1e-3):.0e}"
     '9e-07'
     """
-    return float(ndtr(stdtrit(DEGREES, risk)))
+    return float(ndtr(stdtrit(rules.DEGREES, risk)))
 
 
 def true_risk(normal: float) -> float:
@@ -28,7 +27,7 @@ def true_risk(normal: float) -> float:
     >>> round(true_risk(normal_risk(0.02)), 6)
     0.02
     """
-    return float(stdtr(DEGREES, float(ndtri(min(max(normal, 1e-300), 1.0 - 1e-16)))))
+    return float(stdtr(rules.DEGREES, float(ndtri(min(max(normal, 1e-300), 1.0 - 1e-16)))))
 
 
 def deviations(share: float) -> float:
@@ -37,7 +36,7 @@ def deviations(share: float) -> float:
     >>> round(deviations(0.95), 2)
     1.89
     """
-    return float(stdtrit(DEGREES, share))
+    return float(stdtrit(rules.DEGREES, share))
 
 
 def scale_of(sd: float) -> float:

@@ -17,17 +17,15 @@ import numpy as np
 from scipy.stats import t as student
 
 from homeward.diagnosis.tell.notation import interval, number
+from homeward.groups import rules
 from homeward.groups.standing import mean_interval
 from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
 
 SCHEMA = 1
 """Of the format of the comparison as JSON."""
-LEVEL = 0.05
-"""Family-wise significance level: probability of any false positive where no group differs. Chosen: the convention."""
 
 _MOST_SHOWN = 4  # differences in the summary; chosen: two sentences
-_SMALLEST_SPREAD = 1e-6  # of the largest value; chosen: a smaller spread is rounding
 
 GroupVerdict = Literal["groups_differ", "no_difference", "not_testable"]
 
@@ -95,7 +93,7 @@ class Comparison:
     levels: tuple[Level, ...]
     differences: tuple[Difference, ...]
     remarks: tuple[str, ...]
-    level: float = LEVEL
+    level: float = rules.LEVEL
     schema: int = SCHEMA
 
     @property
@@ -112,8 +110,8 @@ class Comparison:
 def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[list[Level], list[Difference]]:
     """Levels of all groups, and the differences of all pairs that have at least two runs each, by p-value.
 
-    A difference is named where Holm's p-value is at most `LEVEL` and held-out runs are predicted better from their
-    own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
+    A difference is named where Holm's p-value is at most `rules.LEVEL` and held-out runs are predicted better from
+    their own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
     where the quantity is not identifiable from a run.
     """
     levels: list[Level] = []
@@ -131,7 +129,7 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
     for rank, pair in enumerate(sorted(pairs, key=lambda one: one.p_value)):
         largest = max(largest, min((len(pairs) - rank) * pair.p_value, 1.0))
         predicts_better = pair.held_out_rmse < pair.held_out_rmse_without_groups
-        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= LEVEL and predicts_better))
+        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= rules.LEVEL and predicts_better))
     return levels, named
 
 
@@ -141,7 +139,9 @@ def _differences(quantity: Quantity, known: Mapping[str, Array]) -> Iterator[Dif
     several = {name: runs for name, runs in known.items() if len(runs) > 1}
     freedom = {name: len(runs) - 1 for name, runs in several.items()}
     every = sum(freedom.values())
-    own = {name: max(float(np.var(runs, ddof=1)), (_SMALLEST_SPREAD * largest) ** 2) for name, runs in several.items()}
+    own = {
+        name: max(float(np.var(runs, ddof=1)), (rules.SMALLEST_SPREAD * largest) ** 2) for name, runs in several.items()
+    }
     pooled = sum(own[name] * freedom[name] for name in several) / max(every, 1)
     for second, first in combinations(several, 2):
         shares, squares = [], 0.0
@@ -152,7 +152,7 @@ def _differences(quantity: Quantity, known: Mapping[str, Array]) -> Iterator[Dif
         error = float(np.sqrt(sum(shares)))
         degrees = min(sum(shares) ** 2 / squares, every)  # Satterthwaite (Biometrics Bulletin 2, 1946)
         value = float(several[first].mean() - several[second].mean())
-        half = float(student.ppf(0.975, degrees)) * error
+        half = float(student.ppf(rules.UPPER_95, degrees)) * error
         p_value = float(2.0 * student.sf(abs(value) / error, degrees))
         runs = several[first], several[second]
         yield Difference(

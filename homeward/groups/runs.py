@@ -9,15 +9,12 @@ from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.fit.refit import estimates, standard_errors
 from homeward.diagnosis.tell.notation import interval, number
 from homeward.diagnosis.tell.words import why_open
+from homeward.groups import rules
 from homeward.groups.comparison import Comparison, Difference, Quantity, compare, comparison_of
 from homeward.groups.standing import StandingRun, mean_interval, standing_run
 from homeward.logs.channels import Array, Index
 from homeward.logs.recordings import Recording, RecordingError
 
-_OWN = 0.01  # share of a column orthogonal to the others in a run, or it is confounded: ten times the error
-_TOO_UNCERTAIN = 0.5
-"""Largest standard error of a run's value, over that of all runs or a plausible change. Chosen: half or twice changes
-no test of tests/groups (test_runs, test_comparison)."""
 _OPEN = ("not excited", "confounded")  # parameters that are left out: not identifiable from all runs together
 _AT_REST = {"W": Quantity("P_anc, idle part", "W"), "A": Quantity("current at rest", "A")}
 
@@ -115,7 +112,7 @@ def _steps(columns: Array, residual: Array, block: Index, sizes: Array) -> Array
     found = inverse @ columns[:, moving].T @ residual
     number_of_block = np.unique(block, return_inverse=True)[1]
     errors = standard_errors(columns[:, moving], residual - columns[:, moving] @ found, number_of_block)
-    clear = (own > _OWN) & (errors < _TOO_UNCERTAIN * sizes[moving])
+    clear = (own > rules.OWN_SHARE) & (errors < rules.TOO_UNCERTAIN * sizes[moving])
     steps[moving[clear]] = found[clear]
     return steps
 

@@ -9,21 +9,12 @@ from scipy.stats import t as student
 from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, windows
 from homeward.diagnosis.rules import FEWEST_SAMPLES
-from homeward.logs.channels import MOTION, STANDSTILL_MPS
+from homeward.groups import rules
+from homeward.logs import rules as logs_rules
+from homeward.logs.channels import MOTION
 from homeward.logs.columns import RecordingError
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
-
-_STANDS_RADPS = 0.02  # chosen: noise of a gyroscope at rest
-_BATCH_TIMES = 8.0
-"""Autocorrelation times in a batch: means then hardly correlate. In autoregressive noise (0.5 to 0.97 from window to
-window, 2 and 10 minutes, 400 runs each) intervals of 95 % cover 93 to 96 %; with half 91 to 96 %, with twice 93 to 96 %
-but up to 1.8 times as wide."""
-_MOST_BATCHES = 10  # chosen: more would leave batches too short for a slow drift to show between them
-_FEWEST_WINDOWS = 6  # chosen: with fewer there is no autocorrelation to estimate
-_STEADY = 0.2
-"""Standard deviation of window means over their mean, up to which a load is that of a standing robot. Twelve runs of
-ase_rover at rest have 0.02 to 0.04 and drives of husky_borealtc 0.5 to 0.7: half or twice tell them apart too."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +31,7 @@ class StandingRun:
     @property
     def unsteady(self) -> bool:
         """Whether the power varies more than is typical at standstill."""
-        return self.variation > _STEADY
+        return self.variation > rules.STEADY
 
 
 def stands(recording: Recording) -> bool:
@@ -49,8 +40,8 @@ def stands(recording: Recording) -> bool:
     speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
     turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
     known = np.isfinite(speeds)
-    still = bool(known.any() and (np.abs(speeds[known]) <= STANDSTILL_MPS).all())
-    return still and not (turning > _STANDS_RADPS).any()
+    still = bool(known.any() and (np.abs(speeds[known]) <= logs_rules.STANDSTILL_MPS).all())
+    return still and not (turning > rules.STANDSTILL_RADPS).any()
 
 
 def standing_run(recording: Recording) -> StandingRun:
@@ -70,14 +61,14 @@ def standing_run(recording: Recording) -> StandingRun:
             f"{recording.name}: holds fewer than {FEWEST_SAMPLES} values of power or current, or one value only"
         )
     values = windows(time_s, max(WINDOW_S, median_step_s(time_s))).means(observed)
-    if len(values) < _FEWEST_WINDOWS:
+    if len(values) < rules.FEWEST_WINDOWS:
         raise RecordingError(
             f"{recording.name}: is too short ({time_s[-1] - time_s[0]:.3g} s) for a mean with an error"
         )
     mean, third = float(observed.mean()), len(observed) // 3
     change = float(observed[-third:].mean() - observed[:third].mean())
     correlation = correlation_windows(values, np.zeros(len(values), dtype=np.intp))
-    count = int(np.clip(len(values) // np.ceil(_BATCH_TIMES * correlation), 2, _MOST_BATCHES))
+    count = int(np.clip(len(values) // np.ceil(rules.BATCH_TIMES * correlation), 2, rules.MOST_BATCHES))
     ci95 = mean_interval([float(batch.mean()) for batch in np.array_split(values, count)], mean)
     voltage_v = float(np.nanmean(recording.channels["voltage_v"])) if "voltage_v" in recording.channels else np.nan
     return StandingRun(unit, mean, ci95, change, float(values.std() / max(abs(mean), 1e-12)), voltage_v)
@@ -94,5 +85,5 @@ def mean_interval(values: Sequence[float], mean: float | None = None) -> tuple[f
     (9.73, 9.84)
     """
     centre = float(np.mean(values)) if mean is None else mean
-    half = float(student.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
+    half = float(student.ppf(rules.UPPER_95, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
     return centre - half, centre + half

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from homeward import rules as shared
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -37,6 +39,9 @@ _DEGREES, _PER_CENT = ("degrees", 0.017453292519943295), ("per cent", 1e-2)
 _MM, _MA = (("millimetres", 1e-3),), (("milliamperes", 1e-3),)
 _SMALLER_S = ("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)
 
+_SLOPES = -shared.STEEPEST_RAD, shared.STEEPEST_RAD
+_CURRENTS = -shared.MOST_CURRENT_A, shared.MOST_CURRENT_A
+
 # Limits are chosen: wider than any ground robot or road vehicle reaches, narrow enough to detect most wrong units.
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
@@ -47,16 +52,16 @@ CHANNELS: dict[str, Channel] = {
         Channel("wheel_right_mps", "m/s", "speed of the right wheels", -70.0, 70.0, _SPEED),
         Channel("yaw_rate_radps", "rad/s", "turning rate, positive to the left", -20.0, 20.0,
                 (("degrees per second", _DEGREES[1]),)),
-        Channel("grade_rad", "rad", "slope angle along the way, positive uphill", -0.8, 0.8, (_DEGREES, _PER_CENT)),
+        Channel("grade_rad", "rad", "slope angle along the way, positive uphill", *_SLOPES, (_DEGREES, _PER_CENT)),
         Channel("elevation_m", "m", "height above any datum", -500.0, 9000.0, _MM),
         Channel("distance_m", "m", "distance driven since the start", -1e7, 1e7, _MM),
         Channel("heading_rad", "rad", "heading, counter-clockwise, wrapped or not", -1e4, 1e4, (_DEGREES,)),
         Channel("power_w", "W", "power drawn from the battery", -5e5, 5e5, (("milliwatts", 1e-3),)),
-        Channel("voltage_v", "V", "battery voltage", 0.0, 1500.0, (("millivolts", 1e-3),)),
-        Channel("current_a", "A", "battery current, discharge positive", -1500.0, 1500.0, _MA),
-        Channel("motor_left_a", "A", "current of the left motors", -1500.0, 1500.0, _MA),
-        Channel("motor_right_a", "A", "current of the right motors", -1500.0, 1500.0, _MA),
-        Channel("sensing_hz", "Hz", "samples per second of the sensors", 0.0, 1e5),
+        Channel("voltage_v", "V", "battery voltage", 0.0, shared.MOST_VOLTAGE_V, (("millivolts", 1e-3),)),
+        Channel("current_a", "A", "battery current, discharge positive", *_CURRENTS, _MA),
+        Channel("motor_left_a", "A", "current of the left motors", *_CURRENTS, _MA),
+        Channel("motor_right_a", "A", "current of the right motors", *_CURRENTS, _MA),
+        Channel("sensing_hz", "Hz", "samples per second of the sensors", 0.0, shared.MOST_SENSING_HZ),
         Channel("soc", "1", "state of charge, 0 to 1", -0.05, 1.05, (_PER_CENT,)),
         Channel("temperature_c", "degC", "ambient temperature", -70.0, 90.0),
         Channel("payload_kg", "kg", "mass carried beside the robot's own", 0.0, 1e5, (("grams", 1e-3),)),
@@ -70,13 +75,6 @@ MOTION: Sets = (("speed_mps",), ("wheel_left_mps", "wheel_right_mps"))
 
 POWER: Sets = (("power_w",), ("voltage_v", "current_a"), ("motor_left_a", "motor_right_a"))
 """Sets of channels that measure power or current, the most informative first; one is needed."""
-
-STRAY_SHARE = 0.01
-"""Largest share of impossible values that count as glitches. Chosen: with a wrong unit most are impossible."""
-
-STANDSTILL_MPS = 0.02
-"""Speed up to which a robot stands, where its top speed is not known. Chosen: above one step of a wheel encoder (a
-standing Husky of BorealTC, ICE/pro_04, reads up to 0.012 m/s); the slowest robot that ships does ten times as much."""
 
 
 def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:

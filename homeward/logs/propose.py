@@ -13,8 +13,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from homeward.files import open_regular
-from homeward.logs import tables
-from homeward.logs.channels import CHANNELS, STRAY_SHARE, Array
+from homeward.logs import rules, tables
+from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
 from homeward.logs.times import from_text
 
@@ -281,19 +281,18 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
 def _possible(channel: str, values: Array) -> bool:
     if channel == "time_s":
         steps = np.diff(values[np.isfinite(values)])
-        return bool(len(steps) and (steps >= 0.0).mean() > 0.99 and values[0] > -1.0)
-    return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= STRAY_SHARE
+        return bool(len(steps) and (steps >= 0.0).mean() > rules.INCREASING_SHARE and values[0] > rules.EARLIEST_S)
+    return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= rules.STRAY_SHARE
 
 
 def _plausible(channel: str, values: Array) -> bool:
-    """Whether values without a unit are in the typical range of a ground robot (chosen), beyond being possible."""
+    """Whether values without a unit are in the typical range of a ground robot, beyond being possible."""
     finite = np.abs(values[np.isfinite(values)])
     largest, step = float(finite.max()), float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     if channel == "time_s":
-        return 0.0 < step < 2.0 or values[0] > 1e11  # the reader infers the unit of an epoch in ms to ns
-    limits = {"heading_rad": 7.0, "grade_rad": 0.8, "speed_mps": 30.0, "yaw_rate_radps": 10.0, "voltage_v": 1000.0,
-              "wheel_left_mps": 30.0, "wheel_right_mps": 30.0, "current_a": 500.0, "power_w": 2e5}  # fmt: skip
-    return largest <= limits.get(channel, np.inf)
+        # The reader infers the unit of an epoch in ms to ns.
+        return 0.0 < step < rules.SLOW_STEP_S or values[0] > rules.EPOCH_COUNT
+    return largest <= rules.TYPICAL_SIZES.get(channel, np.inf)
 
 
 def _signed(guess: Guess, values: Array) -> Guess:

@@ -17,18 +17,16 @@ import pyarrow.parquet as pq
 
 from homeward.files import STANDARD_INPUT, open_regular
 from homeward.installed import advice
-from homeward.logs import tables
+from homeward.logs import rules, tables
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
-from homeward.logs.channels import CHANNELS, MOTION, STRAY_SHARE, Array, Channel, first_set, lacking
+from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
-from homeward.logs.times import LONGEST_STEP_S, from_epoch, from_text
+from homeward.logs.times import from_epoch, from_text
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
-_MOST_BROKEN = 0.1  # largest share of broken lines; more mean that the mapping is for other files; chosen
-_LONGEST_RUN_S = 3 * 86400.0  # three days; chosen: longer ones are times in another unit
 _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of two channels
     ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
     ("speed_mps", "the wheel speeds", {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}),
@@ -169,7 +167,7 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
                 for name, value in zip(wanted, values, strict=True):
                     whole[name].append(value)
     broken = count - len(numbers)
-    if broken > _MOST_BROKEN * count:
+    if broken > rules.MOST_BROKEN_SHARE * count:
         meant = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
         raise RecordingError(f"{broken} of {count} lines do not hold {meant}")
     if broken:
@@ -342,10 +340,9 @@ def _refuse_bad_time(time_s: Array) -> None:
             "sort the samples, drop repeated ones, one run a file"
         )
     step_s, duration_s = float(np.median(steps)), float(time_s[-1] - time_s[0])
-    if step_s > LONGEST_STEP_S or duration_s > _LONGEST_RUN_S or abs(time_s[0]) > CHANNELS["time_s"].high:
+    if step_s > rules.LONGEST_STEP_S or duration_s > rules.LONGEST_RUN_S or abs(time_s[0]) > CHANNELS["time_s"].high:
         units = CHANNELS["time_s"].mistaken
-        # Prior: robots are logged at about 10 Hz, so that the unit closest to it is the most likely.
-        unit, factor = min(units, key=lambda u: abs(np.log(step_s * u[1] / 0.1)))
+        unit, factor = min(units, key=lambda u: abs(np.log(step_s * u[1] / rules.TYPICAL_STEP_S)))
         raise RecordingError(
             f"time_s steps by {step_s:.6g} over {duration_s:.6g}; this looks like {unit}, not seconds "
             f"(factor {factor:g} in a mapping file)"
@@ -356,11 +353,11 @@ def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
     """Set impossible values to NaN, with a note; many of them are a wrong unit."""
     impossible = channel.impossible(values)
     count, allowed = int(impossible.sum()), f"{channel.low:g} to {channel.high:g} {channel.unit}"
-    if count > STRAY_SHARE * len(values):
+    if count > rules.STRAY_SHARE * len(values):
         worst = float(np.nanmax(np.abs(values)))
         at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= worst * f <= channel.high]
         guess = f"; this looks like {at_hand[0][0]} (factor {at_hand[0][1]:.6g} in a mapping file)" if at_hand else ""
-        if channel.name == "temperature_c" and np.nanmin(values) > 150.0:  # K, colder than any place on earth
+        if channel.name == "temperature_c" and np.nanmin(values) > rules.COLDEST_K:
             guess = "; this looks like kelvin (offset -273.15 in a mapping file)"
         raise RecordingError(f"{channel.name} reaches {worst:.6g}, outside {allowed}{guess}")
     values[impossible] = np.nan
@@ -381,7 +378,7 @@ def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
     if "distance_m" in given:
         amounts["distance_m"] = travel(given["distance_m"])
     if "heading_rad" in given:
-        if np.nanmax(np.abs(np.diff(given["heading_rad"]))) > 180.0:
+        if np.nanmax(np.abs(np.diff(given["heading_rad"]))) > rules.HEADING_JUMP:
             raise RecordingError("heading_rad jumps by more than 180; this looks like degrees (factor 0.0174533)")
         if not np.isnan(given["heading_rad"]).any():
             amounts["heading_rad"] = travel(np.unwrap(given["heading_rad"]))
@@ -391,7 +388,7 @@ def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
     for what, reference, units in _SAME:
         value, truth = amounts.get(what, 0.0), amounts.get(reference, 0.0)
         for factor, unit in units.items() if truth > 0.0 and value > 0.0 else ():
-            if abs(np.log(value / truth / factor)) < 0.12:  # chosen: instruments agree within 12 %
+            if abs(np.log(value / truth / factor)) < rules.UNIT_LOG_RATIO:
                 raise RecordingError(
                     f"{what} is {value / truth:.3g} times that of {reference}; this looks like {unit} "
                     f"(factor {1 / factor:.6g} in a mapping file)"

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, cast
 import pandas as pd
 
 from homeward.files import open_regular
+from homeward.logs import rules
 from homeward.logs.columns import RecordingError
 
 MOST_ROWS = 10_000_000
@@ -207,7 +208,7 @@ def _encoding(start: bytes) -> str:
         start[: start.rfind(b"\n") + 1 or None].decode("utf-8")
     except UnicodeDecodeError:
         header = start.splitlines()[0]
-        if sum(byte >= 0x80 for byte in header) > 0.1 * len(header):
+        if sum(byte >= 0x80 for byte in header) > rules.MOST_NOT_ASCII_SHARE * len(header):
             raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from None
         return "cp1252"
     return "utf-8-sig"

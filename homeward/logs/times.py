@@ -8,12 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from homeward.logs import rules
 from homeward.logs.channels import Array
-
-_EPOCH_S = 6.3e8, 4.1e9
-"""Years 1990 to 2099 in seconds since 1970; the ranges in ms, us and ns lie apart from it and from each other."""
-LONGEST_STEP_S = 30.0
-"""Median time between the samples of a recording, s; a longer one is in another unit. Chosen: driving needs more."""
 
 _TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
 _DAY_FIRST = r"^\s*(\d{1,2})\.(\d{1,2})\.(\d{4})(?=\s)"
@@ -64,7 +60,7 @@ def _from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:
 
 def is_epoch(time_s: float) -> bool:
     """Whether a time counts from 1970, and not from the start of a drive or of a computer."""
-    return _EPOCH_S[0] < time_s < _EPOCH_S[1]
+    return rules.EPOCH_S[0] < time_s < rules.EPOCH_S[1]
 
 
 def from_epoch(time_s: Array) -> tuple[Array, str | None]:
@@ -76,6 +72,6 @@ def from_epoch(time_s: Array) -> tuple[Array, str | None]:
     first = float(time_s[0]) if len(time_s) else np.nan
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     for unit, factor in _UNITS:
-        if is_epoch(first * factor) and step * factor <= LONGEST_STEP_S:
+        if is_epoch(first * factor) and step * factor <= rules.LONGEST_STEP_S:
             return time_s * factor, unit if factor != 1.0 else None
     return time_s, None

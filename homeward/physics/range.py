@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.physics import model
+from homeward.physics import model, rules
 from homeward.physics.intervals import FINITE, NOT_NEGATIVE, Bounds, checked
 from homeward.physics.jit import announce_first_compilation, compiled
 from homeward.physics.kernel import Conditions, advance, demand, full_charge
 from homeward.physics.robot import Robot
 
 _SPEED_GRID = 201  # chosen: a step is half a per cent of the span of speeds, and the optimum is flat
-_LONGEST_MEMORY_S = 1e6  # ten of the slowest time constants that an effect can have
 _SPEEDS = Bounds(0.0, np.inf, open_low=True, open_high=True)
 _DUTIES = Bounds(0.0, 1.0, open_low=True)
 
@@ -198,7 +197,7 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
             if s.depleted and spent_j > 0.0:  # the share of a cycle for which the rest of the charge is enough
                 return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
         spent_j = before_j - s.energy_j
-        if spent_j <= 0.0 and cycle_s > _LONGEST_MEMORY_S:
+        if spent_j <= 0.0 and cycle_s > rules.LONGEST_MEMORY_S:
             return np.inf
         if spent_j < 1e-3 * charge_j:
             cycle_s, spent_j = 2.0 * cycle_s, 2.0 * spent_j

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.files import STANDARD_INPUT, read_toml
-from homeward.physics import model
+from homeward.physics import model, rules
 from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
 from homeward.physics.intervals import Bounds
 from homeward.physics.plausible import warn_of_implausible
@@ -40,7 +40,6 @@ _POSITIVE = Bounds(0.0, 1e6, open_low=True)
 _NOT_NEGATIVE = Bounds(0.0, 1e6)
 _SPEED = Bounds(0.0, 100.0, open_low=True)
 _LOSS = Bounds(0.0, 1.0, open_high=True)
-_LEAST_HEALTH = 0.01  # share of the rated energy; chosen: less means a wrong unit of the fade
 
 
 @dataclass(frozen=True)
@@ -102,10 +101,10 @@ class Robot:
                 "make it the smaller of the two"
             )
         health = self.usable_energy_j / self.rated_energy_j
-        if health < _LEAST_HEALTH:
+        if health < rules.LEAST_HEALTH:
             raise RobotError(
                 f"battery.cycles = {self.cycles:g} and battery.age = {self.age:g} leave {health:.2g} of the rated "
-                f"energy; allowed: at least {_LEAST_HEALTH:g}. Their units are those of cycle_fade and age_fade"
+                f"energy; allowed: at least {rules.LEAST_HEALTH:g}. Their units are those of cycle_fade and age_fade"
             )
         object.__setattr__(self, "effects", _checked_effects(self.effects))
         if "turning" in self.active_effects and self.track_m == 0.0:

@@ -13,9 +13,8 @@ from homeward.diagnosis.fit.replay import current_a, wheels_mps
 from homeward.diagnosis.read.signals import Signals, steps_s
 from homeward.estimation.tails import scale_of
 from homeward.physics import Robot
+from homeward.watch import rules
 from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
-
-_LEAST_WAY_M = 1e-3  # least way left; chosen: at the end a millimetre counts as none
 
 
 def watch_charge(run: Signals, robot: Robot) -> Watched:
@@ -52,7 +51,7 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
             f"{run.name}: by the robot's file its motors need no charge in this run; give a file with the charge of "
             "turning on the spot, or of the motors at rest"
         )
-    variance = _OF_ONE_RUN**2 if sure.between_runs is None else scale_of(sure.between_runs) ** 2
+    variance = rules.BETWEEN_RUNS**2 if sure.between_runs is None else scale_of(sure.between_runs) ** 2
     spreads = []
     for sample in samples:
         # The run's own factor: its prior has mean 1, updated with the run so far.
@@ -62,7 +61,7 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
             shown, noise = (took_as[0] - took_as[sample]) / seen_as, scale_of(sure.unexplained_over(driven_m)) ** 2
             share = variance / (variance + noise) if variance > 0.0 else 0.0
             factor, unsure = 1.0 + share * (shown - 1.0), (1.0 - share) * variance
-        rest = scale_of(sure.unexplained_over(max(left_m[sample], _LEAST_WAY_M)))
+        rest = scale_of(sure.unexplained_over(max(left_m[sample], rules.LEAST_WAY_M)))
         rest_as = float(expected_as[sample])
         spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
     mean, low, high = (np.array([getattr(one, name) for one in spreads]) for name in ("mean", "low", "high"))
@@ -71,8 +70,3 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
         run.name, since_s[samples], left_m[samples], took_as[samples], mean, low, high, float(left_m[0]), words, (),
         unit="A s",
     )  # fmt: skip
-
-
-_OF_ONE_RUN = 0.3
-"""Relative standard deviation between runs of a file that does not know it. Chosen: as of the Husky's runs on one
-ground, for which diagnoses of half of them say 0.12 to 0.9, and 0.28 in the median."""

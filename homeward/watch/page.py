@@ -13,14 +13,12 @@ from homeward import quantities
 from homeward.diagnosis.tell.figures import MOST_RUNS, described
 from homeward.diagnosis.tell.notation import GRID, PLAIN, labels, page, templates
 from homeward.physics import Robot
+from homeward.watch import rules
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.predictions import Watched
 
 _ROWS = 6
 """Moments of a run in the table below its plot. Chosen: a line for each fifth of the way."""
-_CALIBRATED = 0.8, 0.97
-"""Coverage of the 90 % interval that counts as right. Chosen: moments of a run are correlated, so that few are
-independent."""
 _RESTS = {"J": "energy of the rest, kJ", "A s": "charge of the rest, kA s"}
 _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 
@@ -54,7 +52,7 @@ def watch_html(
 
 def verdict(whole: Row) -> str:
     """Conclusion from the row of all moments, in a sentence."""
-    least, most = _CALIBRATED
+    least, most = rules.CALIBRATED
     trust = "as often as it should" if least <= whole.covered <= most else (
         "too rarely: it is overconfident" if whole.covered < least else "too often: it could be narrower"
     )  # fmt: skip

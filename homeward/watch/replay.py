@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion import Advice, Companion, CompanionError
-from homeward.companion.companion import RISK
+from homeward.companion import rules as companion_rules
 from homeward.companion.companion import WINDOWS as WINDOWS_A_CHARGE
 from homeward.diagnosis.fit.usable import fault_of
 from homeward.diagnosis.read.signals import Signals, signals, speed_of, steps_s
@@ -103,7 +103,7 @@ def watch(
     *,
     soc: float | None = None,
     prior: Prior | None = None,
-    risk: float = RISK,
+    risk: float = companion_rules.RISK,
     cutoff_v: float | None = None,
     show: Callable[[Advice, float, float], None] | None = None,
 ) -> Watched:

@@ -14,12 +14,12 @@ import pytest
 from homeward.agents.belief import prior_of
 from homeward.companion import Advice, Companion, CompanionError
 from homeward.companion.prior_knowledge import known_of
-from homeward.companion.readings import POSITION_M
 from homeward.envs.options import Options
 from homeward.envs.options import known_of as known_env_of
 from homeward.envs.routes import Route
 from homeward.physics import load_robot
 from homeward.physics.uncertainty import Uncertainty
+from homeward.rules import POSITION_M
 from tests.companion.robots import Driven
 
 HOME = math.pi

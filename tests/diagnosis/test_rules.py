@@ -1,47 +1,11 @@
-"""Thresholds: each says where it comes from, is used, and is what its origin derives."""
+"""Thresholds of the diagnosis: those that are derived are what is derived, and their order."""
 
-import ast
 import math
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from scipy.stats import norm
 
 from homeward.diagnosis import rules
-
-
-@pytest.fixture(scope="module")
-def thresholds(root: Path) -> dict[str, str]:
-    """Names of rules.py, those of one line together, and what follows them."""
-    body = ast.parse((root / "homeward" / "diagnosis" / "rules.py").read_text("utf-8")).body
-    return {
-        ast.unparse(node.targets[0]).strip("()"): ast.unparse(after)
-        for node, after in zip(body, [*body[1:], ast.Pass()], strict=True)
-        if isinstance(node, ast.Assign)
-    }
-
-
-def test_every_threshold_has_an_origin(thresholds: dict[str, str]) -> None:
-    assert len(thresholds) > 50
-    assert [name for name, text in thresholds.items() if len(text.split()) < 8 or text[0] not in "\"'"] == []
-
-
-def test_every_threshold_is_used(root: Path, thresholds: dict[str, str]) -> None:
-    def named(folder: Path) -> Iterator[str]:
-        for file in folder.rglob("*.py"):
-            for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-                if isinstance(node, ast.Attribute):
-                    yield node.attr
-                elif isinstance(node, ast.ImportFrom) and node.module == "homeward.diagnosis.rules":
-                    yield from (one.name for one in node.names)
-
-    names = {name for line in thresholds for name in line.split(", ")}
-    used = {*named(root / "homeward" / "diagnosis"), *named(root / "homeward" / "groups")}
-    templates = " ".join(
-        file.read_text("utf-8") for file in (root / "homeward" / "diagnosis" / "tell" / "templates").iterdir()
-    )
-    assert [name for name in sorted(names - used) if f"rules.{name}" not in templates] == []
 
 
 def test_numbers_that_are_derived_are_what_is_derived() -> None:

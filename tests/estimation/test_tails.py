@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from homeward.estimation.tails import DEGREES, deviations, normal_risk, scale_of, true_risk
+from homeward.estimation.rules import DEGREES
+from homeward.estimation.tails import deviations, normal_risk, scale_of, true_risk
 
 STUDENT = stats.t(DEGREES)
 RISKS = st.floats(1e-6, 0.999)  # above, a double holds the rest to 1 too coarsely

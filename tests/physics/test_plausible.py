@@ -9,7 +9,8 @@ import pytest
 
 from homeward import load_robot
 from homeward.physics import preset_names
-from homeward.physics.plausible import _BOUNDS, PlausibilityWarning, implausible
+from homeward.physics.plausible import PlausibilityWarning, implausible
+from homeward.physics.rules import PLAUSIBLE
 
 
 @pytest.mark.parametrize("preset", preset_names())
@@ -36,9 +37,9 @@ def test_implausible_values_warn(tmp_path: Path, changes: dict[str, Any], said: 
     assert caught[0].filename == __file__
 
 
-@pytest.mark.parametrize("name", [name for name, (low, _, _) in _BOUNDS.items() if low > 0.0])
+@pytest.mark.parametrize("name", [name for name, (low, _, _) in PLAUSIBLE.items() if low > 0.0])
 def test_each_end_of_a_range_is_known_and_what_lies_beyond_is_named(name: str) -> None:
-    low, high, unit = _BOUNDS[name]
+    low, high, unit = PLAUSIBLE[name]
     husky = load_robot("husky")
     for value, plausible in ((low, True), (0.99 * low, False), (high, True), (1.01 * high, False)):
         change: Any = {name: value}

@@ -13,11 +13,11 @@ MOST_FILES = 15
 """In a folder; `effects` holds one file an effect."""
 ACROSS = {
     "agents/policies/test_shipped_policies", "commands/test_parallel_commands", "diagnosis/read/test_instruments",
-    "diagnosis/test_command_line", "diagnosis/test_second_diagnosis", "diagnosis/test_thresholds",
+    "diagnosis/test_command_line", "diagnosis/test_second_diagnosis",
     "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "docs/test_headlines",
     "envs/conditions/test_randomise", "envs/conditions/test_true_robot", "examples/test_other_stacks",
     "physics/test_paper", "project/test_house", "project/test_makefile", "project/test_packaging",
-    "project/test_release", "robots/test_presets", "robustness/test_broken",
+    "project/test_release", "project/test_thresholds", "robots/test_presets", "robustness/test_broken",
     "robustness/test_killed", "robustness/test_mutated", "test_layers",
     "test_parallel_cluster", "watch/ros2/test_command", "watch/ros2/test_page",
 }  # fmt: skip

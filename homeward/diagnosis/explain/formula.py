@@ -23,7 +23,8 @@ from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.parameter_groups import AT_REST
 from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
-from homeward.logs.channels import STANDSTILL_MPS, Array, Index
+from homeward.logs import rules as logs_rules
+from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 
@@ -316,7 +317,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     sine, warmth = np.sin(channel["grade_rad"]), (channel["temperature_c"] - _MILD_C) / _MILD_C
     far_m, time_s = np.abs(channel["base_distance_m"]), _time_in_run(runs)
     return [
-        ("speed", "[v > 0]", (speed > STANDSTILL_MPS).astype(np.float64), _PLAIN),
+        ("speed", "[v > 0]", (speed > logs_rules.STANDSTILL_MPS).astype(np.float64), _PLAIN),
         ("speed", "v / v_max", speed / robot.max_speed_mps, _ROOT_TOO),
         ("turning rate", f"|w| {per}", np.abs(turning) * scale_s, _ROOT_TOO),
         ("turning rate", f"w+ {per}", np.maximum(turning, 0.0) * scale_s, _PLAIN),

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, windows
-from homeward.logs.channels import STANDSTILL_MPS, Array, Index
+from homeward.logs import rules as logs_rules
+from homeward.logs.channels import Array, Index
 from homeward.logs.times import median_step_s
 from homeward.physics import Robot, replay
 from homeward.physics.effects import payload
@@ -102,7 +103,9 @@ def current_a(run: Signals, robot: Robot, rest_current_a: float) -> Array:
 
 
 def _current_a(run: Signals, robot: Robot, force_n: Array, rest_current_a: float) -> Array:
-    turning = np.minimum(wheels_mps(run, robot) / STANDSTILL_MPS, 1.0)  # motor current vanishes with the motion
+    turning = np.minimum(
+        wheels_mps(run, robot) / logs_rules.STANDSTILL_MPS, 1.0
+    )  # motor current vanishes with the motion
     return np.asarray(rest_current_a + turning * force_n / thrust_n_per_a(robot))
 
 

@@ -12,7 +12,8 @@ from homeward.diagnosis.fit.replay import predict
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
 from homeward.diagnosis.read.signals import Signals, gaps, known, signals
-from homeward.logs.channels import STANDSTILL_MPS, lacking
+from homeward.logs import rules as logs_rules
+from homeward.logs.channels import lacking
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
 from homeward.physics import Robot
@@ -158,7 +159,7 @@ def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
         remarks.append(
             f"{len(jumps)} gaps, the longest {longest:.3g} s where the median step is {median_step_s(run.time_s):.3g} s"
         )
-    if np.mean(np.abs(run.speed_mps) > STANDSTILL_MPS) == 0.0 and not run.yaw_rate_radps.any():
+    if np.mean(np.abs(run.speed_mps) > logs_rules.STANDSTILL_MPS) == 0.0 and not run.yaw_rate_radps.any():
         remarks.append("the robot stands throughout: the parameters of its drive are not identifiable")
     elif np.ptp(run.speed_mps) < rules.HARDLY_CHANGES * np.max(np.abs(run.speed_mps)):
         remarks.append("the speed hardly changes: idle power, rolling resistance and drag are confounded")

@@ -16,7 +16,8 @@ from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.tell.corrected import rounded
 from homeward.logs.channels import Array, Index
 from homeward.logs.times import median_step_s
-from homeward.physics.uncertainty import MOST_ERROR, Uncertainty
+from homeward.physics import rules as physics_rules
+from homeward.physics.uncertainty import Uncertainty
 
 FittedTo = Literal["nothing", "others", "all"]
 
@@ -150,5 +151,6 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
         found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
         found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(one) for one in charges]))
     return tuple(
-        (name, rounded(value if name == "reading_s" else min(value, MOST_ERROR))) for name, value in found.items()
+        (name, rounded(value if name == "reading_s" else min(value, physics_rules.MOST_ERROR)))
+        for name, value in found.items()
     )

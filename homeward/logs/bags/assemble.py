@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from homeward.logs import rules
 from homeward.logs.bags import clock, grade, is_flight_log
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.flight import FlightLog
@@ -19,11 +20,10 @@ from homeward.logs.bags.topics import (
     best_topics,
     load_topics,
 )
-from homeward.logs.channels import CHANNELS, MOTION, POWER, STANDSTILL_MPS, Array, first_set
+from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, first_set
 from homeward.logs.columns import RecordingError
 from homeward.logs.times import is_epoch
 
-_LEVEL_M = 0.05  # chosen: a height that varies by less is that of planar odometry, which does not measure height
 _ELECTRIC = {name for names in POWER for name in names}
 _NEEDED = {*_ELECTRIC, *(name for names in MOTION for name in names)}
 
@@ -85,7 +85,7 @@ class _Reading:
             series["current_a"] = self._discharge(series["current_a"], speed)
         if "grade_rad" not in series:
             series |= self._grade(speed)
-        if "elevation_m" in series and np.ptp(series["elevation_m"].values) < _LEVEL_M:
+        if "elevation_m" in series and np.ptp(series["elevation_m"].values) < rules.LEVEL_M:
             del series["elevation_m"]  # odometry in the plane
         if "heading_rad" not in series:
             series |= self._heading()
@@ -137,7 +137,7 @@ class _Reading:
         `sensor_msgs/BatteryState` says "Negative when discharging", and mappings change the sign; some drivers publish
         it positive. A robot that drives does not charge, so that the median while it drives determines the sign.
         """
-        moves = np.abs(np.interp(current.time_s, speed.time_s, speed.values)) > STANDSTILL_MPS
+        moves = np.abs(np.interp(current.time_s, speed.time_s, speed.values)) > rules.STANDSTILL_MPS
         while_driving = current.values[moves] if moves.any() else current.values
         if current.kind != BATTERY or np.median(while_driving) >= 0.0:
             return current
@@ -188,8 +188,8 @@ class _Reading:
 
     def _leave_out_impossible(self, columns: dict[str, Array]) -> None:
         """Leave out channels that are not needed and have values out of their limits."""
-        soc = columns.get("soc", np.empty(0))
-        if 1.05 < np.max(soc, initial=0.0, where=np.isfinite(soc)) <= 105.0:
+        soc, most = columns.get("soc", np.empty(0)), CHANNELS["soc"].high
+        if most < np.max(soc, initial=0.0, where=np.isfinite(soc)) <= 100.0 * most:
             columns["soc"] = soc / 100.0
             self.notes.append("the state of charge is in per cent, and divided by 100")
         for name in sorted(set(columns) - _NEEDED):

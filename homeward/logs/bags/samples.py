@@ -2,7 +2,7 @@
 
 A header's stamp is the time of measurement, the time of receipt that of recording: later by transport and queues, with
 a variable delay. So stamps of headers are used. A topic without a header, with empty stamps, or with
-stamps of another clock (more than `_CLOCKS_DIFFER_S` from the rest) is placed by its time of receipt, less the
+stamps of another clock (more than `rules.CLOCKS_DIFFER_S` from the rest) is placed by its time of receipt, less the
 median delay of receipt of the other topics.
 """
 
@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
+from homeward.logs import rules
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.messages import UnknownType, WrongField, decoder, getter
 from homeward.logs.channels import Array
 from homeward.logs.columns import RecordingError
 
-_CLOCKS_DIFFER_S = 5.0  # chosen: transport delays a message by less, another clock is off by far more
 _LATEST_NS = np.iinfo(np.int64).max  # of a time of receipt, which a damaged record exceeds
 
 
@@ -92,7 +92,7 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
         if (one.stamp_ns > 0).all() and name not in on_receipt
     }
     median_s = float(np.median(list(late_s.values()))) if late_s else 0.0
-    stamped = {name for name, late in late_s.items() if abs(late - median_s) <= _CLOCKS_DIFFER_S}
+    stamped = {name for name, late in late_s.items() if abs(late - median_s) <= rules.CLOCKS_DIFFER_S}
     times = {
         name: one.stamp_ns if name in stamped else one.received_ns - int(median_s * 1e9)
         for name, one in samples.items()

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from homeward import quantities
-from homeward.companion.readings import STAYS_S
+from homeward.companion import rules as companion_rules
 from homeward.logs import RecordingError
+from homeward.logs import rules as logs_rules
 from homeward.logs.bags import grade
 from homeward.logs.bags.messages import WrongField, getter
 from homeward.logs.bags.topics import (
@@ -29,7 +30,8 @@ from homeward.logs.bags.topics import (
     Topics,
     best_topics,
 )
-from homeward.logs.channels import CHANNELS, POWER, STANDSTILL_MPS
+from homeward.logs.channels import CHANNELS, POWER
+from homeward.watch import rules
 from homeward.watch.ros2.charge import Charge
 from homeward.watch.ros2.odometry import Odometry
 from homeward.watch.ros2.stamps import Stamps
@@ -43,11 +45,6 @@ _SETTLES_S = 2.0
 """Time from the first motion in which topics are discovered but not yet used. Chosen: slow topics then have come."""
 _MOST = 1000
 """Values of a channel that are kept until there is motion. Chosen: bounds memory."""
-_LEAST_SIGNS = 50
-"""Readings while driving from which the sign of a current is determined. Chosen: noise has no majority."""
-_SILENT, _LEAST_SILENT_S = 5.0, 2.0
-"""Multiple of the typical interval, and minimum time, after which a topic counts as silent. Chosen: single
-messages may be lost."""
 _ELECTRIC = {name for names in POWER for name in names}
 _LAST = {"heading", "heading_rad", "soc"}
 """Channels of which the last value is used, not the mean: directions have none."""
@@ -214,9 +211,10 @@ class Listener:
     def warnings(self, now_s: float) -> list[str]:
         """Present warnings about messages, a line each."""
         for name, (at_s, usual_s) in self._at.items():
-            if name in self.sources.values() and now_s - at_s > max(_SILENT * usual_s, _LEAST_SILENT_S):
+            allowed_s = max(rules.SILENT_INTERVALS * usual_s, rules.SHORTEST_SILENCE_S)
+            if name in self.sources.values() and now_s - at_s > allowed_s:
                 self._say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
-        self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= STAYS_S}
+        self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= companion_rules.STAYS_S}
         return [text for text, _ in self._said.values()]
 
     def _preferred(self, channel: str, options: list[_Option], name: str, values: dict[str, float]) -> _Option | None:
@@ -227,7 +225,7 @@ class Listener:
                 return option if option.found.topic == name else None
             if option.found.topic == name:
                 value = option.value(values)
-                if math.isfinite(value) and (channel not in _VOID or abs(value) > grade.PLANAR):
+                if math.isfinite(value) and (channel not in _VOID or abs(value) > logs_rules.PLANAR):
                     self._chosen[channel] = option[:2]
                     self.sources[channel] = name
                     return option
@@ -278,16 +276,16 @@ class Listener:
             return {}
         current = values["current_a"]
         if self._chosen["current_a"][1].msgtype == BATTERY:
-            if abs(speed) > STANDSTILL_MPS and current:
+            if abs(speed) > logs_rules.STANDSTILL_MPS and current:
                 self._signs[current > 0.0] += 1
             charging, discharging = self._signs
-            if charging > discharging and charging + discharging >= _LEAST_SIGNS:
+            if charging > discharging and charging + discharging >= rules.FEWEST_SIGNS:
                 current = -current
                 self._say(
                     f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
                     "of BatteryState; it is used as discharge", now_s,
                 )  # fmt: skip
-        if current < 0.0 and not abs(speed) > STANDSTILL_MPS:
+        if current < 0.0 and not abs(speed) > logs_rules.STANDSTILL_MPS:
             return {}  # charging, which does not show the robot's consumption
         return {"voltage_v": self._voltage_v, "current_a": current}
 
@@ -299,7 +297,7 @@ class Listener:
         while time_s - self._past[0][0] > grade.ACCELERATION_S:
             self._past.popleft()
         passed_s = time_s - self._past[0][0]
-        if passed_s < 0.5 * grade.ACCELERATION_S:
+        if passed_s < rules.LEAST_OF_WINDOW * grade.ACCELERATION_S:
             return math.nan
         own = (speed - self._past[0][2]) / passed_s
         sine = (float(np.mean([one[1] for one in self._past])) - own) / grade.GRAVITY_MPS2
@@ -312,10 +310,12 @@ class Listener:
         at_s, usual_s = self._at[name]
         since_s = now_s - at_s
         # Moved towards the new interval; one gap does not become typical at once.
-        self._at[name] = (
-            now_s,
-            since_s if usual_s == math.inf else 0.8 * usual_s + 0.2 * min(since_s, 2.0 * usual_s + 0.1),
-        )
+        if usual_s == math.inf:
+            self._at[name] = now_s, since_s
+            return
+        new, step_s = companion_rules.NEW_INTERVAL, companion_rules.LONGEST_INTERVAL * usual_s
+        step_s = min(since_s, step_s + rules.SHORTEST_INTERVAL_S)
+        self._at[name] = now_s, (1.0 - new) * usual_s + new * step_s
 
     def _say(self, text: str, now_s: float, kind: str | None = None) -> None:
         self._said[kind or text] = text, now_s

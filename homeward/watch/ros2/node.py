@@ -10,6 +10,7 @@ from typing import Any
 from homeward.companion import Advice, Companion, CompanionError
 from homeward.files import read_json, write_whole
 from homeward.logs.bags.topics import Topics
+from homeward.watch import rules
 from homeward.watch.ros2 import advice_messages
 from homeward.watch.ros2.listener import Listener
 from homeward.watch.ros2.network import Network
@@ -19,8 +20,6 @@ PERIOD_S = 0.1
 (docs/results.md), take 0.3 % of a core."""
 _PUBLISH_S = 1.0
 """Time after which an advice is published again; an important change is published at once. Chosen."""
-_SILENT_S = 2.0
-"""Time without motion after which the companion is updated without readings. Chosen: above the gaps of a topic."""
 
 
 class Node:
@@ -62,7 +61,7 @@ class Node:
     @property
     def silent(self) -> bool:
         """Whether no motion is received."""
-        return time.monotonic() - self._heard_s > _SILENT_S
+        return time.monotonic() - self._heard_s > rules.WITHOUT_MOTION_S
 
     def step(self) -> bool:
         """Process new messages, and publish what is due; whether there is a new advice.

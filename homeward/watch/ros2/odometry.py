@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-_SLACK_M = 2.0  # poses this near are in one frame, however soon they follow; chosen: below a position's error
-_TOP_SPEEDS = 2.0  # multiple of the top speed that a robot may have had meanwhile; chosen: as for speeds that are read
+from homeward.watch import rules
 
 
 class Odometry:
@@ -41,7 +40,7 @@ class Odometry:
         if self._last is not None and publisher != self._publisher:
             since_s = now_s - self._last_s
             apart_m = math.dist(self._here(pose)[:2], self._last[:2])
-            if apart_m > _SLACK_M + _TOP_SPEEDS * self._max_speed_mps * since_s:
+            if apart_m > rules.SAME_FRAME_M + rules.TOP_SPEEDS * self._max_speed_mps * since_s:
                 self._anchor(pose, since_s)
                 moved = True
         self._publisher, self._last, self._last_s = publisher, self._here(pose), now_s

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from homeward.envs.routes import load_route, route_names
-from homeward.envs.routes.files import STEEPEST_SINE
+from homeward.envs.routes import load_route, route_names, rules
 from homeward.envs.routes.route import RouteError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import MAX_PLACES
@@ -141,7 +140,9 @@ def test_quotes_spaces_and_comments_are_no_part_of_a_value(tmp_path: Path, text:
     assert route.length_m == 9.0 and route.grade_rad == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize(("rise_m", "climbs"), [(STEEPEST_SINE - 1e-6, True), (STEEPEST_SINE + 1e-6, False)])
+@pytest.mark.parametrize(
+    ("rise_m", "climbs"), [(rules.STEEPEST_SINE - 1e-6, True), (rules.STEEPEST_SINE + 1e-6, False)]
+)
 def test_the_steepest_slope_is_the_last_that_is_read(tmp_path: Path, rise_m: float, climbs: bool) -> None:
     path = route_file(tmp_path, f"distance_m,elevation_m\n0,0\n1,{rise_m!r}\n2,{rise_m!r}\n")
     if climbs:

@@ -1,0 +1,145 @@
+"""Every threshold of the companion that is a choice, once, with its origin.
+
+Steps and places of the estimator, the points of the trail, weights in running means and bounds on memory decide nothing
+by themselves and stand beside their code. Limits that other packages have too are in `homeward.rules`.
+"""
+
+from homeward.estimation import rules as estimation_rules
+
+# --- Advice -----------------------------------------------------------------------------------------------------------
+
+RISK = 1e-3
+"""Default of the accepted risk of not getting home. Chosen: one mission in a thousand."""
+
+DETOUR = 1.3
+"""Way on the ground over the straight line, for a home that moved off the trail. Roads have 1.2 to 1.5 (Ballou and
+others, Transportation Research A 36, 2002)."""
+
+DEAD_RECKONING_ERROR = 0.1
+"""Relative standard deviation of a way from dead reckoning with speed and heading. Chosen: twice the upper
+end of the 1 to 5 % of calibrated odometry (Borenstein & Feng, 1996)."""
+
+OFF_ROUTE_M = 50.0
+"""Distance from the route, m, above which it is reported. Chosen: ten times the error of a position."""
+
+UNTOLD, UNTOLD_WINDOWS = 0.1, 3
+"""Difference of the state-of-charge reading from the energy drawn, and windows in a row with it, for another battery or
+a reading that is stuck: monitors that measure voltage are off by some per cent. Chosen: above
+that, and more than a single window."""
+
+STANDS_WINDOWS, DRIVES = 3, 0.5
+"""Windows in a row with a speed of 0 and driving power before a warning, and the share of the power of driving at
+cruise on level ground, beyond standing, from which power is driving power. Chosen: 1.5 % of the time of a charge, and
+half-way."""
+
+CUTOFF_WINDOWS, CUTOFF_SPAN = 8, 0.03
+"""Windows, and share of the battery used over them, before a fall of the voltage is used. Chosen: more than twice
+the three numbers that are fitted, and the energy of six windows at cruise."""
+
+# --- Arguments: what is allowed ---------------------------------------------------------------------------------------
+
+RISKS = 1e-6, 0.5
+"""Lowest and highest accepted risk of not getting home. Chosen: far below what can be tested, and a coin."""
+
+MOST_CUTOFF = 1.2
+"""Ratio of cut-off to nominal voltage that no battery exceeds. Chosen: a cell's charged voltage is at most 1.17 times
+the nominal one (4.2 V over 3.6 V)."""
+
+LEAST_VOLTAGE_V = 0.1
+"""Lowest voltage of a battery, V, as a cut-off or as read. Chosen: below any cell in use."""
+
+SLOWEST_MPS = 1e-3
+"""Lowest speed on the way home, m/s. Chosen: above 0, because energy is divided by it."""
+
+WINDOWS_S, LONGEST_REACTION_S = (0.1, 3600.0), 3600.0
+"""Shortest and longest time over which readings are averaged, and longest time to turn, s. Chosen: a reading at 10 Hz,
+and an hour."""
+
+SHORTEST_PLACE = 1e-3
+"""Shortest place over d_max; the longest is d_max. Chosen: below the error of a way, and it bounds their number."""
+
+LARGEST_HOME_M = 1000.0
+"""Longest way home, m, at which a robot may count as being at home. Chosen: beyond any base."""
+
+# --- Readings: what is left out ---------------------------------------------------------------------------------------
+
+TOP_SPEEDS = 2.0
+"""Multiple of the robot's top speed above which a speed is impossible. Chosen: wide enough for any drive of the robot,
+narrow enough to detect a broken instrument or another unit."""
+
+POWERS, STEEP_RAD = 20.0, 0.3
+"""Multiple of the power at top speed up the steepest typical slope above which a power is impossible; that slope, rad.
+Chosen as TOP_SPEEDS."""
+
+SOC_SLACK = 0.02
+"""Share of a battery by which a reading may be below 0 or above 1. Chosen: a monitor may be off by that at its ends;
+one in per cent is far beyond."""
+
+HELD_INTERVALS = 3.0
+"""Multiple of an instrument's typical interval for which its last value holds. Chosen: two readings may be lost."""
+
+GAP_INTERVALS = 3.0
+"""Multiple of the typical interval beyond which readings are missing. Chosen as HELD_INTERVALS."""
+
+LEAST_HOLD_S = 0.5
+"""Time, s, for which a value holds, and after which a missing instrument is reported, however often it is read.
+Chosen."""
+
+NEW_INTERVAL, LONGEST_INTERVAL = 0.2, 2.0
+"""Weight of a new interval in the typical one, and multiple of that up to which it counts. Chosen: some five intervals
+count, and one gap does not become typical at once."""
+
+JUMPS = 5
+"""Positions in a row that are too far away until they are accepted. Chosen: fewer may be a receiver's errors."""
+
+STILL_M, DRIVEN_M = 0.2, 20.0
+"""Distance by which positions must have moved when the speed integrates to this, m. Chosen: 1 %, a tenth of the error
+of dead reckoning."""
+
+LATE = 3
+"""Readings in a row from before the last one until the clock is assumed to be set back. Chosen: fewer may be late."""
+
+STAYS_S = 60.0
+"""Time, s, for which a warning is shown, and for which motion may be missing at the start. Chosen: can be read."""
+
+# --- Windows: what their readings are used for ------------------------------------------------------------------------
+
+COVERED = 0.5
+"""Share of the time for which power must have been read; otherwise the model predicts it. Chosen: a majority."""
+
+UNREAD = 0.3
+"""Relative standard deviation of the mean power in the time without a reading. Chosen: stops and bends."""
+
+STRAIGHT = 0.15
+"""Relative difference allowed between the change of the way home and the way driven, for a way straight out or back.
+Chosen: cos(32 degrees), and above the errors of speed and position of a short way."""
+
+OFTEN = 0.2
+"""Distance, in places, over which a slope reading may stand for the way since the last reading. A window's single
+reading may be of the other direction of travel, if the robot has just turned. Used for the whole way, it turns 60
+missions of benchmarks/on_the_robot/companion.py home at 82 % of the shield's distance, not 96 %."""
+
+NO_SLOPE_SD = 0.04
+"""Standard deviation of a slope's sine that is not read: that of generated routes."""
+
+DRIVEN_SHARE = 0.01
+"""Way of a window, in places, above which it has an energy per metre; chosen: a robot that stands has none."""
+
+# --- Prior: how much a robot's file is trusted ------------------------------------------------------------------------
+
+LEAST_MODEL_ERROR = estimation_rules.MODEL_ERRORS[0]
+"""Error of the model, a share, for a file that states its unexplained power: as of the environments' agents where
+nothing is hidden."""
+
+BETWEEN_RUNS = 0.1
+"""Relative standard deviation of the energy between runs for a file that does not know it. Chosen: files from several
+runs of rovers, batteries, a car and a Husky say 0.001 to 0.9, and 0.07 in the median
+(benchmarks/on_the_robot/range_coverage.py, seed 0)."""
+
+LEAST_CAPACITY_SD = 1e-3
+"""Least relative standard deviation of the capacity, whatever a file says. Chosen: below any measured one, and above
+0, because the estimator divides by its variance."""
+
+MOST_AIR = 0.04
+"""Upper limit of a robot's air drag c, N s^2/m^2 over kg^(2/3): twice that of 0.03 m^2 kg^(-2/3) of frontal area, the
+largest of Husky, Jackal, TurtleBot3 and the F1TENTH car by their sizes, at a drag coefficient of 1.2."""

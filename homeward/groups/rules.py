@@ -1,0 +1,44 @@
+"""Every threshold of comparing groups that is a choice, once, with its origin; others are those of the diagnosis."""
+
+from homeward.diagnosis.rules import SIGNIFICANT
+
+# --- Tests ------------------------------------------------------------------------------------------------------------
+
+LEVEL = 0.05
+"""Family-wise significance level: probability of any false positive where no group differs. Chosen: the convention."""
+
+UPPER_95 = 1.0 - 0.5 * SIGNIFICANT
+"""Quantile at the upper end of a 95 % interval: half of the level that the diagnosis has for its intervals lies
+beyond it."""
+
+SMALLEST_SPREAD = 1e-6
+"""Least spread between runs, of the largest value; chosen: a smaller spread is rounding."""
+
+# --- Driving: which parameters of a run count -------------------------------------------------------------------------
+
+OWN_SHARE = 0.01
+"""Share of a column orthogonal to the others in a run, or it is confounded: ten times the error."""
+
+TOO_UNCERTAIN = 0.5
+"""Largest standard error of a run's value, over that of all runs or a plausible change. Chosen: half or twice changes
+no test of tests/groups (test_runs, test_comparison)."""
+
+# --- Standing ---------------------------------------------------------------------------------------------------------
+
+STANDSTILL_RADPS = 0.02
+"""Turning rate, rad/s, up to which a robot stands; chosen: noise of a gyroscope at rest."""
+
+STEADY = 0.2
+"""Standard deviation of window means over their mean, up to which a load is that of a standing robot. Twelve runs of
+ase_rover at rest have 0.02 to 0.04 and drives of husky_borealtc 0.5 to 0.7: half or twice tell them apart too."""
+
+BATCH_TIMES = 8.0
+"""Autocorrelation times in a batch: means then hardly correlate. In autoregressive noise (0.5 to 0.97 from window to
+window, 2 and 10 minutes, 400 runs each) intervals of 95 % cover 93 to 96 %; with half 91 to 96 %, with twice 93 to 96 %
+but up to 1.8 times as wide."""
+
+MOST_BATCHES = 10
+"""Most batches of a run; chosen: more would leave batches too short for a slow drift to show between them."""
+
+FEWEST_WINDOWS = 6
+"""Fewest windows of a run; chosen: with fewer there is no autocorrelation to estimate."""

@@ -1,0 +1,107 @@
+"""Every threshold of reading recordings that is a choice, once, with its origin.
+
+The limits of each channel are in the schema (`homeward.logs.channels`). Bounds on time and memory, the numbers of
+formats and the lengths of averaging windows decide nothing by themselves and stand beside their code.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from homeward import rules as shared
+
+# --- Values: what is left out -----------------------------------------------------------------------------------------
+
+STRAY_SHARE = 0.01
+"""Largest share of impossible values that count as glitches. Chosen: with a wrong unit most are impossible."""
+
+STANDSTILL_MPS = 0.02
+"""Speed, m/s, up to which a robot stands, where its top speed is not known. Chosen: above one step of a wheel encoder
+(a standing Husky of BorealTC, ICE/pro_04, reads up to 0.012 m/s); the slowest robot that ships does ten times as
+much."""
+
+MOST_BROKEN_SHARE = 0.1
+"""Largest share of broken lines; more mean that the mapping is for other files. Chosen."""
+
+MOST_NOT_ASCII_SHARE = 0.1
+"""Largest share of bytes beyond ASCII in a line of names that is no UTF-8: more are binary data. Chosen: names of
+columns are words with few accents and signs of units."""
+
+# --- Times ------------------------------------------------------------------------------------------------------------
+
+EPOCH_S = 6.3e8, 4.1e9
+"""Years 1990 to 2099 in seconds since 1970; the ranges in ms, us and ns lie apart from it and from each other."""
+
+LONGEST_STEP_S = 30.0
+"""Median time between the samples of a recording, s; a longer one is in another unit. Chosen: driving needs more."""
+
+LONGEST_RUN_S = 3 * 86400.0
+"""Longest duration of a run, s: three days; chosen: longer ones are times in another unit."""
+
+TYPICAL_STEP_S = 0.1
+"""Typical time between samples, s, of which the most likely unit is the closest: robots are logged at about 10 Hz."""
+
+HALF_A_DAY_S = 43200.0
+"""A time of day that falls by more, s, went past midnight: half-way between no fall and a whole day."""
+
+FASTEST_SAMPLE_HZ = 1e6
+"""Samples a second below which a mapping's rate must be, Hz. Chosen: no logger of motion or power is as fast."""
+
+INCREASING_SHARE, EARLIEST_S = 0.99, -1.0
+"""Least share of steps that do not go back in a column that may be the time, and its least first value, s. Chosen: a
+clock may be set back once in a while, and times count from a start, beside rounding."""
+
+SLOW_STEP_S, EPOCH_COUNT = 2.0, 1e11
+"""Median step, s, up to which a column without a unit looks like seconds, and first value from which it looks like a
+count since 1970 in ms to ns: between 1990 in ms (6.3e11) and 2099 in s (4.1e9). Chosen: most robots are logged at
+1 Hz and faster."""
+
+# --- Units ------------------------------------------------------------------------------------------------------------
+
+UNIT_LOG_RATIO = 0.12
+"""Largest logarithm of the ratio of two channels over that of a wrong unit, to be that unit; chosen: instruments agree
+within 12 %."""
+
+HEADING_JUMP = 180.0
+"""A heading that changes by more from sample to sample, in its own unit, is in degrees that wrap: in rad it would have
+turned 28 times."""
+
+COLDEST_K = 150.0
+"""A temperature that is always above this, in its own unit, is in K: as degC it is too hot, and as K colder than any
+place on earth."""
+
+TYPICAL_SIZES: Mapping[str, float] = MappingProxyType({
+    "heading_rad": 7.0, "grade_rad": shared.STEEPEST_RAD, "speed_mps": 30.0, "yaw_rate_radps": 10.0,
+    "voltage_v": 1000.0, "wheel_left_mps": 30.0, "wheel_right_mps": 30.0, "current_a": 500.0, "power_w": 2e5,
+})  # fmt: skip
+"""Largest size of each channel, SI, that values without a unit may have for it: the typical range of a ground robot.
+Chosen, within the limits of the schema."""
+
+# --- Messages of bags and flight logs ---------------------------------------------------------------------------------
+
+GAP_STEPS = 5.0
+"""Median steps between samples; a longer step is a gap; chosen: a few messages may be lost."""
+
+FASTEST_CLOCK_S = 0.02
+"""Shortest step of the common clock, s; chosen: a finer clock adds no information on energy, which is averaged over
+0.5 s."""
+
+THINNED_STEPS = 2.0
+"""Steps of a channel in a tick of its own clock from which that clock is thinned out, and the channel is averaged: a
+clock has every sample, or every second one or fewer."""
+
+CLOCKS_DIFFER_S = 5.0
+"""Delay of a topic over that of the others, s, from which its stamps are of another clock; chosen: transport delays a
+message by less, another clock is off by far more."""
+
+LEVEL_M = 0.05
+"""Height range, m; chosen: a height that varies by less is that of planar odometry, which does not measure height."""
+
+PLANAR = 1e-4
+"""Sine of a slope below which a pose has none; chosen: 0.006 degrees, below any sensor's resolution. Below it, in its
+own unit, other channels of a network count as zero too, which means not measured."""
+
+UNIT_LENGTH_ERROR = 0.05
+"""How far from 1 the length of a quaternion may be; chosen: one of zeros is none, a rounded one is."""
+
+ORIENTED_SHARE = 0.5
+"""Least share of samples with an orientation for a grade from it. Chosen: a majority."""

@@ -1,0 +1,35 @@
+"""Thresholds that packages share."""
+
+import math
+
+import pytest
+
+from homeward import rules
+from homeward.companion.readings import Readings
+from homeward.envs.routes.route import LIMITS
+from homeward.logs.channels import CHANNELS
+from homeward.physics import load_robot
+
+
+def test_recordings_and_readings_have_the_same_limits() -> None:
+    assert CHANNELS["grade_rad"].high == rules.STEEPEST_RAD == -CHANNELS["grade_rad"].low == LIMITS["grade_rad"][1]
+    assert CHANNELS["voltage_v"].high == rules.MOST_VOLTAGE_V
+    assert CHANNELS["sensing_hz"].high == rules.MOST_SENSING_HZ
+    assert {CHANNELS[name].high for name in ("current_a", "motor_left_a", "motor_right_a")} == {rules.MOST_CURRENT_A}
+
+
+@pytest.mark.parametrize("times", [0.999, 1.001])
+def test_a_reading_beyond_a_limit_is_left_out(times: float) -> None:
+    given: dict[str, float | None] = dict.fromkeys(
+        ("power_w", "voltage_v", "current_a", "soc", "position", "temperature_c", "interest", "sensing_hz"), None
+    )
+    readings = Readings(load_robot("husky"))
+    given |= {"speed_mps": 0.5, "grade_rad": times * rules.STEEPEST_RAD, "heading_rad": times * rules.MOST_HEADING_RAD}
+    readings.take(0.0, given)
+    assert readings.counts == ({} if times < 1.0 else {"impossible grade_rad": 1, "impossible heading_rad": 1})
+
+
+def test_limits_detect_another_unit() -> None:
+    assert math.degrees(rules.STEEPEST_RAD) == pytest.approx(46.0, abs=0.2)
+    assert rules.MOST_HEADING_RAD / math.tau == pytest.approx(159.0, abs=0.2)
+    assert rules.MOST_TEMPERATURE_C < 273.15 - rules.MOST_TEMPERATURE_C  # the coldest in K is hotter than the hottest
