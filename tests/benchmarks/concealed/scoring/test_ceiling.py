@@ -20,9 +20,9 @@ def test_recordings_without_an_effect_have_the_same_drives_and_noise(pair: Case)
     for whole, left in zip(pair.recordings, pair.without("none of them"), strict=True):
         pd.testing.assert_frame_equal(whole, left)
     for effect in pair.hidden:
-        power, left = (frames[0]["current_a"] for frames in (pair.recordings, pair.without(effect)))
-        assert (power != left).any()
-        pd.testing.assert_series_equal(pair.recordings[0]["time_s"], pair.without(effect)[0]["time_s"])
+        whole, left = pair.recordings[0], pair.without(effect)[0]
+        assert (whole["current_a"] != left["current_a"]).any()
+        pd.testing.assert_series_equal(whole["time_s"], left["time_s"])
 
 
 def test_a_clear_contribution_is_provable_and_none_is_not(pair: Case) -> None:
