@@ -167,8 +167,8 @@ def _rank(bench: Bench) -> tuple[Ranked, ...]:
 
 
 def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
-    """Validated hypotheses: first that with the lowest BIC, alone or as the stronger half of the best pair; then the
-    pair, where each half is significant only beside the other; then the next best alone, by BIC or by their steps."""
+    """Validated hypotheses: that with the lowest BIC, alone or as the stronger half of the best pair; the pair, where
+    each half is significant only beside the other; the next best alone, by BIC, by their steps, or by innovations."""
     if not bench.candidates:
         return
     shares = bench.shares
@@ -188,10 +188,10 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), alone)
     least = {False: 0.0, True: 0.0}  # of effects that change in steps, and of others
 
-    def proven(indices: Sequence[int]) -> Iterator[tuple[Named, ...]]:
+    def proven(indices: Sequence[int], whitened: bool = False) -> Iterator[tuple[Named, ...]]:
         """Each alone, but none that explains less than one that only the placebos refuse; steps stand beside drifts."""
         for index in dict.fromkeys(indices):
-            found = _supported(bench, index, alone, independent, rng)
+            found = _supported(bench, index, alone, independent, rng, whitened)
             if found and found.p_value > rules.FALSE_ALARM_RATE:
                 for sudden in {False, found.sudden}:
                     least[sudden] = max(least[sudden], rules.RIVAL_SHARE * found.held_out_gain)
@@ -205,6 +205,9 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
             yield tuple(one for one in halves if one)
     in_steps = sorted(filter(bench.is_in_steps, most), key=bench.innovations_bic, reverse=True)
     yield from proven([*order[:_TRIED], *in_steps[:_TRIED]])
+    if isinstance(bench.model, Refit):  # a cause that is found only beside this one makes its residual correlated
+        steady = [one for one in most if bench.candidates[one].axis == "steady"]
+        yield from proven(sorted(steady, key=bench.innovations_bic, reverse=True)[:_TRIED], whitened=True)
 
 
 def _alone(bench: Bench, independent: float) -> Array:
@@ -258,9 +261,13 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     return min([chosen, *equals], key=preference)
 
 
-def _supported(bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator) -> Named | None:
-    """A hypothesis with its evidence, where it passes every test but that of its p-value; otherwise None."""
-    share, delta_bic = bench.share(chosen), bench.delta_bic(chosen)
+def _supported(
+    bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator, whitened: bool = False
+) -> Named | None:
+    """A hypothesis with its evidence, if `whitened` by the innovations of its residual, where it passes every test but
+    that of its p-value; otherwise None."""
+    share = bench.share(chosen)
+    delta_bic = bench.innovations_bic(chosen) if whitened else bench.delta_bic(chosen)
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
     of_refit = explained / max(bench.refit_error, 1e-300)

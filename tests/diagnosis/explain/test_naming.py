@@ -82,6 +82,19 @@ def test_both_effects_of_a_pair_are_named(short_drive: Drive, husky: Robot) -> N
     assert {one.effect for one in diagnosis.missing_physics} == set(hidden)
 
 
+def test_an_effect_that_a_channel_shows_is_named_beside_a_load_that_drifts(short_drive: Drive, husky: Robot) -> None:
+    """The drift, up to twice what turning draws, correlates the residual over most of a run."""
+    drifting = []
+    for number, run in enumerate(short_drive(husky, effects={"turning": {"scrub": 0.3}})):
+        share = np.clip(np.linspace(-0.6, 1.4, len(run.channels["time_s"])), 0.0, 1.0)
+        drift_w = 60.0 * (share if number % 2 else 1.0 - share)
+        power_w = run.channels["power_w"] + drift_w
+        drifting.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
+    (found,) = diagnose(drifting, husky).missing_physics
+    assert found.effect == "turning"
+    assert found.parameters["scrub"].value == pytest.approx(0.3, rel=0.15)
+
+
 def test_a_load_from_one_day_on_is_named_beside_an_effect_though_the_weather_changed_too(
     short_drive: Drive, husky: Robot
 ) -> None:
