@@ -1,17 +1,18 @@
-"""A robot that is not what its file says: diagnosed from test drives, learned for again, and measured.
+"""From simulation to a robot that differs from its file: test drives, diagnosis, training and evaluation.
 
-`python examples/sim_to_real.py --out runs/sim_to_real` takes a Husky whose turning scrub, rough ground and computing
-load the preset `husky` lacks. It records a few test drives of it with noise, diagnoses them knowing the preset alone,
-trains policies from nothing but simulators, with several training seeds, and drives them, beside rules, on that Husky:
+`python examples/sim_to_real.py --out runs/sim_to_real` simulates a Husky whose turning scrub, rough ground and
+computing load the preset `husky` lacks. It records a few test drives of this robot with noise, and diagnoses them from
+the preset alone. It then trains policies in simulators only, with several training seeds, and drives them, beside
+rules, on that Husky:
 
-* nominal-trained: in the simulator of the preset, with the days of the site (difficulty `uncertain`);
+* nominal-trained: in the simulator of the preset, with the episode conditions of the site (difficulty `uncertain`);
 * randomised-trained: the same with more randomisation, to cover what is missing (`harsh`);
-* corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the days of the site;
-* file-randomised: in the same, with robots and instruments as uncertain as that file's table `[uncertainty]` has them.
+* corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the conditions of the site;
+* file-randomised: in the same, with robots and instruments drawn from that file's table `[uncertainty]`.
 
-All see the same features and meet the same unseen missions: the routes, limits and days are those of the preset's site,
-the true robot is the Husky, and each policy takes the robot, its instruments and its days for what its simulator said.
-A killed run goes on.
+All see the same features and drive the same unseen missions, with the routes, limits and conditions of the preset's
+site and the Husky as the true robot. Each policy assumes the robot, instruments and conditions of its own simulator. If
+a run is killed, the same command continues it.
 """
 
 from __future__ import annotations
@@ -185,7 +186,7 @@ def simulator(one: Contender) -> Options:
 
 
 def reality(one: Contender, real: Path) -> Options:
-    """The environment that it meets: the same site, its days, and the real robot."""
+    """The environment of the evaluation: the same site and conditions, and the real robot."""
     return dataclasses.replace(simulator(one), difficulty=SITE, randomise="generic", true_robot=str(real))
 
 

@@ -195,7 +195,7 @@ def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.
 
     With `inputs` it turns back as the d_max rule does, by the belief: where `spare` is negative. On a survey it senses
     and stops for the radio as the rules do. Without `inputs` it has no knowledge of energy: it cruises, mostly without
-    sensing, tries a return or a stop now and then, and continues a return that it has begun.
+    sensing, occasionally tries a return or a stop, and continues a return that it has begun.
 
     Args:
         known: Constants of the environment.

@@ -94,7 +94,7 @@ class Route:
 
 
 MOST_ROUTE_BYTES = 100_000_000
-"""Of a file of a route or track. Chosen: a million rows of a profile, and it bounds memory."""
+"""Largest size of a file of a route or track, bytes. Chosen: a million rows of a profile, and it bounds memory."""
 KNOTS = 8
 """Pieces of a generated route: grade is linear and curvature constant between knots. Chosen: several hills a route."""
 NEW_PATCH = 0.5
