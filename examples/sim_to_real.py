@@ -89,7 +89,7 @@ class Args:
 
 @dataclass(frozen=True)
 class Contender:
-    """Who drives: the agent, the robot file that it believes in, and how it is randomised in training."""
+    """A contender: the agent, the robot file that it assumes, and the randomisation of its training."""
 
     agent: str
     believes: str
@@ -207,7 +207,7 @@ def learn(args: Args, label: str, one: Contender, number: int) -> None:
 
 def drive(args: Args, label: str, one: Contender, options: Options, seeds: list[int]) -> list[Run]:
     """Drive unseen missions, once for each training seed."""
-    env = HomewardVectorEnv(**vars(simulator(one)))  # what it believes; what it meets are the options
+    env = HomewardVectorEnv(**vars(simulator(one)))  # with the robot that it assumes; the options say what it meets
     files = [folder(args, label, number) for number in range(args.trainings)] if one.agent == "ppo" else [None]
     return [run_episodes(make_policy(one.agent, env, file), options, seeds) for file in files]
 
