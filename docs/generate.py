@@ -162,10 +162,14 @@ def difficulties() -> str:
 
 
 def instruments() -> str:
-    """Sizes of the errors of each set of instruments."""
-    names = [field.name for field in dataclasses.fields(Instruments)]
-    rows = ((f"`{size}`", *(f"{getattr(one, size):g}" for one in INSTRUMENTS.values())) for size in names)
-    return table(("size", *(f"`{name}`" for name in INSTRUMENTS)), rows)
+    """Sizes of the errors of each set of instruments, with their meanings from the docstring."""
+    _, _, attributes = (Instruments.__doc__ or "").partition("Attributes:\n")
+    meanings = dict(re.findall(r"^ +(\w+): (.+)$", attributes, re.MULTILINE))
+    rows = (
+        (f"`{one.name}`", *(f"{getattr(sizes, one.name):g}" for sizes in INSTRUMENTS.values()), meanings[one.name])
+        for one in dataclasses.fields(Instruments)
+    )
+    return table(("size", *(f"`{name}`" for name in INSTRUMENTS), "meaning"), rows)
 
 
 def robots() -> str:

@@ -40,7 +40,7 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
     ("home_cost", "usable energy", "energy to get home over the driven ground, by the robot's own model"),
     ("margin", "usable energy", "metered minus home_cost: the d_max margin"),
     *((f"margin_{gain:g}", "-1 to 1", f"the same times {gain:g}, clipped to -1 and 1") for gain in GAINS),
-    ("corrected", "usable energy", "metered minus home_cost times 1 + consumption"),
+    ("corrected", "usable energy", "metered minus (1 + consumption) times home_cost"),
     *((f"corrected_{gain:g}", "-1 to 1", f"the same times {gain:g}, clipped to -1 and 1") for gain in GAINS),
     ("consumption", "1", "metered over modelled energy used, each plus 0.05, minus 1, within [-1, 1]"),
     ("modelled", "usable energy", "energy used so far by the robot's own model"),

@@ -17,11 +17,11 @@ _CALIBRATION_S, _CALIBRATION_STEPS = 0.004, 8
 _TRUST_S = 0.5
 """Time for which that measurement is used. Chosen: other work may begin or end within a second."""
 _PATIENCE_S, _CREDIT_S = 0.001, 0.01
-"""How much longer than one thread several may take before they are given up; and how much of what they have saved since
-they were tried counts for them: the system itself lets any thread wait for some milliseconds now and then. Chosen."""
+"""Time, s, that several threads may lose against one before they are no longer used; and time, s, saved since they were
+tried that offsets such losses. The operating system occasionally lets any thread wait for some milliseconds. Chosen."""
 _PAYBACK, _MOST_PAYBACK = 20.0, 320.0
-"""Time on one thread per time lost by several: what trying them costs at most is its inverse, 5 %. It doubles with
-every try that fails, up to 0.3 %. Chosen."""
+"""Ratio of time on one thread to time lost by several, before these are tried again; the share lost is at most its
+inverse, 5 %. The ratio doubles with every try that fails, down to a share of 0.3 %. Chosen."""
 
 
 class Threads:
@@ -29,7 +29,7 @@ class Threads:
 
     Several threads end a step together, so each waits for the slowest. With other busy processes or threads, the
     slowest is one that the system keeps from running: a step then takes a hundred times as long. That cannot be
-    predicted, so both ways are timed: one thread now and then, several as long as they are faster.
+    predicted, so both are timed: one thread occasionally, several as long as they are faster.
 
     Args:
         missions: Number of missions in a step.

@@ -1,17 +1,18 @@
-"""A robot that is not what its file says: diagnosed from test drives, learned for again, and measured.
+"""From simulation to a robot that differs from its file: test drives, diagnosis, training and evaluation.
 
-`python examples/sim_to_real.py --out runs/sim_to_real` takes a Husky whose turning scrub, rough ground and computing
-load the preset `husky` lacks. It records a few test drives of it with noise, diagnoses them knowing the preset alone,
-trains policies from nothing but simulators, with several training seeds, and drives them, beside rules, on that Husky:
+`python examples/sim_to_real.py --out runs/sim_to_real` simulates a Husky whose turning scrub, rough ground and
+computing load the preset `husky` lacks. It records a few test drives of this robot with noise, and diagnoses them from
+the preset alone. It then trains policies in simulators only, with several training seeds, and drives them, beside
+rules, on that Husky:
 
-* nominal-trained: in the simulator of the preset, with the days of the site (difficulty `uncertain`);
+* nominal-trained: in the simulator of the preset, with the episode conditions of the site (difficulty `uncertain`);
 * randomised-trained: the same with more randomisation, to cover what is missing (`harsh`);
-* corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the days of the site;
-* file-randomised: in the same, with robots and instruments as uncertain as that file's table `[uncertainty]` has them.
+* corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the conditions of the site;
+* file-randomised: in the same, with robots and instruments drawn from that file's table `[uncertainty]`.
 
-All see the same features and meet the same unseen missions: the routes, limits and days are those of the preset's site,
-the true robot is the Husky, and each policy takes the robot, its instruments and its days for what its simulator said.
-A killed run goes on.
+All see the same features and drive the same unseen missions, with the routes, limits and conditions of the preset's
+site and the Husky as the true robot. Each policy assumes the robot, instruments and conditions of its own simulator. If
+a run is killed, the same command continues it.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class Args:
 
 @dataclass(frozen=True)
 class Contender:
-    """Who drives: the agent, the robot file that it believes in, and how it is randomised in training."""
+    """A contender: the agent, the robot file that it assumes, and the randomisation of its training."""
 
     agent: str
     believes: str
@@ -185,7 +186,7 @@ def simulator(one: Contender) -> Options:
 
 
 def reality(one: Contender, real: Path) -> Options:
-    """The environment that it meets: the same site, its days, and the real robot."""
+    """The environment of the evaluation: the same site and conditions, and the real robot."""
     return dataclasses.replace(simulator(one), difficulty=SITE, randomise="generic", true_robot=str(real))
 
 
@@ -206,7 +207,7 @@ def learn(args: Args, label: str, one: Contender, number: int) -> None:
 
 def drive(args: Args, label: str, one: Contender, options: Options, seeds: list[int]) -> list[Run]:
     """Drive unseen missions, once for each training seed."""
-    env = HomewardVectorEnv(**vars(simulator(one)))  # what it believes; what it meets are the options
+    env = HomewardVectorEnv(**vars(simulator(one)))  # with the robot that it assumes; the options say what it meets
     files = [folder(args, label, number) for number in range(args.trainings)] if one.agent == "ppo" else [None]
     return [run_episodes(make_policy(one.agent, env, file), options, seeds) for file in files]
 

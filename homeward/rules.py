@@ -1,7 +1,7 @@
-"""Thresholds that several packages share, once, with their origin; a package has its own in a `rules.py` of its own.
+"""Thresholds that several packages share, each defined once and with its origin; the others are in each package.
 
-Sizes beyond these are another unit or a broken instrument. All are chosen: wider than any ground robot or road vehicle
-reaches, narrow enough to detect most wrong units.
+Values beyond these have another unit or come from a broken instrument. All are chosen: wider than any ground robot or
+road vehicle reaches, narrow enough to detect most wrong units.
 """
 
 STEEPEST_RAD = 0.8

@@ -25,7 +25,7 @@ class SearchError(ValueError):
 
 @dataclass(frozen=True)
 class SearchRange:
-    """Numbers to search, whole ones between whole ends, else real ones; both ends belong to it.
+    """Range to search, with both ends: integers if both ends are integers, otherwise real numbers.
 
     Raises:
         SearchError: The ends are not finite, or not in order.
@@ -41,7 +41,7 @@ class SearchRange:
 
 @dataclass(frozen=True)
 class Trial:
-    """What was tried, and what it scored; NaN where it failed."""
+    """Settings of a trial and its score; NaN if it failed."""
 
     number: int
     settings: dict[str, Any]
@@ -57,9 +57,9 @@ def search(
 ) -> list[Trial]:
     """Try settings in turn, where a tree-structured Parzen estimator expects the highest score.
 
-    What a trial tries follows from its number and the scores before it alone (Bergstra et al., Algorithms for
-    hyper-parameter optimization, NeurIPS 2011). Called again with an objective that returns the same scores, it
-    repeats the same trials; an objective that keeps its results thereby continues after a kill.
+    The settings of a trial depend only on its number and the earlier scores (Bergstra et al., Algorithms for
+    hyper-parameter optimization, NeurIPS 2011). Called again with an objective that returns the same scores, the
+    search repeats the same trials. With an objective that keeps its results, it so continues after a kill.
 
     Args:
         space: Range or choices of each setting, by name.

@@ -20,7 +20,7 @@ from homeward.physics import Robot, load_robot, replay
 Array = NDArray[np.float64]
 
 STEP_S = 0.1
-"""Time between samples. Chosen: robots are logged at about 10 Hz."""
+"""Time between samples, s. Chosen: robots are logged at about 10 Hz."""
 SAMPLES = 4800
 """Eight minutes. Chosen: each level of speed, grade and sensing comes several times."""
 RESOLUTION = {"time_s": 1, "speed_mps": 3, "yaw_rate_radps": 3, "grade_rad": 3, "sensing_hz": 0, "power_w": 1}
@@ -31,7 +31,7 @@ def record(robot: Robot, seed: int = 20) -> pd.DataFrame:
     """Drive a robot for eight minutes over hilly ground with stops and turns, and measure with noise.
 
     The noise is drawn apart from the physics: a slow drift of the load, a ripple of the current, and the noise and
-    resolution of the sensors. The seed is that of drive and noise.
+    resolution of the sensors. The seed determines drive and noise.
     """
     rng = np.random.default_rng(seed)
     time_s: Array = STEP_S * np.arange(SAMPLES, dtype=np.float64)

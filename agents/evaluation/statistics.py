@@ -1,8 +1,8 @@
 """Statistics of evaluations: intervals over training seeds and episodes, IQM, probability of improvement, profiles.
 
 Definitions are those of Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (NeurIPS
-2021, arXiv 2108.13264, and its package `rliable`), with training seeds as runs and episodes as tasks, because every
-agent meets the same episodes. Its intervals resample runs only and treat the tasks as fixed: one training seed would
+2021, arXiv 2108.13264, and its package `rliable`). Training seeds are the runs and episodes the tasks, because every
+agent drives the same episodes. Its intervals resample runs only and treat the tasks as fixed: one training seed would
 have no interval, and many episodes would not count as more evidence. Here both are resampled: the episodes once for all
 agents, so that comparisons are paired, and the training seeds of each agent separately.
 """

@@ -32,7 +32,7 @@ from homeward.agents.evaluation.statistics import (
 from homeward.envs.options import Options
 
 SCHEMA = 1
-"""Of the format of evaluation.json."""
+"""Version of the format of evaluation.json."""
 _FEWER = 1999
 """Resamples for statistics that take longer than means. Chosen: a 95 % interval then ends at ranks 50 and 1950."""
 _THRESHOLDS = 101

@@ -27,7 +27,7 @@ from homeward.agents.trained.policy_file import Layer
 from homeward.agents.trained.run_folder import CHECKPOINT, PREVIOUS, write_checkpoint
 
 SCHEMA = 3
-"""Of the format of checkpoints; one of another schema is refused."""
+"""Version of the format of checkpoints; one of another schema is refused."""
 _HEADER = "homeward"
 _MOST_HEADER_BYTES = 1_000_000  # chosen: names and shapes of some dozen tensors need kilobytes
 

@@ -46,9 +46,9 @@ class Planner(Policy):
     energy, less a reserve, is down to that of the way home. A patrol uses `LapRule` or, if its pit stops are too short
     to be observed, `AdaptiveDmaxRule`.
 
-    In a survey energy and memory have Lagrange multipliers. That of energy is the information gained per joule by
-    driving on, that of memory the cost of sending a sample from the farthest useful stop. At every decision pairs of
-    multipliers are tried. For each the survey is simulated to its turn, over the ground in sight and then over the
+    In a survey, energy and memory have Lagrange multipliers. That of energy is the information gained per joule by
+    driving on. That of memory is the cost of sending a sample from the farthest useful stop. At every decision, pairs
+    of multipliers are tried. For each the survey is simulated to its turn, over the ground in sight and then over the
     known or forecast ground. The pair with the most information determines speed, sensing rate and stops. The oracle
     uses the same multipliers, with full knowledge.
 

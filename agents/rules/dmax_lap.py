@@ -17,7 +17,7 @@ from homeward.physics import ancillary_power
 
 @final
 class LapRule(BelievingRule):
-    """Measures laps from one arrival at the home post to the next, and goes on while another one fits.
+    """Measures laps from one arrival at the home post to the next, and continues while another lap fits.
 
     All laps have the same ground, wind and battery. The first one, which begins without a pit stop, is used until there
     is another. At the far post the robot returns for good if no other lap fits after this one, which saves the rest of

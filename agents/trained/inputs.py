@@ -52,7 +52,7 @@ _FLEETING = (
 )  # fmt: skip
 """Inputs that do not predict the end of a mission beyond the potential, like slopes and interest."""
 
-# Logits of the first policies. Chosen so that other choices are explored now and then, at a small cost: at first cruise
+# Logits of the first policies. Chosen so that other choices are explored occasionally, at a small cost: at first cruise
 # has a probability of 93 %, no sensing 83 % (40 % on surveys), a stop 0.7 % and a return 1.5 %.
 _CRUISE, _NO_SENSING, _STOP, _GO, _RETURN = 4.0, 3.0, -3.0, 2.0, -2.2
 _NO_SENSING_ON_SURVEYS = 1.0  # less than elsewhere: a survey scores by sensing
@@ -195,7 +195,7 @@ def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.
 
     With `inputs` it turns back as the d_max rule does, by the belief: where `spare` is negative. On a survey it senses
     and stops for the radio as the rules do. Without `inputs` it has no knowledge of energy: it cruises, mostly without
-    sensing, tries a return or a stop now and then, and continues a return that it has begun.
+    sensing, occasionally tries a return or a stop, and continues a return that it has begun.
 
     Args:
         known: Constants of the environment.

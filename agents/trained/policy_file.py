@@ -25,7 +25,7 @@ from homeward.files import read_bytes, read_json, write_whole
 
 WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
 SCHEMA = 2
-"""Of the format of policy.json; one of another schema is refused."""
+"""Version of the format of policy.json; one of another schema is refused."""
 MOST_BYTES = 100_000_000
 """Limit of a policy's file. Chosen: 2,500 times those of the shipped policies (40 kB), and it fits in memory."""
 _MOST_LAYERS = 100  # chosen: far more than a policy needs
@@ -45,8 +45,8 @@ class PolicyFileError(ValueError):
 def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
     """Actions, shape (n, 3), without sensing for robots that stop or head home: they pass no new ground.
 
-    Speed, sensing and mode are sampled independently: without this, exploring a stop would consume sensing energy for
-    nothing, and stops would be learned to be bad.
+    Speed, sensing and mode are sampled independently. Without this, exploring a stop would waste sensing energy, and
+    training would learn to avoid stops.
     """
     return silenced(actions, modes(actions) != GO)
 

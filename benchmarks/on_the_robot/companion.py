@@ -71,7 +71,7 @@ class Advised(Policy):
 
 @final
 class AdvisedByGauge(Policy):
-    """`Advised` by a state of charge in whole per cents that lags, of which its companion is not told.
+    """`Advised` by a state of charge in whole per cents that lags, which the companion's settings do not include.
 
     Args:
         known: Constants of the environment.

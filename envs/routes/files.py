@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.routes import rules
-from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, LIMITS, MOST_ROUTE_BYTES, OF_THE_DAY, Route, RouteError
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, LIMITS, MOST_ROUTE_BYTES, WHOLE_ROUTE, Route, RouteError
 from homeward.envs.state import MAX_PLACES
 from homeward.files import STANDARD_INPUT, read_text
 
@@ -189,5 +189,5 @@ def _cut(path: Any, columns: dict[str, NDArray[np.float64]], place_m: float) -> 
                 f"{path}: elevation_m changes by {rise[steepest]:g} m in {length:g} m of way, which is too steep; feet?"
             )
         grade = np.arcsin(rise / length)
-    day = {name: float(columns[name][0]) for name in OF_THE_DAY if name in columns}
-    return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **day)
+    shared = {name: float(columns[name][0]) for name in WHOLE_ROUTE if name in columns}
+    return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **shared)

@@ -30,7 +30,7 @@ LIMITS: dict[str, tuple[float, float, str]] = {
 """Lowest and highest value of each quantity of a route, and a likely mistake. Chosen: wider than any ground and weather
 that a robot meets, narrow enough to detect another unit."""
 
-OF_THE_DAY = ("temperature_c", "wind_mps", "wind_from_rad")
+WHOLE_ROUTE = ("temperature_c", "wind_mps", "wind_from_rad")
 
 
 class RouteError(ValueError):
@@ -73,13 +73,13 @@ class Route:
                 values = np.asarray(getattr(self, name), dtype=np.float64)
             except (TypeError, ValueError):
                 raise RouteError(f"{name} = {getattr(self, name)!r} is not made of numbers") from None
-            shape = () if name in OF_THE_DAY else (places,)
+            shape = () if name in WHOLE_ROUTE else (places,)
             if values.shape != shape:
                 raise RouteError(f"{name} has shape {values.shape}; give {shape}")
             wrong = ~((values >= low) & (values <= high))
             if wrong.any():
                 raise RouteError(f"{name} = {values[wrong].flat[0]:g} is not in [{low:g}, {high:g}] ({hint})")
-            object.__setattr__(self, name, float(values) if name in OF_THE_DAY else values)
+            object.__setattr__(self, name, float(values) if name in WHOLE_ROUTE else values)
 
     @property
     def length_m(self) -> float:
@@ -94,7 +94,7 @@ class Route:
 
 
 MOST_ROUTE_BYTES = 100_000_000
-"""Of a file of a route or track. Chosen: a million rows of a profile, and it bounds memory."""
+"""Largest size of a file of a route or track, bytes. Chosen: a million rows of a profile, and it bounds memory."""
 KNOTS = 8
 """Pieces of a generated route: grade is linear and curvature constant between knots. Chosen: several hills a route."""
 NEW_PATCH = 0.5

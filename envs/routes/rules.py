@@ -1,4 +1,4 @@
-"""Every threshold of routes and tracks that is a choice, once, with its origin.
+"""Thresholds of routes and tracks that are choices, each defined once and with its origin.
 
 The lengths over which a track is smoothed are beside their code (`homeward.envs.routes.tracks`); the limits of a
 route's quantities are in the table of them (`homeward.envs.routes.route`).
@@ -20,13 +20,14 @@ JUMP_M = 100_000.0
 """Largest distance between neighbouring points, m; chosen: farther than a ground robot drives on a charge."""
 
 SHORTEST_M = 100.0
-"""Shortest track, m: smoothing would leave nothing of a shorter one, of four standard deviations of its Gaussian."""
+"""Shortest track, m: four standard deviations of the smoothing Gaussian, which would leave nothing of a shorter one."""
 
 MISSING_SHARE = 0.2
 """Share of the points that may lack an elevation; chosen: gaps can then be bridged linearly."""
 
 STEEPEST_OF_TRACK = 0.5
-"""Sine of 30 degrees, to which slopes are limited; chosen: the steepest streets have 19 (Baldwin Street, Dunedin)."""
+"""Sine of 30 degrees, to which slopes are limited; chosen: the steepest streets have 19 degrees (Baldwin
+Street, Dunedin)."""
 
 CAPPED_SHARE = 0.02
 """Largest share of limited slopes; chosen: with more limited slopes the heights are wrong."""
@@ -37,5 +38,4 @@ LEAST_RISE_M = 2.0
 """Least rise, m; smaller ones are noise; chosen on two tracks of known ascent, see docs/results.md."""
 
 NOISE_DEVIATIONS = 3.0
-"""Least rise in standard deviations of the noise that remains: of normal noise one in several
-hundred exceeds it."""
+"""Least rise in standard deviations of the noise that remains: of normal noise one in several hundred exceeds it."""

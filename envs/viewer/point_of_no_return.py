@@ -39,7 +39,7 @@ class PointOfNoReturn:
     def no_return_m(self, m: Any, places: NDArray[np.void], margin_j: float) -> float | None:
         """Furthest point from which the robot, driving on and turning there, still gets home.
 
-        Behind the robot, where it should have turned, if the energy is not enough any more.
+        If the energy no longer suffices, this is a point behind the robot, where it should have turned.
 
         Args:
             m: Mission record.
@@ -77,7 +77,7 @@ class PointOfNoReturn:
         return max(margin_j, 0.0) / lap_j
 
     def is_patrol(self) -> bool:
-        """Whether the mission goes to and fro, so that there is no point of no return."""
+        """Whether the mission is a patrol, which shuttles and has no point of no return."""
         return bool(self._known.shared[0]["mission"] == PATROL)
 
     def _known_sines(self, m: Any, places: NDArray[np.void]) -> NDArray[np.float64]:

@@ -148,7 +148,7 @@ class Companion:
         self._window = Window()
         self._moved_home: Position | None = None
         self._other_way: tuple[RouteLike, float] | None = None
-        self._turned, self._charged, self._untold, self._stands = False, False, 0, 0
+        self._turned, self._charged, self._mismatched, self._stands = False, False, 0, 0
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
         self._advice: Advice | None = None
         self._action: Action | None = None
@@ -303,8 +303,8 @@ class Companion:
     def _check_charge(self, soc: float) -> None:
         """Warn if the state of charge is far from the energy drawn; a lower reading is accepted, which is safe."""
         above = soc - self._estimator.soc
-        self._untold = self._untold + 1 if abs(above) > rules.UNTOLD else 0
-        if self._untold < rules.UNTOLD_WINDOWS:
+        self._mismatched = self._mismatched + 1 if abs(above) > rules.SOC_MISMATCH else 0
+        if self._mismatched < rules.SOC_MISMATCH_WINDOWS:
             return
         kind = "the state of charge reads"
         text = f"{kind} {abs(above):.0%} {'more' if above > 0.0 else 'less'} than the energy drawn implies"
@@ -313,7 +313,7 @@ class Companion:
             return
         self._readings.say(f"{text}: another battery? Estimates of the old one are dropped", kind)
         self._estimator.recharge(soc)
-        self._untold = 0
+        self._mismatched = 0
 
     def _check_speed(self, window: Window) -> None:
         """Warn if the robot stands by its speed and drives by its power; which is wrong cannot be known."""

@@ -1,4 +1,4 @@
-"""Every threshold of the companion that is a choice, once, with its origin.
+"""Thresholds of the companion that are choices, each defined once and with its origin.
 
 Steps and places of the estimator, the points of the trail, weights in running means and bounds on memory decide nothing
 by themselves and stand beside their code. Limits that other packages have too are in `homeward.rules`.
@@ -22,10 +22,10 @@ end of the 1 to 5 % of calibrated odometry (Borenstein & Feng, 1996)."""
 OFF_ROUTE_M = 50.0
 """Distance from the route, m, above which it is reported. Chosen: ten times the error of a position."""
 
-UNTOLD, UNTOLD_WINDOWS = 0.1, 3
-"""Difference of the state-of-charge reading from the energy drawn, and windows in a row with it, for another battery or
-a reading that is stuck: monitors that measure voltage are off by some per cent. Chosen: above
-that, and more than a single window."""
+SOC_MISMATCH, SOC_MISMATCH_WINDOWS = 0.1, 3
+"""Difference of the state-of-charge reading from the energy drawn, and windows in a row with it, that indicate another
+battery or a reading that is stuck. Monitors that measure voltage are off by some per cent. Chosen: above that, and more
+than a single window."""
 
 STANDS_WINDOWS, DRIVES = 3, 0.5
 """Windows in a row with a speed of 0 and driving power before a warning, and the share of the power of driving at
@@ -39,7 +39,8 @@ the three numbers that are fitted, and the energy of six windows at cruise."""
 # --- Arguments: what is allowed ---------------------------------------------------------------------------------------
 
 RISKS = 1e-6, 0.5
-"""Lowest and highest accepted risk of not getting home. Chosen: far below what can be tested, and a coin."""
+"""Lowest and highest accepted risk of not getting home. Chosen: far below what can be tested, and an even
+chance."""
 
 MOST_CUTOFF = 1.2
 """Ratio of cut-off to nominal voltage that no battery exceeds. Chosen: a cell's charged voltage is at most 1.17 times
@@ -100,7 +101,8 @@ LATE = 3
 """Readings in a row from before the last one until the clock is assumed to be set back. Chosen: fewer may be late."""
 
 STAYS_S = 60.0
-"""Time, s, for which a warning is shown, and for which motion may be missing at the start. Chosen: can be read."""
+"""Time, s, for which a warning is shown, and for which motion may be missing at the start. Chosen: long enough to
+be read."""
 
 # --- Windows: what their readings are used for ------------------------------------------------------------------------
 
@@ -108,7 +110,8 @@ COVERED = 0.5
 """Share of the time for which power must have been read; otherwise the model predicts it. Chosen: a majority."""
 
 UNREAD = 0.3
-"""Relative standard deviation of the mean power in the time without a reading. Chosen: stops and bends."""
+"""Relative standard deviation of the mean power in the time without a reading. Chosen: as it varies with
+stops and bends."""
 
 STRAIGHT = 0.15
 """Relative difference allowed between the change of the way home and the way driven, for a way straight out or back.
@@ -116,8 +119,8 @@ Chosen: cos(32 degrees), and above the errors of speed and position of a short w
 
 OFTEN = 0.2
 """Distance, in places, over which a slope reading may stand for the way since the last reading. A window's single
-reading may be of the other direction of travel, if the robot has just turned. Used for the whole way, it turns 60
-missions of benchmarks/on_the_robot/companion.py home at 82 % of the shield's distance, not 96 %."""
+reading may be of the other direction of travel, if the robot has just turned. If it is used for the whole way, 60
+missions of benchmarks/on_the_robot/companion.py turn home at 82 % of the shield's distance, not at 96 %."""
 
 NO_SLOPE_SD = 0.04
 """Standard deviation of a slope's sine that is not read: that of generated routes."""
@@ -132,8 +135,8 @@ LEAST_MODEL_ERROR = estimation_rules.MODEL_ERRORS[0]
 nothing is hidden."""
 
 BETWEEN_RUNS = 0.1
-"""Relative standard deviation of the energy between runs for a file that does not know it. Chosen: files from several
-runs of rovers, batteries, a car and a Husky say 0.001 to 0.9, and 0.07 in the median
+"""Relative standard deviation of the energy between runs for a file that does not state it. Chosen: files from several
+runs of rovers, batteries, a car and a Husky state 0.001 to 0.9, and 0.07 in the median
 (benchmarks/on_the_robot/range_coverage.py, seed 0)."""
 
 LEAST_CAPACITY_SD = 1e-3

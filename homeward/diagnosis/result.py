@@ -9,7 +9,7 @@ from types import UnionType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 SCHEMA = 2
-"""Of the format of diagnosis.json; a file of another one is refused."""
+"""Version of the format of diagnosis.json; a file of another one is refused."""
 
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
 VERDICTS = get_args(Verdict)
@@ -18,7 +18,7 @@ Together = Literal["product", "ratio", "mean power"]
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """A recording that the verdict rests on."""
+    """A recording that the verdict is based on."""
 
     path: str
     sha256: str

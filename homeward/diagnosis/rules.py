@@ -1,4 +1,4 @@
-"""Every threshold of the diagnosis that is a choice, once, with its origin.
+"""Thresholds of the diagnosis that are choices, each defined once and with its origin.
 
 Iterations, steps, grids of a search and bounds on time and memory decide nothing by themselves and stand beside their
 code. A gain is the share of a squared held-out error that a model explains. A schedule is an effect whose size is
@@ -14,7 +14,7 @@ time, effects identified by a channel, schedules, and the voltage, state of char
 so that all together stay near the 3 % that the project allows on controls (benchmarks/concealed)."""
 
 PLACEBOS = 19
-"""Searches of the placebo test of a formula, on channels shifted in time: to score higher than all has p = 0.05."""
+"""Searches of the placebo test of a formula, on channels shifted in time: the highest score of all has p = 0.05."""
 
 FEWEST_BLOCKS = 16
 """Least number of independent blocks: fewer have too few patterns of signs for a bootstrap test at this level."""
@@ -23,24 +23,24 @@ NORMAL_95 = 1.96
 """Standard errors of half a 95 % interval: the 0.975 quantile of the normal distribution."""
 
 SIGNIFICANT = 0.05
-"""Significance level of what is tested one by one, as of the 95 % intervals that are reported."""
+"""Significance level of tests that stand alone, as of the reported 95 % intervals."""
 
 CLEAR = 2.0
-"""Standard errors by which two values differ: NORMAL_95 in round numbers. At two, one window in 20 of straight driving
-passes as a turn, and few gentle turns are missed. Also of speed at rest, a capacity that grows between two runs (of
-both errors), and the scale of a meter."""
+"""Standard errors beyond which two values differ: NORMAL_95, rounded. At two, one window in 20 of straight driving
+counts as a turn, and few gentle turns are missed. Also used for the speed at rest, a capacity that grows between two
+runs (with the errors of both), and the scale of a meter."""
 
 FEWEST_RUNS = 3
-"""Runs from which whole runs are held out: of two, a fit would rest on one."""
+"""Number of runs from which whole runs are held out. Of two runs, a fit would rest on one."""
 
 SHORTEST_BLOCK, CORRELATION_TIMES = 10, 3.0
 """Least windows and correlation times of a block that counts as independent. Five seconds are longer than starts and
 stops; where correlation falls exponentially, sums of blocks of n times correlate by 1 / (4 n - 2), a tenth."""
 
 LONGEST_LAG, UNCORRELATED, MOST_CORRELATED = 400, 0.05, 0.9
-"""Windows and correlation at which the sum of an autocorrelation time ends: over 200 seconds correlation is drift, and
-0.05 is the standard error of an estimate from 400 windows, 1 / sqrt(n). Largest autocorrelation r of
-noise (chosen: above it is drift): of its correlation time, (1 + r) / (1 - r) = 19, an error of 0.05 in r makes half."""
+"""Lag in windows, and correlation, at which the sum of an autocorrelation time ends. Over 200 seconds correlation is
+drift, and 0.05 is the standard error of an estimate from 400 windows, 1 / sqrt(n). Largest autocorrelation r of noise
+(chosen: above it is drift): an error of 0.05 in r changes the correlation time, (1 + r) / (1 - r) = 19, by half."""
 
 FEWEST_BLOCKS_A_BIN, FEWEST_A_BIN = 5, 8
 """Blocks and windows of a bin of a channel's values that is tested: four blocks or fewer have at most 16 patterns of
@@ -49,9 +49,9 @@ signs, and the mean of eight windows is known to a third of the noise, 1 / sqrt(
 # --- Effect size: what may be named -----------------------------------------------------------------------------------
 
 SMALLEST_GAIN = 0.05
-"""Least share of the refit's held-out squared error that a dependence on a channel, a replay with an effect, a schedule
-beside other effects, or an effect in another channel than power must explain, and by which a refit must lower that of
-the robot file. Chosen: a smaller share lowers the held-out RMSE by less than 3 % (1 - sqrt(0.95))."""
+"""Least share of the refit's held-out squared error that must be explained by a dependence on a channel, a replay with
+an effect, a schedule beside other effects, or an effect in another channel than power. A refit must lower the error of
+the robot file by as much. Chosen: a smaller share lowers the held-out RMSE by less than 3 % (1 - sqrt(0.95))."""
 
 SMALLEST_GAIN_TO_NAME = 0.1
 """Least share of the residual's squared error that a named effect must explain: less may come from a misspecified form
@@ -78,9 +78,9 @@ MOST_EFFECTS = 3
 """Most effects named in one diagnosis. Chosen: the residual holds too few windows to identify more."""
 
 MATERIAL_SHARE = 0.03
-"""Least share of what was recorded that a group must contribute, at its fitted value or that of the robot file, to be
-fitted beside effects; that must be lost in a battery for the loss to be named; and that the residual must be for its
-dependence on motion to count as unknown physics. Chosen: six standard errors of a meter's scale (GAIN_ERROR)."""
+"""Least share of what was recorded. A parameter group must contribute it, at its fitted or assumed value, to be
+fitted beside effects. A battery must lose it for the loss to be named. The residual must reach it for its dependence on
+motion to count as unknown physics. Chosen: six standard errors of a meter's scale (GAIN_ERROR)."""
 
 # --- Model comparison: which explanation is preferred -----------------------------------------------------------------
 
@@ -91,24 +91,25 @@ named. Chosen on seeds 2 and 3 of benchmarks/concealed: wrong effects explain 0.
 0.88 or more. The history of a drive is confounded with time, so that a lower ratio does not refute a schedule."""
 
 OF_MOTION = 0.5
-"""Ratio of the gain of trees on the motion, on held-out runs, to that of a schedule, from which motion causes it: 0.65
-and more where speed or load switches something at once, 0.3 to 0.7 for fans that follow the heat, 0.12 at most for
-loads that a clock switches (seeds 311 to 313 of benchmarks/concealed)."""
+"""Ratio, on held-out runs, of the gain of trees on the motion to that of a schedule, from which motion counts as the
+cause. It is 0.65 and more where speed or load switches something at once, 0.3 to 0.7 for fans that follow the heat, and
+0.12 at most for loads that a clock switches (seeds 311 to 313 of benchmarks/concealed)."""
 
 SIMPLER = 0.7
-"""Ratio of two gains from which a simpler model is preferred though it explains less: an effect that a channel
-identifies, or all without a schedule, against a schedule, which fits any intermittent cause (chosen on synthetic
-drives); and the first effect alone against trees, as it need not be all that is missing (chosen as EQUIVALENT)."""
+"""Ratio of two gains from which a simpler model is preferred though it explains less. Effects that channels show are
+simpler than a schedule, which fits any intermittent cause (chosen on synthetic drives). The first effect alone is
+simpler than trees: it need not be all that is missing (chosen as EQUIVALENT)."""
 
 HALF = 0.5
-"""A majority: of samples (without motion or power, these are logged in rows of their own; with the charge of the one
-before, it is shown in steps), of a window, of a way or its places, of the largest of several."""
+"""A majority: of samples, of a window, of a way or its places, or of the largest of several values. If most samples
+lack motion or power, these are logged in rows of their own. If most repeat the charge of the one before, it is shown in
+steps."""
 
 BY_MOTION = 0.5
 """Share of the residual that trees on the motion explain, from which the refit has not absorbed what is missing."""
 
 BY_NAMED = 0.5
-"""Least share of the residual that named effects explain, where theirs is autocorrelated and above the noise."""
+"""Least share of the residual that named effects must explain, if what they leave is correlated and above noise."""
 
 OF_TREES = 0.5
 """Least ratio of the gain of named effects to that of trees within the runs, where on other runs trees are not clearly
@@ -124,7 +125,7 @@ on seed 305 of benchmarks/concealed, where they explain nothing of true schedule
 RARE_CHANGES = 4
 """Most change points, in all recordings, of an effect that rarely changes (on and off twice): ground of places that are
 revisited (showers), and effects that change at atypical moments. Chosen on seeds 305 and 306 of benchmarks/concealed:
-causes outside the catalogue that such effects were named for changed 6 to 43 times, showers at most 3."""
+causes outside the catalogue for which such effects were named changed 6 to 43 times, showers at most 3."""
 
 FEWEST_SWITCHES, RUNS_WITH_SWITCH = 6, 3
 """Fewest change points within runs of an intermittent load (on and off three times, so that there are two periods), or
@@ -140,18 +141,18 @@ COST_OF_A_CHANGE = 3
 """Parameters that an estimated change point counts for in BIC (Zhang & Siegmund, 2007)."""
 
 SAME_SCHEDULE, SMALLEST_LEVEL_GAIN = 0.02, 0.1
-"""Share of windows in which two schedules may differ and count as the same: half or twice changes no test of schedules
-(tests/diagnosis/explain: change_points, proof, explanation). Share that a further level of a schedule must add to the
-squared error that its levels so far explain: with half of it a load that switches over a drift is given more than two
-levels (test_proof); twice changes no test of these."""
+"""Share of windows in which two schedules may differ and count as the same: half or twice of it changes no test of
+schedules (tests/diagnosis/explain: change_points, proof, explanation). Share that a further level of a schedule must
+add to the squared error that its levels so far explain: with half of it a load that switches over a drift is given more
+than two levels (test_proof); twice changes no test of these."""
 
 STOPS_MPS = 0.05
 """Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.rules`, as a
 short stop leaves no window without motion."""
 
 CLEARLY_APART = 4.0
-"""Distance of two separate levels, in standard deviations of the residual: half-way between them a window of one
-lies on the side of the other with p = 0.02, the normal tail beyond two."""
+"""Distance of two separate levels, in standard deviations of the residual: a window of one level lies beyond
+half-way to the other with p = 0.02, the normal tail beyond two."""
 
 CUSUM_CUTS = 4.0
 """Squared studentised CUSUM from which a run is cut at a change point: two standard errors."""
@@ -227,10 +228,10 @@ GAUGE_ERROR = 0.05
 current sensor without calibration is off in heat and cold (Allegro ACS712 data sheet)."""
 
 INFORMATION_GAIN = 0.1
-"""Rise of the log-determinant of Fisher information from which a drive is advised: a tenth is 5 % off one interval."""
+"""Rise of the log-determinant of Fisher information from which a drive is advised: 0.1 narrows an interval by 5 %."""
 
 SEPARATING_GAIN = 0.6931471805599453
-"""The same from which a drive separates effects: log 2, as the variance of what is least known is then halved."""
+"""The same, from which a drive distinguishes effects: log 2 halves the variance of what is least known."""
 
 # --- Runs: what can be used ----------------------------------------------------------------------------------------
 
@@ -276,10 +277,10 @@ UNCLEAR = 0.05
 """Share of noise in the variance of slopes, up to which slopes met again are recognised: a reliability of 0.95."""
 
 SHARP, AS_FAR, REVERSED = 0.9, 0.1, 0.35
-"""Fall of the distance from base on both sides of a turn over the way driven, from which it is one: no corner of a loop
-is as acute. Else shares of a variance by which distances before and after it, and slopes before and, reversed, after it
-may differ. Chosen on 40 drives of seed 301 of benchmarks/concealed: turns have 0.06 and 0.28 at most, and no loop is
-below both."""
+"""Conditions for a turn of the way. Either the distance from base falls on both sides of it by the first share of the
+way driven: no corner of a loop is as acute. Or distances before and after it, and slopes before and (reversed) after
+it, differ by no more than the second and third share of their variance. Chosen on 40 drives of seed 301 of
+benchmarks/concealed: turns have 0.06 and 0.28 at most, and no loop is below both."""
 
 STEEPEST, FEWEST_HEIGHTS = 1.0, 8
 """Largest slope, rise over run: no ground robot climbs it. Fewest heights to estimate a level, a slope and their
@@ -321,7 +322,7 @@ MOST_SPIKES = 0.005
 """Largest share of samples that are spikes: more are part of the robot's load. Chosen."""
 
 MOST_SILENT = 0.05
-"""Share of the samples: a meter that reads zero more often while driving does so at any low load. Chosen."""
+"""Largest share of samples while driving in which a meter reads zero: with more it does so at any low load. Chosen."""
 
 CHARGES_S = 5.0
 """Power that flows back at standstill for longer comes from a charger: a capacitor lasts less. Chosen."""
@@ -331,8 +332,8 @@ ZERO_ERROR = 0.05
 typical: Allegro ACS712 data sheet), so that less is no charging."""
 
 HELD, JITTER = 0.95, 0.34
-"""Share of a channel's changes that come at even distances where the channel is held, and the share of a period that
-they may be off, one sample in three: with noise, repeats are chance. Chosen."""
+"""Least share of a channel's changes that come at even distances if the channel is held, and the share of a period by
+which they may be off, one sample in three. With noise, repeats are chance. Chosen."""
 
 HELD_SMOOTH = 0.5
 """Least lag-one autocorrelation of held values for interpolating between them: of independent values a straight line

@@ -1,4 +1,4 @@
-"""Every threshold and tuned number of the estimator that is a choice, once, with its origin.
+"""Thresholds and tuned numbers of the estimator that are choices, each defined once and with its origin.
 
 The prior is an options class (`homeward.estimation.prior`). The grid of hypotheses, iterations and the tolerance of a
 search decide nothing by themselves and stand beside their code.
@@ -11,14 +11,14 @@ DEGREES = 7.0
 1e-6."""
 
 LEAST_LOG_WEIGHT = -14.0
-"""Lower limit of the logarithm of a hypothesis' weight: one in a million, as a hypothesis may recover if ground and
-wind differ from those assumed."""
+"""Lower limit of the logarithm of a hypothesis' weight: one in a million, so that a hypothesis can recover if ground
+and wind differ from those assumed."""
 
 OUTLIER = 1e-3
 """Probability that a reading of power is an outlier; chosen: none or one of the readings of a mission."""
 
 LEAST_CHANCE = OUTLIER
-"""Least probability that a robot which coasts does so: a slope may have been misread; chosen as OUTLIER."""
+"""Least probability of coasting for a robot that seems to coast: a slope may have been misread; chosen as OUTLIER."""
 
 LEAST_SKEWNESS = 1e-3
 """Skewness below which a distribution counts as normal; chosen: moves no quantile by 0.01 deviations."""
@@ -36,9 +36,9 @@ ten times that of the belief rule (MISSED in `homeward.agents.thresholds`), as o
 # --- Wind and ground --------------------------------------------------------------------------------------------------
 
 TEMPER = 0.5
-"""Power of the likelihood in the weights: errors are correlated, but the filter assumes independence. With 1 the margin
-is below its 1e-3 quantile twice as often, with 0.35 the quantile is lower. Chosen by trial, like the next two, on seeds
-1, 3 and 5 of tests/estimation/world.py."""
+"""Exponent of the likelihood in the weights of hypotheses: errors are correlated, but the filter assumes independence.
+With 1 the margin is below its 1e-3 quantile twice as often, with 0.35 the quantile is lower. Chosen by trial, like the
+next two, on seeds 1, 3 and 5 of tests/estimation/world.py."""
 
 ADAPT = 0.15
 """Change of the logarithm of the gusts' correlation time for a squared error that is 1 above its expectation. Chosen as
@@ -49,18 +49,18 @@ UNEVEN = 0.3
 TEMPER."""
 
 COASTS = 0.01
-"""Energy over that of rolling on level ground below which the robot coasted; chosen: above rounding."""
+"""Ratio of the energy to that of rolling on level ground, below which the robot coasted; chosen: above rounding."""
 
 SURELY_CONSUMES = 0.7
-"""Energy of a stretch, of that of rolling, above which it surely consumes some: five prior deviations (0.144) to no
-energy."""
+"""Ratio of the energy of a stretch to that of rolling, above which the stretch surely consumes energy: five prior
+deviations (0.144) from none."""
 
 LEAST_ROLLING = 0.1
-"""Least rolling resistance over the file's, wherever it is noted for the way home; chosen: positive."""
+"""Least ratio of the rolling resistance to the file's, as stored for the way home; chosen: positive."""
 
 STOOD = 1.05
-"""Ratio of the speed while it moved to the way over the time, above which the robot stood for a part of the time.
-Chosen: 5 % and more."""
+"""Ratio of the speed while moving to the mean speed, the way over the time, above which the robot stood for a part of
+the time. Chosen: 5 % and more."""
 
 # --- State of charge --------------------------------------------------------------------------------------------------
 
@@ -87,4 +87,5 @@ first one: of 10 to 50 by trial on OutAndBack. Each lowers the planner's score b
 its missions strand in winds that the forecast lacks, with them 1.1 % (docs/results.md)."""
 
 EXCITATION_FAR = 1.5
-"""Distance from home, in decisions at cruise, from which it is useful. Chosen: nearer, the robot is about home."""
+"""Distance from home, in decisions at cruise, from which an excitation step is useful. Chosen: nearer, the robot is
+almost home."""

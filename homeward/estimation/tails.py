@@ -1,6 +1,6 @@
 """Tails of estimates: heavier than those of the filter's normal distributions.
 
-The filter is overconfident in the tails: margins are below its 0.1 % quantile in up to seven of a thousand missions
+The filter is overconfident in the tails: margins are below its 0.1 % quantile in up to 19 of a thousand missions
 (docs/results.md). Probabilities are therefore those of Student's t at the same number of standard deviations: a risk
 of one in a thousand corresponds to the normal quantile at one in a million, to which the shield was tuned.
 """

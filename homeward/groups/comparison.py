@@ -23,7 +23,7 @@ from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
 
 SCHEMA = 1
-"""Of the format of the comparison as JSON."""
+"""Version of the format of the comparison as JSON."""
 
 _MOST_SHOWN = 4  # differences in the summary; chosen: two sentences
 

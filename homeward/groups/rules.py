@@ -1,4 +1,4 @@
-"""Every threshold of comparing groups that is a choice, once, with its origin; others are those of the diagnosis."""
+"""Thresholds of comparing groups that are choices, each defined once and with its origin; others: the diagnosis."""
 
 from homeward.diagnosis.rules import SIGNIFICANT
 
@@ -12,12 +12,13 @@ UPPER_95 = 1.0 - 0.5 * SIGNIFICANT
 beyond it."""
 
 SMALLEST_SPREAD = 1e-6
-"""Least spread between runs, of the largest value; chosen: a smaller spread is rounding."""
+"""Least spread between runs, as a share of the largest value; chosen: a smaller spread is rounding."""
 
 # --- Driving: which parameters of a run count -------------------------------------------------------------------------
 
 OWN_SHARE = 0.01
-"""Share of a column orthogonal to the others in a run, or it is confounded: ten times the error."""
+"""Least share of a column that is orthogonal to the others in a run; with less it is confounded: ten times the
+error."""
 
 TOO_UNCERTAIN = 0.5
 """Largest standard error of a run's value, over that of all runs or a plausible change. Chosen: half or twice changes
@@ -30,7 +31,8 @@ STANDSTILL_RADPS = 0.02
 
 STEADY = 0.2
 """Standard deviation of window means over their mean, up to which a load is that of a standing robot. Twelve runs of
-ase_rover at rest have 0.02 to 0.04 and drives of husky_borealtc 0.5 to 0.7: half or twice tell them apart too."""
+ase_rover at rest have 0.02 to 0.04 and drives of husky_borealtc 0.5 to 0.7: half or twice this limit also
+distinguishes them."""
 
 BATCH_TIMES = 8.0
 """Autocorrelation times in a batch: means then hardly correlate. In autoregressive noise (0.5 to 0.97 from window to

@@ -1,4 +1,4 @@
-"""Every threshold of reading recordings that is a choice, once, with its origin.
+"""Thresholds of reading recordings that are choices, each defined once and with its origin.
 
 The limits of each channel are in the schema (`homeward.logs.channels`). Bounds on time and memory, the numbers of
 formats and the lengths of averaging windows decide nothing by themselves and stand beside their code.
@@ -48,7 +48,7 @@ FASTEST_SAMPLE_HZ = 1e6
 
 INCREASING_SHARE, EARLIEST_S = 0.99, -1.0
 """Least share of steps that do not go back in a column that may be the time, and its least first value, s. Chosen: a
-clock may be set back once in a while, and times count from a start, beside rounding."""
+clock may occasionally be set back, and times count from a start, up to rounding."""
 
 SLOW_STEP_S, EPOCH_COUNT = 2.0, 1e11
 """Median step, s, up to which a column without a unit looks like seconds, and first value from which it looks like a
@@ -58,8 +58,8 @@ count since 1970 in ms to ns: between 1990 in ms (6.3e11) and 2099 in s (4.1e9).
 # --- Units ------------------------------------------------------------------------------------------------------------
 
 UNIT_LOG_RATIO = 0.12
-"""Largest logarithm of the ratio of two channels over that of a wrong unit, to be that unit; chosen: instruments agree
-within 12 %."""
+"""Largest difference between the logarithms of the ratio of two channels and of a wrong unit's factor, for that unit to
+be the cause; chosen: instruments agree within 12 %."""
 
 HEADING_JUMP = 180.0
 """A heading that changes by more from sample to sample, in its own unit, is in degrees that wrap: in rad it would have
@@ -101,7 +101,8 @@ PLANAR = 1e-4
 own unit, other channels of a network count as zero too, which means not measured."""
 
 UNIT_LENGTH_ERROR = 0.05
-"""How far from 1 the length of a quaternion may be; chosen: one of zeros is none, a rounded one is."""
+"""How far from 1 the length of a quaternion may be; chosen: one of zeros is no rotation, a rounded one
+is."""
 
 ORIENTED_SHARE = 0.5
 """Least share of samples with an orientation for a grade from it. Chosen: a majority."""

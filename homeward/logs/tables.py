@@ -20,9 +20,9 @@ from homeward.logs import rules
 from homeward.logs.columns import RecordingError
 
 MOST_ROWS = 10_000_000
-"""Rows of a recording: 27 hours at 100 Hz. Chosen: bounds memory to some GB."""
+"""Most rows of a recording: 27 hours at 100 Hz. Chosen: bounds memory to some GB."""
 MOST_BYTES = 2**30
-"""Bytes of a recording, unpacked: as many rows of 100 characters."""
+"""Most bytes of a recording, unpacked: that many rows of 100 characters."""
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".txt")
 """Endings of their names."""

@@ -1,4 +1,4 @@
-"""Every threshold of the physics that is a choice, once, with its origin.
+"""Thresholds of the physics that are choices, each defined once and with its origin.
 
 The bounds of a robot's parameters are beside each parameter, in `homeward.physics.robot` and in the file of each
 effect, and so are the limits of an effect's equation. Grids and steps decide nothing by themselves and stand beside
@@ -21,10 +21,11 @@ PLAUSIBLE: Mapping[str, tuple[float, float, str]] = MappingProxyType({
     "track_m": (0.0, 5.0, "m"),
     "traction_n_per_a": (0.0, 5000.0, "N/A"),
 })  # fmt: skip
-"""Lowest and highest of ground robots and road vehicles, and the unit."""
+"""Lowest and highest value of ground robots and road vehicles, and the unit."""
 
 LEAST_J_PER_KG, MOST_J_PER_KG = 250.0, 3e6
-"""Rated energy over mass, J/kg: below, a charge does not lift the robot by 25 m; above, it exceeds that of a cell."""
+"""Rated energy over mass, J/kg: below, a charge does not lift the robot by 25 m; above, it exceeds that of a
+battery cell."""
 
 MOST_ANCILLARY_W = 20_000.0
 """Largest ancillary power at rest, W, of all parts together; chosen: 300 times the highest of the presets (60 W)."""
@@ -39,5 +40,5 @@ MOST_ERROR, MOST_LAG_S = 0.5, 3600.0
 contains no information."""
 
 LONGEST_MEMORY_S = 1e6
-"""Time, s, after which a robot that consumes nothing never runs empty: ten of the slowest time constants that an effect
-can have."""
+"""Time, s, after which a robot that has consumed nothing counts as never running empty: ten of the slowest time
+constants that an effect can have."""

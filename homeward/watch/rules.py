@@ -1,4 +1,4 @@
-"""Every threshold of watching recordings and networks that is a choice, once, with its origin.
+"""Thresholds of watching recordings and networks that are choices, each defined once and with its origin.
 
 Sizes of buffers, periods of drawing, saving and publishing, and the cutting of a recording into windows decide nothing
 by themselves and stand beside their code.
@@ -9,12 +9,12 @@ from homeward.companion import rules as companion_rules
 # --- Recordings: predictions and their quality ------------------------------------------------------------------------
 
 CALIBRATED = 0.8, 0.97
-"""Coverage of the 90 % interval that counts as right. Chosen: moments of a run are correlated, so that few are
-independent."""
+"""Lowest and highest coverage of the 90 % interval that count as right. Chosen: moments of a run are correlated, so
+that few are independent."""
 
 BETWEEN_RUNS = 0.3
-"""Relative standard deviation of the charge between runs of a file that does not know it. Chosen: as of the Husky's
-runs on one ground, for which diagnoses of half of them say 0.12 to 0.9, and 0.28 in the median."""
+"""Relative standard deviation of the charge between runs for a file that does not state it. Chosen: as of the
+Husky's runs on one ground, for which diagnoses of half of them state 0.12 to 0.9, and 0.28 in the median."""
 
 LEAST_WAY_M = 1e-3
 """Least way left, m; chosen: at the end a millimetre counts as none."""
@@ -22,8 +22,8 @@ LEAST_WAY_M = 1e-3
 # --- Networks: charge, position and time ------------------------------------------------------------------------------
 
 CHARGED = 0.1
-"""Rise of the state of charge for a charge: monitors that measure voltage rise by some per cent when the robot
-stops. Chosen: above those."""
+"""Rise of the state of charge from which the battery was charged or swapped: monitors that measure voltage rise by some
+per cent when the robot stops. Chosen: above those."""
 
 SOC_STEP = 0.015
 """Fall of the state of charge after which a charge is over: more than a step of most monitors, which show whole per
@@ -36,7 +36,7 @@ TOP_SPEEDS = companion_rules.TOP_SPEEDS
 """Multiple of the top speed that a robot may have had meanwhile; chosen: as for speeds that are read."""
 
 JUMP_S = 2.0
-"""Allowed difference of a stamp from the time passed since the last one, s: chosen: more than a message is late."""
+"""Allowed difference of a stamp from the time passed since the last one, s. Chosen: messages are late by less."""
 
 BEHIND_S = 1.0
 """Delay of the clock without messages, s, so that the next message is not late. Chosen: below JUMP_S."""

@@ -22,5 +22,5 @@ def test_numbers_that_are_derived_are_what_is_derived() -> None:
 def test_limits_of_one_thing_are_in_order() -> None:
     assert rules.RISKS[0] < rules.RISK < rules.RISKS[1]
     assert rules.WINDOWS_S[0] < rules.LEAST_HOLD_S < rules.WINDOWS_S[1]
-    assert rules.SOC_SLACK < rules.UNTOLD
+    assert rules.SOC_SLACK < rules.SOC_MISMATCH
     assert Prior().model_error == rules.LEAST_MODEL_ERROR

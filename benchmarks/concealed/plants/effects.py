@@ -247,7 +247,7 @@ def motor_heating(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     Hughes, Electric Motors and Drives, ch. 2; copper by IEC 60028.
     """
     copper_share = rng.uniform(0.35, 0.55)  # of the motors' power: small ones, near their limit
-    winding_k, case_k = rng.uniform(40.0, 60.0), rng.uniform(25.0, 45.0)  # rise at usual power
+    winding_k, case_k = rng.uniform(40.0, 60.0), rng.uniform(25.0, 45.0)  # rise at typical power
     winding_s, case_s = rng.uniform(40.0, 90.0), rng.uniform(400.0, 900.0)
 
     def change(work: Work, _: Generator) -> None:

@@ -34,7 +34,7 @@ class NoiseLevel:
 NOISES = {
     # INA226 with a good shunt (0.1 % class), 1000-line encoders, a tactical IMU, RTK
     "low": NoiseLevel(0.005, 0.0005, 0.002, 0.001, 0.01, 0.002, 0.005, 0.1, 0.02, 0.0005),
-    # a Hall sensor (1 %) behind a motor's ripple, usual encoders, an industrial MEMS IMU, differential GNSS
+    # a Hall sensor (1 %) behind a motor's ripple, typical encoders, an industrial MEMS IMU, differential GNSS
     "middle": NoiseLevel(0.02, 0.002, 0.007, 0.004, 0.05, 0.01, 0.02, 0.3, 0.2, 0.002),
     # a cheap Hall sensor, few-line encoders, a phone's IMU, plain GNSS with a barometer
     "high": NoiseLevel(0.06, 0.006, 0.02, 0.01, 0.15, 0.03, 0.05, 0.8, 1.0, 0.005),

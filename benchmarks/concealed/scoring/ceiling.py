@@ -1,7 +1,8 @@
-"""What could be named at best: which hidden effects the recordings prove where their exact contribution is known.
+"""Upper limit of what a diagnosis can name: hidden effects that the recordings prove if their exact form is known.
 
-The contribution, the recordings less those without the effect, is one regressor beside the refit and the exact
-contributions of the other effects. It must meet the conditions of a name. No diagnosis has more to go on.
+The exact contribution of an effect is the recordings less those of the same drives without it. It is one regressor
+beside the refit and the exact contributions of the other effects, and must meet the conditions of a name. No diagnosis
+has more evidence.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.logs.recordings import read_recording
 
-_MOST = 10.0  # times the true contribution, as which it may be fitted; chosen: no bound
+_MOST = 10.0  # largest fitted multiple of the true contribution; chosen: so large that it limits nothing
 
 
 def provable(case: Case) -> dict[str, bool]:
-    """Whether the recordings prove each hidden effect, in power or by another channel; empty where nobody knows."""
+    """Whether the recordings prove each hidden effect, in power or in another channel; empty if that is not known."""
     if case.without is None:
         return {}
     runs, *others = (_runs(case, one) for one in (case.recordings, *map(case.without, case.hidden)))

@@ -264,8 +264,7 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
 def _supported(
     bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator, whitened: bool = False
 ) -> Named | None:
-    """A hypothesis with its evidence, if `whitened` by the innovations of its residual, where it passes every test but
-    that of its p-value; otherwise None."""
+    """A hypothesis with its evidence, if `whitened` by innovations, where it passes every test but of its p-value."""
     share = bench.share(chosen)
     delta_bic = bench.innovations_bic(chosen) if whitened else bench.delta_bic(chosen)
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)

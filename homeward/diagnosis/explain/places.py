@@ -94,7 +94,7 @@ def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
 
 
 def stretches(inside: Mask, runs: Runs, pause_s: float = 0.0) -> Iterator[tuple[int, slice]]:
-    """Run and windows of each stretch; one goes on over pauses that are shorter than this."""
+    """Run and windows of each stretch; a stretch continues over pauses that are shorter than this."""
     for run in range(len(runs.signals)):
         here = np.flatnonzero(inside & (runs.run == run))
         ends = np.flatnonzero((np.diff(here) > 1) & (np.diff(runs.time_s[here]) >= pause_s))

@@ -105,7 +105,7 @@ def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together
 
 
 def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, rng: Generator) -> Range | None:
-    """Range of a robot that goes on driving as it was recorded, m; None of motor current or without driving.
+    """Range of a robot that continues to drive as recorded, m; None for motor current or without driving.
 
     Usable energy over energy per metre: as recorded, and as two robot files, the given one and corrected.toml, predict
     for the same trips, shape (windows,) each. The interval is by bootstrap over runs or, of fewer than three,

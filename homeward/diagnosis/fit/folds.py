@@ -11,9 +11,9 @@ from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index
 
 _MOST_BLOCKS = 2000  # about; chosen: signs of so many in 8,000 draws (residual_test) take 128 MB
-_MOST_FOLDS = 10  # of whole runs; chosen: the usual ten
+_MOST_FOLDS = 10  # of whole runs; chosen: ten, as is common
 FOLDS = 5
-"""Of blocks or stretches, where whole runs are too few or not held out. Chosen: as usual, a fifth is held out."""
+"""Of blocks or stretches, where whole runs are too few or not held out. Chosen: as is common, a fifth is held out."""
 
 
 def correlation_windows(residual: Array, run: Index) -> float:

@@ -17,8 +17,8 @@ _FEWEST_FOR_TREES = 60  # twice the smallest leaf: a split
 _MOST_FOR_TREES = 20_000  # windows; chosen: bounds the time, of more a sample is drawn
 
 _TREES, _RATE = 60, 0.2
-"""Of the boosting, with half of the usual leaves. On the five real sets of docs/results.md 150 trees at half the rate
-predict as well in 2.4 times the time, and a number of trees chosen by inner cross-validation 0 to 5 % worse."""
+"""Trees of the boosting and its learning rate, with half of the usual leaves. On the five real sets of docs/results.md,
+150 at half the rate predict as well in 2.4 times the time, and a number by inner cross-validation 0 to 5 % worse."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """The numbers of topics with their times, on the clock of the message headers.
 
 A header's stamp is the time of measurement, the time of receipt that of recording: later by transport and queues, with
-a variable delay. So stamps of headers are used. A topic without a header, with empty stamps, or with
-stamps of another clock (more than `rules.CLOCKS_DIFFER_S` from the rest) is placed by its time of receipt, less the
-median delay of receipt of the other topics.
+a variable delay. So stamps of headers are used. Some topics have no header, empty stamps, or stamps of
+another clock (more than `rules.CLOCKS_DIFFER_S` from the rest). Their time is that of receipt, less the median delay of
+receipt of the other topics.
 """
 
 from collections.abc import Collection, Mapping

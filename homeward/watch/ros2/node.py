@@ -16,8 +16,8 @@ from homeward.watch.ros2.listener import Listener
 from homeward.watch.ros2.network import Network
 
 PERIOD_S = 0.1
-"""Time over which messages are combined. Chosen: ten updates a second, of 0.3 ms each
-(docs/results.md), take 0.3 % of a core."""
+"""Time over which messages are combined. Chosen: ten updates a second, of 1.5 ms each
+(docs/results.md), take 2 % of a core with the messages."""
 _PUBLISH_S = 1.0
 """Time after which an advice is published again; an important change is published at once. Chosen."""
 

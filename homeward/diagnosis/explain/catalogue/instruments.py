@@ -12,7 +12,7 @@ from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.logs.times import median_step_s
 from homeward.physics.effects import Parameter
 
-_LAGS_S = 0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0  # tried, with both signs; chosen: finest where usual
+_LAGS_S = 0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0  # tried, with both signs; chosen: finest where typical
 _LAG_BOUNDS_S = (-5.0, 5.0)  # of a lag that is fitted; chosen: beyond the longest that is tried
 _FIX_S = 5.0  # between the positions compared; chosen: so much is driven meanwhile that their noise adds little
 
