@@ -7,7 +7,6 @@
 import dataclasses
 import gzip
 import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
+from homeward.files import write_whole
 from homeward.physics import Robot, load_robot, replay
 
 Array = NDArray[np.float64]
@@ -83,4 +83,6 @@ def scrubbing_husky() -> bytes:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_bytes(scrubbing_husky())
+    if len(sys.argv) != 2:
+        sys.exit("python -m homeward.synthetic FILE: give the file to write")
+    write_whole(sys.argv[1], scrubbing_husky())

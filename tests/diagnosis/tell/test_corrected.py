@@ -66,18 +66,24 @@ def met(runs: Runs) -> WithEffects:
     return WithEffects(headwind_mps=winds, roughness=(place_m > np.median(place_m)).astype(float))
 
 
-def recorded(robot: Robot, effect: str, runs: Runs) -> Runs:
-    """What these drives record of the robot with so much of an effect that it adds a tenth to what is drawn."""
+def drawn_w(robot: Robot, effect: str, size: float, runs: Runs) -> np.ndarray:
+    switch = CATALOGUE[effect].entry.switch
+    return predict(runs, dataclasses.replace(robot, effects={effect: {switch.name: size}}), met=met(runs))
+
+
+def a_tenth(robot: Robot, effect: str, runs: Runs) -> float:
+    """Size of an effect that adds a tenth to what is drawn on these drives."""
     switch = CATALOGUE[effect].entry.switch
     little = TINY * switch.high
+    plain = drawn_w(robot, effect, 0.0, runs)
+    size = 0.1 * np.mean(plain) * little / np.mean(np.abs(drawn_w(robot, effect, little, runs) - plain))
+    return min(float(size), 0.9 * switch.high)
 
-    def drawn_w(size: float) -> np.ndarray:
-        return predict(runs, dataclasses.replace(robot, effects={effect: {switch.name: size}}), met=met(runs))
 
-    plain = drawn_w(0.0)
-    size = 0.1 * np.mean(plain) * little / np.mean(np.abs(drawn_w(little) - plain))
-    noise = np.random.default_rng(0).standard_normal(len(plain))
-    return dataclasses.replace(runs, observed=drawn_w(min(float(size), 0.9 * switch.high)) + noise)
+def recorded(robot: Robot, effect: str, runs: Runs) -> Runs:
+    """What these drives record of the robot with an effect of that size."""
+    power_w = drawn_w(robot, effect, a_tenth(robot, effect, runs), runs)
+    return dataclasses.replace(runs, observed=power_w + np.random.default_rng(0).standard_normal(len(power_w)))
 
 
 def joint_fit(robot: Robot, effect: str, runs: Runs) -> Corrected | None:
@@ -106,6 +112,21 @@ def test_the_file_replayed_predicts_what_the_joint_fit_predicts(effect: str, rob
     rms = float(np.sqrt(np.mean(model.predicted**2)))
     assert np.abs(model.contribution[0]).max() > 10.0 * ROUNDING * rms  # it is at work
     np.testing.assert_allclose(replayed(file, content, runs), model.predicted, rtol=0.0, atol=ROUNDING * rms)
+
+
+@pytest.mark.parametrize("effect", [one.id for one in EFFECTS if one.id not in NOT_SAID])
+def test_so_it_does_where_the_given_file_holds_a_part_of_the_effect(effect: str, robot: Robot, runs: Runs) -> None:
+    robot = dataclasses.replace(robot, rolling_resistance=ROLLING.get(effect, robot.rolling_resistance))
+    half = {CATALOGUE[effect].entry.switch.name: 0.5 * a_tenth(robot, effect, runs)}
+    others = {"usual": 0.4} if effect == "surface" else {}
+    runs = recorded(robot, effect, runs)
+    given = dataclasses.replace(robot, effects={effect: {**half, **others}})
+    model = joint_fit(given, effect, runs)
+    assert model is not None
+    content = file_content(model, runs)
+    rms = float(np.sqrt(np.mean(model.predicted**2)))
+    by_file = replayed(written(given, content, runs.unit), content, runs)
+    np.testing.assert_allclose(by_file, model.predicted, rtol=0.0, atol=ROUNDING * rms)
 
 
 def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robot: Robot, runs: Runs) -> None:
