@@ -270,8 +270,9 @@ SAME_ODOMETER = 0.03
 """Odometers that differ by less are taken to agree: tyres wear and are inflated by as much (calibrated odometry is good
 to 1 to 5 %: Borenstein & Feng, 1996)."""
 
-ODOMETER_PARTS = 10
-"""Parts of the way that must agree on the sign of an odometer's error: by chance all do with p = 2^-9."""
+ODOMETER_PARTS = 12
+"""Parts of the way that must agree on the sign of an odometer's error: by chance all do with p = 2^-11, so that one
+wrong run of 20 is significant."""
 
 UNCLEAR = 0.05
 """Share of noise in the variance of slopes, up to which slopes met again are recognised: a reliability of 0.95."""

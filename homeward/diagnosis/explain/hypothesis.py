@@ -327,6 +327,11 @@ class Hypothesis:
         return self.at_wheels or self.entry.kind == "force"
 
     @property
+    def depends_on_force(self) -> bool:
+        """Whether its power depends on that of the drive."""
+        return self.entry.kind in ("force", "drive", "battery")
+
+    @property
     def measurement(self) -> str:
         """The measurement that identifies it where no drive does."""
         return self.check or CHECKS[self.entry.kind].format(name=self.name)

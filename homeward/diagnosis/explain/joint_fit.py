@@ -210,6 +210,21 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     return Corrected(model, values, intervals, p_values, at, jacobian[:, groups:], contribution)
 
 
+def relinearised(term: Term, fit: Refit, beside: Sequence[Term], runs: Runs, block: Index) -> Term | None:
+    """A form of one size with its column and its other numbers from the joint fit; None where that has none of it.
+
+    A fit without the effect may be far from the joint fit. Forces then change sign elsewhere, and the form linearised
+    there explains little.
+    """
+    fitted = fit_model(fit, [*beside, term], runs, block)
+    own = fitted.model.of(len(beside))
+    added, contribution = fitted.values[own[0]] - fitted.model.given[own[0]], fitted.contribution[-1]
+    if term.columns.shape[1] > 1 or added == 0.0 or not contribution.any():
+        return None
+    shape = {fitted.model.unknowns[at].parameter: float(fitted.values[at]) for at in own[1:]}
+    return dataclasses.replace(term, columns=contribution[:, None] / added, shape={**term.shape, **shape})
+
+
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     """The model with the loads of its terms computed at these parameters instead of the refit's."""
     setting, terms = model.setting(runs, theta, values), []

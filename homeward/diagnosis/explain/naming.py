@@ -19,11 +19,12 @@ from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial, relinearised
 from homeward.diagnosis.explain.motion import largest_by_motion
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
+from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.held_out import gain, held_out
 from homeward.diagnosis.fit.refit import Refit, holding
@@ -99,6 +100,7 @@ def name_missing(
         candidates = terms(setting, tuple(one.term.effect for one in named), varying)
         model = corrected or fit
         candidates = not_contradicted(candidates, model.jacobian, setting, block)
+        candidates += _as_jointly_fitted(candidates, model, material, named, setting, block)
         bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, expected_error)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
@@ -118,6 +120,18 @@ def name_missing(
         setting = corrected.model.setting(runs, corrected.theta, corrected.values)
         setting = replace(setting, residual=runs.observed - corrected.predicted)
     return Naming(named, corrected, ranking, absorbed)
+
+
+def _as_jointly_fitted(
+    candidates: Sequence[Term], model: Fitted, fit: Refit, named: Sequence[Named], setting: Setting, block: Index
+) -> list[Term]:
+    """The best steady form of each effect as in its joint fit, which may be far from a model without the effect."""
+    forms = tuple(one for one in candidates if not one.linear and one.hypothesis.depends_on_force)
+    bench = Bench(model, forms, setting.runs, setting.residual, block)
+    best = [index for index in _best_forms(bench, bench.shares) if not np.isclose(bench.shares[index], 0.0)]
+    beside = [one.term for one in named]
+    fitted = (relinearised(forms[index], fit, beside, setting.runs, block) for index in best)
+    return [one for one in fitted if one is not None]
 
 
 def _beside(one: Named, named: Sequence[Named], by_motion: Callable[[], float]) -> bool:
