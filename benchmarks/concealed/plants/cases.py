@@ -40,7 +40,6 @@ VISIBLE_SHARE = 0.03  # of the mean power, which the best refit must miss for an
 class Later:
     """A later drive of the same plant that the diagnosis does not get, with its true energy."""
 
-    kind: str  # "same conditions" or "new route"
     run: Motion
     power_w: Array
 
@@ -270,11 +269,11 @@ def _later(vehicle: Plant, routes: list[Course], mean_c: float, before: int, mec
     physical = [mechanism for mechanism in mechanisms if mechanism.stage != "instrument"]
     new = [_route(vehicle, tuple(m.effect for m in mechanisms), rng) for _ in range(2)]
     later = []
-    for kind, ways in (("same conditions", routes), ("new route", new)):
+    for ways in (routes, new):
         for run in make_drives(vehicle, ways, rng, 2, mean_c, short):
             after = dataclasses.replace(run, index=before + run.index)
             work = rollout(vehicle, after, physical, rng, read_by)
-            later.append(Later(kind, after, work.chemical_w))
+            later.append(Later(after, work.chemical_w))
     return later
 
 

@@ -18,7 +18,8 @@ from benchmarks.concealed.plants.catalogue import replayed_w
 from benchmarks.concealed.plants.effects import EFFECTS
 from benchmarks.concealed.scoring.ceiling import provable
 from homeward.commands import diagnose
-from homeward.diagnosis import RecordingError
+from homeward.diagnosis import Analysis, RecordingError
+from homeward.diagnosis.tell.file_choice import filed
 from homeward.physics import Robot, load_robot
 
 USABLE_ENERGY = "usable energy"
@@ -34,13 +35,9 @@ class Interval(TypedDict):
     off: bool  # whether the robot file is said to be off
 
 
-class LaterError(TypedDict):
-    """Errors of a later drive's energy, %, by model."""
-
-    kind: str
-    nominal_pct: float
-    refit_pct: float
-    corrected_pct: float
+MODELS = ("nominal", "refit", "refit without noise", "corrected")
+"""Robots whose energy is compared over later drives: the file given, the diagnosis's refit, the refit of the same
+recordings without noise, and corrected.toml."""
 
 
 @dataclass
@@ -62,7 +59,7 @@ class Outcome:
     capacity: list[str] = field(default_factory=list)  # alternatives for a wrong usable energy
     provable: dict[str, bool] = field(default_factory=dict)  # where the exact contribution of each is known
     holds: list[str] = field(default_factory=list)  # effects in corrected.toml
-    later: list[LaterError] = field(default_factory=list)
+    later: list[dict[str, float]] = field(default_factory=list)  # error of a drive's energy, %, of each of MODELS
     intervals: list[Interval] = field(default_factory=list)
 
     @property
@@ -97,14 +94,15 @@ def ask(case: Case, folder: Path) -> Outcome:
     args = diagnose.Args(runs=tuple(runs), robot=str(folder / "nominal.toml"), out=folder)
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            diagnose.main(args)
+            analysis = diagnose.main(args)
     except RecordingError as error:
         outcome.verdict, outcome.summary = "refused", str(error)
     except Exception:  # the robot file is valid, so that even a RobotError counts as a crash
         outcome.verdict, outcome.summary = "crash", traceback.format_exc(limit=-3)
     else:
         read_diagnosis(outcome, json.loads((folder / "diagnosis.json").read_text()), case)
-        _read_corrected(outcome, case, folder)
+        assert isinstance(analysis, Analysis)
+        _read_corrected(outcome, case, folder, analysis)
     shutil.rmtree(recordings)
     return outcome
 
@@ -147,16 +145,14 @@ def true_groups(robot: Robot) -> dict[str, float]:
     }
 
 
-def _read_corrected(outcome: Outcome, case: Case, folder: Path) -> None:
-    """Replay corrected.toml and the best refit over the later drives."""
-    corrected = load_robot(folder / "corrected.toml")
+def _read_corrected(outcome: Outcome, case: Case, folder: Path, analysis: Analysis) -> None:
+    """Replay corrected.toml and both refits over the later drives."""
+    corrected, evidence = load_robot(folder / "corrected.toml"), analysis.evidence
     outcome.holds = list(corrected.active_effects)
     if case.refit is not None:
-        outcome.later = [
-            {"kind": drive.kind, "nominal_pct": _error_pct(case.nominal, drive),
-             "refit_pct": _error_pct(case.refit, drive), "corrected_pct": _error_pct(corrected, drive)}
-            for drive in case.later
-        ]  # fmt: skip
+        refitted = case.nominal if evidence is None else filed(case.nominal, evidence.plain, evidence.runs)[0]
+        robots = dict(zip(MODELS, (case.nominal, refitted, case.refit, corrected), strict=True))
+        outcome.later = [{name: _error_pct(one, drive) for name, one in robots.items()} for drive in case.later]
 
 
 def _error_pct(robot: Robot, drive: Later) -> float:

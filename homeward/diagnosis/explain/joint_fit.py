@@ -211,18 +211,17 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
 
 
 def relinearised(term: Term, fit: Refit, beside: Sequence[Term], runs: Runs, block: Index) -> Term | None:
-    """A form of one size with its column and its other numbers from the joint fit; None where that has none of it.
+    """A form of one size with its column as in the joint fit; None where that has none of it.
 
     A fit without the effect may be far from the joint fit. Forces then change sign elsewhere, and the form linearised
     there explains little.
     """
-    fitted = fit_model(fit, [*beside, term], runs, block)
-    own = fitted.model.of(len(beside))
-    added, contribution = fitted.values[own[0]] - fitted.model.given[own[0]], fitted.contribution[-1]
-    if term.columns.shape[1] > 1 or added == 0.0 or not contribution.any():
+    fixed = dataclasses.replace(term, hypothesis=dataclasses.replace(term.hypothesis, searched=()))
+    fitted = fit_model(fit, [*beside, fixed], runs, block)
+    added, contribution = fitted.sizes(len(beside)) - fitted.model.given[-len(term.low) :], fitted.contribution[-1]
+    if len(added) > 1 or added[0] == 0.0 or not contribution.any():
         return None
-    shape = {fitted.model.unknowns[at].parameter: float(fitted.values[at]) for at in own[1:]}
-    return dataclasses.replace(term, columns=contribution[:, None] / added, shape={**term.shape, **shape})
+    return dataclasses.replace(term, columns=contribution[:, None] / added)
 
 
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:

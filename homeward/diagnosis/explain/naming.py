@@ -125,12 +125,12 @@ def name_missing(
 def _as_jointly_fitted(
     candidates: Sequence[Term], model: Fitted, fit: Refit, named: Sequence[Named], setting: Setting, block: Index
 ) -> list[Term]:
-    """The best steady form of each effect as in its joint fit, which may be far from a model without the effect."""
+    """Steady forms as in their joint fits, which may be far from a model without the effect."""
     forms = tuple(one for one in candidates if not one.linear and one.hypothesis.depends_on_force)
-    bench = Bench(model, forms, setting.runs, setting.residual, block)
-    best = [index for index in _best_forms(bench, bench.shares) if not np.isclose(bench.shares[index], 0.0)]
+    shares = Bench(model, forms, setting.runs, setting.residual, block).shares
+    excited = compress(forms, ~np.isclose(shares, 0.0))
     beside = [one.term for one in named]
-    fitted = (relinearised(forms[index], fit, beside, setting.runs, block) for index in best)
+    fitted = (relinearised(one, fit, beside, setting.runs, block) for one in excited)
     return [one for one in fitted if one is not None]
 
 
@@ -219,9 +219,9 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
             yield tuple(one for one in halves if one)
     in_steps = sorted(filter(bench.is_in_steps, most), key=bench.innovations_bic, reverse=True)
     yield from proven([*order[:_TRIED], *in_steps[:_TRIED]])
-    if isinstance(bench.model, Refit):  # a cause that is found only beside this one makes its residual correlated
-        steady = [one for one in most if bench.candidates[one].axis == "steady"]
-        yield from proven(sorted(steady, key=bench.innovations_bic, reverse=True)[:_TRIED], whitened=True)
+    # A slow cause that is not found, or only beside this one, makes its residual correlated.
+    steady = [one for one in most if bench.candidates[one].axis == "steady"]
+    yield from proven(sorted(steady, key=bench.innovations_bic, reverse=True)[:_TRIED], whitened=True)
 
 
 def _alone(bench: Bench, independent: float) -> Array:

@@ -142,7 +142,7 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
         if not worse:
             why = "replayed as written, it predicts held-out windows better than the refit"
             why += f"; {reason}" if reason else ""
-            changed, by_file = _filed(robot, model, runs)
+            changed, by_file = filed(robot, model, runs)
             return FileChoice(changed, after, by_file, CorrectedFile("corrected", why))
         caveat = f"with the missing physics that a robot file can express, {worse}; "
     after = _held_out(robot, evidence.plain, evidence)
@@ -150,7 +150,7 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
         why = f"{caveat}with its parameters fitted, {worse}"
         return FileChoice(robot, nominal, nominal, CorrectedFile("nominal", why))
     why = f"{caveat}replayed as written, it predicts held-out windows better than the given file"
-    changed, by_file = _filed(robot, evidence.plain, runs)
+    changed, by_file = filed(robot, evidence.plain, runs)
     return FileChoice(changed, after, by_file, CorrectedFile("refit", why))
 
 
@@ -175,10 +175,10 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: Index, rng: np.ran
 def _held_out(robot: Robot, model: Refit | Corrected, evidence: Evidence) -> Array:
     """Prediction of each fold by the file fitted to the others, shape (windows,)."""
     runs = evidence.runs
-    return held_out(lambda chosen: _filed(robot, model.refitted(chosen, runs), runs)[1], evidence.fold)
+    return held_out(lambda chosen: filed(robot, model.refitted(chosen, runs), runs)[1], evidence.fold)
 
 
-def _filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:
+def filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:
     """A fit as a robot file, and its prediction, shape (windows,)."""
     content = file_content(model, runs)
     robot = written(robot, content, runs.unit)

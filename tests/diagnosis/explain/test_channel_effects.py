@@ -189,6 +189,12 @@ def test_an_odometer_that_all_distances_contradict_is_named_and_set_right(short_
     assert biased is not None and biased[1] < rolling[1]  # nothing else sets it right
 
 
+def test_one_odometer_of_six_that_a_distance_contradicts_is_named(short_drive: Drive, husky: Robot) -> None:
+    runs = short_drive(husky, runs=6, minutes=1.0)
+    _, (found,), _ = shown([*with_distance(runs[:5], 0.0), *with_distance(runs[5:], 0.12)], husky)
+    assert found.hypothesis.id == "odometry_scale"
+
+
 def test_what_was_drawn_in_a_gap_does_not_count_against_the_battery(short_drive: Drive, small: Robot) -> None:
     """Each run stops for five minutes, in which the robot went on drawing, and no power was recorded."""
     runs = []

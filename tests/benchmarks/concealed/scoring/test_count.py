@@ -5,7 +5,7 @@ from pathlib import Path
 
 from benchmarks.concealed.plants.cases import make_case
 from benchmarks.concealed.scoring.count import false_alarm, found_first, share, tables, wrongly_named
-from benchmarks.concealed.scoring.outcome import Outcome, read_diagnosis
+from benchmarks.concealed.scoring.outcome import MODELS, Outcome, read_diagnosis
 
 
 def outcome(**given: object) -> Outcome:
@@ -66,11 +66,12 @@ def test_what_counts_as_wrongly_named() -> None:
 
 
 def test_later_drives_and_intervals_are_counted() -> None:
-    drive = {"kind": "new route", "nominal_pct": 9.0, "refit_pct": 5.0, "corrected_pct": 6.5}
-    better = drive | {"corrected_pct": 5.9}
+    drive = dict(zip(MODELS, (9.0, 5.0, 6.1, 6.5), strict=True))
+    better = drive | {"corrected": 5.9}
     made = {table.title: table for table in tables([outcome(later=[drive, better], holds=["radio"])])}
-    assert made["Energy of later drives, median error in %"].rows == [("9.00", "5.00", "6.20")]
-    assert made["Mean error of a file over its later drives"].rows[0][1].startswith("1/1")
+    assert made["Energy of later drives, median error in %"].rows == [("9.00", "5.00", "6.10", "6.20")]
+    worse = made["Files whose mean error over later drives is larger by over a point than that of"].rows[0]
+    assert [cell[:3] for cell in worse] == ["0/1", "1/1", "0/1"]
     held = made["Visible effects that a file can say, for which corrected.toml holds"].rows
     assert [row[1].split(" ")[0] for row in held] == ["1/1", "0/1"]
     intervals = [{"name": "slip.per_load", "true": 1.0, "low": 0.8, "high": top, "off": False} for top in (0.9, 1.2)]

@@ -8,9 +8,9 @@ import pytest
 
 from benchmarks.concealed.plants.cases import Case, Later, make_case
 from benchmarks.concealed.plants.catalogue import replayed_w
-from benchmarks.concealed.scoring.outcome import USABLE_ENERGY, Outcome, ask, read_diagnosis, true_groups
+from benchmarks.concealed.scoring.outcome import MODELS, USABLE_ENERGY, Outcome, ask, read_diagnosis, true_groups
 from homeward.commands import diagnose
-from homeward.diagnosis import RecordingError
+from homeward.diagnosis import Analysis, Diagnosis, RecordingError
 from homeward.physics import Robot, load_robot
 from tests.benchmarks.concealed.plants.steady import ROBOT, motion
 
@@ -83,21 +83,21 @@ def test_intervals_are_kept_where_the_truth_is_known() -> None:
 def test_a_later_drive_has_the_error_of_its_energy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The truth draws a quarter more than the nominal file says; corrected.toml holds what draws it, or nothing."""
     run = motion()
-    later = Later("new route", run, 1.25 * replayed_w(ROBOT, run))
+    later = Later(run, 1.25 * replayed_w(ROBOT, run))
     whole = dataclasses.replace(ROBOT, effects={"standby": {"power_w": float(0.25 * np.mean(replayed_w(ROBOT, run)))}})
 
-    def diagnosed(args: diagnose.Args) -> None:
-        (args.out / "diagnosis.json").write_text(
-            '{"verdict": "missing_physics", "summary": "", "missing_physics": [], "parameters_off": []}'
-        )
+    def diagnosed(args: diagnose.Args) -> Analysis:
+        found = Diagnosis(ROBOT.name, (), "missing_physics", "")
+        (args.out / "diagnosis.json").write_text(found.to_json())
         (args.out / "corrected.toml").write_text(whole.to_toml())
+        return Analysis(found, ROBOT, whole, (), None)
 
     monkeypatch.setattr(diagnose, "main", diagnosed)
     found = ask(case(refit=ROBOT, later=[later]), tmp_path)
     (errors,) = found.later
-    assert errors["kind"] == "new route" and found.holds == ["standby"]
-    assert errors["nominal_pct"] == errors["refit_pct"] == pytest.approx(20.0)
-    assert errors["corrected_pct"] == pytest.approx(0.0, abs=1e-4)
+    assert found.holds == ["standby"]
+    assert [errors[name] for name in MODELS[:-1]] == pytest.approx([20.0, 20.0, 20.0])
+    assert errors["corrected"] == pytest.approx(0.0, abs=1e-4)
     assert not (tmp_path / "recordings").exists() and (tmp_path / "nominal.toml").exists()
 
 
