@@ -26,6 +26,10 @@ FORBIDDEN = {
     "homeward/diagnosis": {
         "homeward.envs", "homeward.agents", "homeward.estimation", "homeward.companion", "homeward.groups",
     },
+    "homeward/layout": {
+        "homeward.envs", "homeward.agents", "homeward.diagnosis", "homeward.estimation", "homeward.companion",
+        "homeward.groups", "homeward.watch", "homeward.physics", "homeward.logs",
+    },
     "homeward/groups": {"homeward.envs", "homeward.agents", "homeward.estimation", "homeward.companion"},
     "envs": {"homeward.agents", "homeward.diagnosis", "homeward.estimation", "homeward.companion"},
     "agents": {"homeward.diagnosis", "homeward.companion"},

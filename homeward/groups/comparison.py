@@ -16,9 +16,9 @@ from typing import Literal
 import numpy as np
 from scipy.stats import t as student
 
-from homeward.diagnosis.tell.notation import interval, number
 from homeward.groups import rules
 from homeward.groups.standing import mean_interval
+from homeward.layout.notation import interval, number
 from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
 

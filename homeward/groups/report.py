@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from homeward.diagnosis.tell.figures import embedded
-from homeward.diagnosis.tell.notation import interval, labels, number, page, templates
 from homeward.diagnosis.tell.terminal import plain, say
 from homeward.files import write_files
 from homeward.groups.comparison import Comparison
+from homeward.layout.notation import interval, labels, number, page, templates
+from homeward.layout.plots import embedded
 
 
 def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
@@ -66,7 +66,7 @@ def _page(comparison: Comparison) -> str:
     figures = [(*one, _figure(comparison, one[0], f"group-{i}")) for i, one in enumerate(quantities)]
     names = _labels(comparison)
     return page(
-        templates(package="homeward.groups"), "groups.html", comparison=comparison, figures=figures, names=names,
+        templates("homeward.groups"), "groups.html", comparison=comparison, figures=figures, names=names,
         remarks=_remarks(comparison, names), verdict=comparison.verdict.replace("_", " ").capitalize(),
         plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
     )  # fmt: skip

@@ -7,11 +7,11 @@ import numpy as np
 
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.fit.refit import estimates, standard_errors
-from homeward.diagnosis.tell.notation import interval, number
 from homeward.diagnosis.tell.words import why_open
 from homeward.groups import rules
 from homeward.groups.comparison import Comparison, Difference, Quantity, compare, comparison_of
 from homeward.groups.standing import StandingRun, mean_interval, standing_run
+from homeward.layout.notation import interval, number
 from homeward.logs.channels import Array, Index
 from homeward.logs.recordings import Recording, RecordingError
 

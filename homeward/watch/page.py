@@ -10,8 +10,8 @@ from markupsafe import Markup
 from plotly.subplots import make_subplots
 
 from homeward import quantities
-from homeward.diagnosis.tell.figures import MOST_RUNS, described
-from homeward.diagnosis.tell.notation import GRID, PLAIN, labels, page, templates
+from homeward.layout.notation import labels, page, templates
+from homeward.layout.plots import GRID, MOST_RUNS, PLAIN, described
 from homeward.physics import Robot
 from homeward.watch import rules
 from homeward.watch.coverage import Row, rows_of
@@ -34,7 +34,7 @@ def watch_html(
         dropped: Messages about recordings that were left out.
         notes: Notes on reading: file names with their messages.
     """
-    environment = templates(package="homeward.watch")
+    environment = templates("homeward.watch")
     environment.filters |= {
         "signed": lambda share: f"{100.0 * share:+.1f} %",
         "distance": quantities.distance,

@@ -19,11 +19,11 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.tell.notation import GRID, PLAIN, number
 from homeward.diagnosis.tell.series import PARQUET
+from homeward.layout.notation import number
+from homeward.layout.plots import MOST_RUNS, embedded
 from homeward.logs.channels import Array
 
-MOST_RUNS = 12  # of which a page has plots; chosen
 _MOST_POINTS = 2000  # of a line; chosen: more than pixels
 _MOST_DOTS = 800  # windows drawn behind the means; chosen
 _SHOWN_S = 120.0  # of a long run at first; chosen: starts and stops can be distinguished
@@ -243,28 +243,3 @@ def _values(shown: Dependence, runs: Runs) -> Array:
 def _rounded(values: Array | pd.Series) -> NDArray[np.float32]:
     """Values with few digits, for a small page."""
     return np.round(values, 4).astype(np.float32)
-
-
-def embedded(figure: go.Figure, name: str, says: str, top: int = 8, zooms: bool = False) -> Markup:
-    """A figure as a part of a page that has plotly.js in it already; one that `zooms` needs buttons for it, too.
-
-    Who cannot see it hears what it `says`, and where the numbers are.
-    """
-    if not zooms:
-        figure.update_xaxes(fixedrange=True).update_yaxes(fixedrange=True)
-    figure.update_layout(
-        margin={"l": 58, "r": 10, "t": top, "b": 46}, dragmode="zoom" if zooms else False, hovermode="x unified",
-        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"}, **PLAIN,
-    )  # fmt: skip
-    figure.update_xaxes(**GRID).update_yaxes(**GRID)
-    figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
-    text = figure.to_html(
-        full_html=False, include_plotlyjs=False, div_id=f"figure-{name}", default_height="100%",
-        config={"responsive": True, "displaylogo": False, "displayModeBar": False},
-    )  # fmt: skip
-    return described(text, says)
-
-
-def described(plot: str, says: str) -> Markup:
-    """A plot as one image with a text alternative (WAI-ARIA, role img)."""
-    return Markup('<div role="img" aria-label="{}">{}</div>').format(says, Markup(plot))

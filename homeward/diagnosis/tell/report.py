@@ -20,11 +20,11 @@ from homeward.diagnosis.result import Place
 from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
 from homeward.diagnosis.tell.next_drive import GUIDE
-from homeward.diagnosis.tell.notation import labels, page, templates
 from homeward.diagnosis.tell.robot_uncertainty import uncertainty_of
 from homeward.diagnosis.tell.series import MCAP, PARQUET, mcap, parquet, series
-from homeward.diagnosis.tell.words import why_open
+from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, why_open
 from homeward.files import write_files
+from homeward.layout.notation import labels, page, templates
 
 _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
 
@@ -69,7 +69,7 @@ def report_html(analysis: Analysis) -> str:
     """The report as one page that needs no network; all text from recordings and robot files is escaped."""
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
     names = labels([one.path for one in diagnosis.recordings] + [one.recording for one in analysis.findings])
-    environment = templates()
+    environment = templates("homeward.diagnosis.tell")
     environment.filters["label"] = lambda path: names.get(path, path)
     values: dict[str, object] = {
         "diagnosis": diagnosis,
@@ -80,6 +80,9 @@ def report_html(analysis: Analysis) -> str:
         "condition": condition,
         "versions": _versions(),
         "guide": GUIDE,
+        "rules": rules,
+        "arms": ARMS,
+        "paper_accuracy": PAPER_ACCURACY,
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
     }
     if evidence is not None:

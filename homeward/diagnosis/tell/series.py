@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from homeward.diagnosis.evidence import Evidence
-from homeward.diagnosis.tell.notation import labels
+from homeward.layout.notation import labels
 
 PARQUET, MCAP = "series.parquet", "series.mcap"
 """Names of the files."""

@@ -10,7 +10,8 @@ from rich.text import Text
 from homeward.diagnosis.evidence import Analysis
 from homeward.diagnosis.result import Fit, MissingPhysics
 from homeward.diagnosis.tell.next_drive import GUIDE
-from homeward.diagnosis.tell.notation import ARMS, PAPER_ACCURACY, decimal, interval, number
+from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY
+from homeward.layout.notation import decimal, interval, number
 
 _WIDE = 70  # columns that the table of all figures takes
 

@@ -1,6 +1,6 @@
 """The sentences of a diagnosis: templates/summary.txt and its values."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 from homeward.diagnosis import rules
@@ -11,7 +11,20 @@ from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, 
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, MissingPhysics, Verdict
-from homeward.diagnosis.tell.notation import templates
+from homeward.layout.notation import templates
+
+PAPER_ACCURACY = "66 to 91 %"
+"""Accuracy that the paper claims for the range estimated by its model."""
+
+ARMS: Mapping[str, str] = {
+    "nominal": "the robot file as it is",
+    "refit": "its parameters fitted",
+    "corrected": "fitted together with what was found missing",
+    "file": "corrected.toml, replayed as written",
+    "black_box": "boosted trees on the same channels: an upper bound of the gain",
+    "placebo": "what was found missing, shifted in time: the gain by chance",
+}
+"""The arms of the comparison in the order in which they are shown, in words."""
 
 
 def nothing_usable(findings: Sequence[Finding]) -> str:
@@ -32,12 +45,12 @@ def summary(
     file: CorrectedFile,
 ) -> str:
     """The verdict in one or two sentences, the content of corrected.toml, and how many runs were excluded."""
-    text = templates(autoescape=False).get_template("summary.txt").render(
+    text = templates("homeward.diagnosis.tell", autoescape=False).get_template("summary.txt").render(
         verdict=verdict, evidence=evidence, off=off, fit=fit, found=found, file=file, condition=condition,
         why_open=why_open, place=_place(evidence), excess=_excess(evidence),
         shares=[total_share(added, evidence.runs) for added in evidence.contributions],
         refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-        usable_energy=USABLE_ENERGY,
+        usable_energy=USABLE_ENERGY, rules=rules,
     )  # fmt: skip
     return " ".join(text.split())
 

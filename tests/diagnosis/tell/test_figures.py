@@ -12,7 +12,8 @@ import pytest
 from homeward.diagnosis import Analysis
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.tell.figures import MOST_RUNS, conditions, described, time_figure
+from homeward.diagnosis.tell.figures import conditions, time_figure
+from homeward.layout.plots import MOST_RUNS
 from tests.diagnosis.made_up import windows
 
 
@@ -118,7 +119,3 @@ def test_the_error_of_a_mean_counts_blocks_and_not_windows(scrubbing: Analysis, 
     (found,) = conditions(unnamed, made)
     ((_, ((_, half),)),) = found["rows"]
     assert half == pytest.approx(1.96 / np.sqrt(block.max() + 1), rel=0.05)
-
-
-def test_what_a_plot_says_is_escaped() -> None:
-    assert described("<svg/>", 'a "b" <c>') == '<div role="img" aria-label="a &#34;b&#34; &lt;c&gt;"><svg/></div>'

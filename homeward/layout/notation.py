@@ -1,6 +1,6 @@
-"""How the report and the terminal write numbers, formulas and names."""
+"""How pages and the terminal write numbers, formulas and names, and the templates that pages are made from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import PurePath
 
 import numpy as np
@@ -8,41 +8,16 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from homeward import cli
-from homeward.diagnosis import rules
-
-PAPER_ACCURACY = "66 to 91 %"
-"""Accuracy that the paper claims for the range estimated by its model."""
-
-ARMS: Mapping[str, str] = {
-    "nominal": "the robot file as it is",
-    "refit": "its parameters fitted",
-    "corrected": "fitted together with what was found missing",
-    "file": "corrected.toml, replayed as written",
-    "black_box": "boosted trees on the same channels: an upper bound of the gain",
-    "placebo": "what was found missing, shifted in time: the gain by chance",
-}
-"""The arms of the comparison in the order in which they are shown, in words."""
 
 _SIGNS = {"Gamma": "Γ", "theta": "θ", "eta3": "η₃", "^2": "²", "^3": "³", "degC": "°C", " - ": " − "}
 
-PLAIN = {
-    "template": "plotly_white",
-    "paper_bgcolor": "rgba(0, 0, 0, 0)",
-    "plot_bgcolor": "rgba(0, 0, 0, 0)",
-    "font": {"family": "system-ui, sans-serif", "size": 13, "color": "#1f2933"},
-}
-"""Layout of a figure in the font of its page, with a transparent background: pages are light or dark."""
-_LINE = "rgba(31, 41, 51, 0.2)"
-GRID = {"gridcolor": _LINE, "zerolinecolor": _LINE}
-"""Of each axis. Chosen: a contrast of 1.5 to 1 on light pages, of 1.7 on dark ones, where figures are inverted."""
 
+def templates(package: str, autoescape: bool = True) -> Environment:
+    """The templates of a package, with filters for numbers and names; pages escape names given by others.
 
-def templates(autoescape: bool = True, package: str = "homeward.diagnosis.tell") -> Environment:
-    """The templates beside this file, with filters for numbers and names; pages escape names given by others.
-
-    Those of another `package` are found first, and may extend `page.html`.
+    They may extend `page.html`, which lies beside this file.
     """
-    loader = ChoiceLoader([PackageLoader(one) for one in dict.fromkeys((package, "homeward.diagnosis.tell"))])
+    loader = ChoiceLoader([PackageLoader(one) for one in (package, "homeward.layout")])
     environment = Environment(
         loader=loader, autoescape=autoescape, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -50,7 +25,6 @@ def templates(autoescape: bool = True, package: str = "homeward.diagnosis.tell")
         "number": number, "interval": interval, "decimal": decimal, "typeset": typeset, "as": format,
         "file_name": lambda path: PurePath(path).name, "percent": lambda share: f"{decimal(100.0 * share, 0)} %",
     }  # fmt: skip
-    environment.globals |= {"rules": rules, "arms": ARMS, "paper_accuracy": PAPER_ACCURACY}
     return environment
 
 

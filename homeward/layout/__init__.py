@@ -1,0 +1,1 @@
+"""Layout of pages and of text: numbers, templates and plots."""
