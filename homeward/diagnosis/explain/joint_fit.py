@@ -14,6 +14,7 @@ from scipy.stats import t as student
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, Setting, Term
 from homeward.diagnosis.fit.fitted import bounded, excited
+from homeward.diagnosis.fit.folds import cut_blocks, innovations
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
 from homeward.diagnosis.fit.refit import Refit, covariance, holding
 from homeward.diagnosis.fit.replay import Runs, WithEffects
@@ -203,11 +204,22 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     contribution = tuple(
         predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
     )
-    owns = [model.of(index) for index in range(len(terms))]
-    added = values - model.given
-    wald = [added[own] @ np.linalg.pinv(spread[np.ix_(own, own)], hermitian=True) @ added[own] for own in owns]
-    p_values = np.array([fisher.sf(one / len(own), len(own), freedom) for one, own in zip(wald, owns, strict=True)])
+    p_values = _significance(model, values, spread, freedom)
+    white, columns = innovations(runs.observed - predicted, runs.run, jacobian)
+    step = np.linalg.lstsq(columns, white, rcond=None)[0]
+    short = cut_blocks(runs.run)[-len(white) :]
+    spread = covariance(columns, white - columns @ step, short)[groups:, groups:]
+    p_values = np.minimum(p_values, _significance(model, values + step[groups:], spread, len(white)))
     return Corrected(model, values, intervals, p_values, at, jacobian[:, groups:], contribution)
+
+
+def _significance(model: Model, values: Array, spread: Array, freedom: int) -> Array:
+    """P-value of the Wald test of each term, shape (terms,), by the covariance of the values."""
+    added, found = values - model.given, []
+    for own in map(model.of, range(len(model.terms))):
+        wald = added[own] @ np.linalg.pinv(spread[np.ix_(own, own)], hermitian=True) @ added[own]
+        found.append(float(fisher.sf(wald / len(own), len(own), freedom)))
+    return np.array(found)
 
 
 def relinearised(term: Term, fit: Refit, beside: Sequence[Term], runs: Runs, block: Index) -> Term | None:

@@ -202,10 +202,10 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), alone)
     least = {False: 0.0, True: 0.0}  # of effects that change in steps, and of others
 
-    def proven(indices: Sequence[int], whitened: bool = False) -> Iterator[tuple[Named, ...]]:
+    def proven(indices: Sequence[int]) -> Iterator[tuple[Named, ...]]:
         """Each alone, but none that explains less than one that only the placebos refuse; steps stand beside drifts."""
         for index in dict.fromkeys(indices):
-            found = _supported(bench, index, alone, independent, rng, whitened)
+            found = _supported(bench, index, alone, independent, rng)
             if found and found.p_value > rules.FALSE_ALARM_RATE:
                 for sudden in {False, found.sudden}:
                     least[sudden] = max(least[sudden], rules.RIVAL_SHARE * found.held_out_gain)
@@ -217,11 +217,8 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
         halves = [_half(bench.with_base(other), one, independent, rng) for one, other in (pair, pair[::-1])]
         if all(halves):
             yield tuple(one for one in halves if one)
-    in_steps = sorted(filter(bench.is_in_steps, most), key=bench.innovations_bic, reverse=True)
-    yield from proven([*order[:_TRIED], *in_steps[:_TRIED]])
-    # A slow cause that is not found, or only beside this one, makes its residual correlated.
-    steady = [one for one in most if bench.candidates[one].axis == "steady"]
-    yield from proven(sorted(steady, key=bench.innovations_bic, reverse=True)[:_TRIED], whitened=True)
+    by_innovations = sorted(filter(bench.is_whitened, most), key=bench.innovations_bic, reverse=True)
+    yield from proven([*order[:_TRIED], *by_innovations[:_TRIED]])
 
 
 def _alone(bench: Bench, independent: float) -> Array:
@@ -275,12 +272,10 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     return min([chosen, *equals], key=preference)
 
 
-def _supported(
-    bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator, whitened: bool = False
-) -> Named | None:
-    """A hypothesis with its evidence, if `whitened` by innovations, where it passes every test but of its p-value."""
+def _supported(bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator) -> Named | None:
+    """A hypothesis with its evidence, where it passes every test but of its p-value."""
     share = bench.share(chosen)
-    delta_bic = bench.innovations_bic(chosen) if whitened else bench.delta_bic(chosen)
+    delta_bic = bench.delta_bic(chosen)
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
     of_refit = explained / max(bench.refit_error, 1e-300)
@@ -300,7 +295,7 @@ def _supported(
     if interval[0] <= 0.0:
         return None
     p_value = bench.p_value(chosen, independent, rng)
-    if bench.held_out_bic(chosen) < rules.STRONG_BIC:  # identified by its steps: rivals by the same evidence
+    if bench.held_out_bic(chosen) < rules.STRONG_BIC:  # identified by innovations: rivals by the same evidence
         alone = np.array([bench.innovations_bic(index) for index in range(len(bench.candidates))])
     rivals = _rivals(bench, chosen, alone)
     return Named(_with_plain(bench, chosen), delta_bic, share, interval, p_value, rivals, sudden)

@@ -25,7 +25,15 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.fit.fitted import RIDGE, Fitted, bounded
-from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, cut_stretches, independent_windows, noise_of, per_block
+from homeward.diagnosis.fit.folds import (
+    FOLDS,
+    cut_blocks,
+    cut_stretches,
+    independent_windows,
+    innovations,
+    noise_of,
+    per_block,
+)
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index, Mask
 
@@ -35,7 +43,6 @@ _SEARCHES, _LARGEST = 39, 10  # the largest, a quarter of the scores, whose mean
 _MORE, _CLOSE = 4, 10.0  # four times as many searches where p is within this factor of the limit; chosen
 _AS_GOOD = 3  # placebos with as high a score that end a search; chosen: p is then 0.02 or more, above the limit
 _AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
-_PAST = 5  # windows from which the next residual is predicted: longer than a change is refined
 _WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors above which windows are counted; chosen: 0.5 %
 
 
@@ -187,17 +194,28 @@ class Bench:
         in_time = one.axis == "time" and one.schedule is not None
         return in_time and self.innovations_bic(chosen) >= rules.STRONG_BIC
 
+    def is_whitened(self, chosen: int) -> bool:
+        """Whether innovations are evidence for it: not for levels, which may follow a drift, unless they are steps."""
+        return self.candidates[chosen].axis == "steady" or self.is_in_steps(chosen)
+
     def delta_bic(self, chosen: int) -> float:
-        """Evidence for one hypothesis: from the held-out share or, of one in steps, from the innovations if more."""
+        """Evidence for one hypothesis: from the held-out share, or from the innovations if that is more.
+
+        A slow cause that is not found makes its residual correlated, so that few windows of it are independent.
+        """
         by_share = self.held_out_bic(chosen)
-        return max(by_share, self.innovations_bic(chosen)) if self.is_in_steps(chosen) else by_share
+        return max(by_share, self.innovations_bic(chosen)) if self.is_whitened(chosen) else by_share
 
     def _freedom(self, chosen: tuple[int, ...]) -> int:
         return sum(self.candidates[one].columns.shape[1] + self.candidates[one].hidden for one in chosen)
 
     @cached_property
     def _innovation(self) -> Callable[[tuple[int, ...]], float]:
-        return cache(lambda chosen: _log_innovation(self._residual(chosen), self.runs.run))
+        def log_square(chosen: tuple[int, ...]) -> float:
+            (left,) = innovations(self._residual(chosen), self.runs.run)
+            return float(np.log(max(float(np.mean(left**2)), 1e-300)))
+
+        return cache(log_square)
 
     def independent(self, *chosen: int) -> float:
         """Effective sample size, windows, by the autocorrelation time of the residual of these hypotheses.
@@ -302,20 +320,6 @@ class Bench:
             max(small.score(small.share(one), small.independent(one), one), small.innovations_bic(one))
             for one in range(len(rivals))
         )
-
-
-def _log_innovation(residual: Array, run: Index) -> float:
-    """Log of the mean squared innovation of an autoregressive series, of one process in all runs.
-
-    >>> steps = np.repeat([0.0, 1.0, 0.0, 1.0], 50) + np.random.default_rng(0).normal(0.0, 0.01, 200)
-    >>> bool(_log_innovation(steps, np.zeros(200)) > np.log(1.0 / 200))
-    True
-    """
-    rows = np.arange(_PAST, len(residual))
-    rows = rows[run[rows] == run[rows - _PAST]]
-    past = np.stack([residual[rows - lag] for lag in range(1, _PAST + 1)], axis=1)
-    weights = np.linalg.lstsq(past, residual[rows], rcond=None)[0]
-    return float(np.log(max(float(np.mean((residual[rows] - past @ weights) ** 2)), 1e-300)))
 
 
 def _tail(scores: Array, reached: float) -> float:

@@ -12,6 +12,7 @@ from homeward.logs.channels import Array, Index
 
 _MOST_BLOCKS = 2000  # about; chosen: signs of so many in 8,000 draws (residual_test) take 128 MB
 _MOST_FOLDS = 10  # of whole runs; chosen: ten, as is common
+_PAST = 5  # windows from which the next residual is predicted: longer than a change is refined (change_points)
 FOLDS = 5
 """Of blocks or stretches, where whole runs are too few or not held out. Chosen: as is common, a fifth is held out."""
 
@@ -39,6 +40,26 @@ def correlation_windows(residual: Array, run: Index) -> float:
 def independent_windows(residual: Array, run: Index) -> float:
     """Effective sample size of residuals, (windows,): windows over their autocorrelation time; two at least."""
     return max(len(residual) / correlation_windows(residual, run), 2.0)
+
+
+def innovations(residual: Array, run: Index, *others: Array) -> list[Array]:
+    """What the windows before do not predict of a residual (autoregressive, of one process in all runs), (windows,).
+
+    Others, shape (windows, ...), are filtered in the same way.
+
+    >>> steps = np.repeat([0.0, 1.0, 0.0, 1.0], 50) + np.random.default_rng(0).normal(0.0, 0.01, 200)
+    >>> (left,) = innovations(steps, np.zeros(200))
+    >>> bool(np.mean(left**2) > 1.0 / 200)
+    True
+    """
+    rows = np.arange(_PAST, len(residual))
+    rows = rows[run[rows] == run[rows - _PAST]]
+
+    def past(values: Array) -> Array:
+        return np.stack([values[rows - lag] for lag in range(1, _PAST + 1)], axis=-1)
+
+    weights = np.linalg.lstsq(past(residual), residual[rows], rcond=None)[0]
+    return [np.asarray(one[rows] - past(one) @ weights) for one in (residual, *others)]
 
 
 @dataclass(frozen=True)
