@@ -204,13 +204,20 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     contribution = tuple(
         predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
     )
-    p_values = _significance(model, values, spread, freedom)
-    white, columns = innovations(runs.observed - predicted, runs.run, jacobian)
-    step = np.linalg.lstsq(columns, white, rcond=None)[0]
-    short = cut_blocks(runs.run)[-len(white) :]
-    spread = covariance(columns, white - columns @ step, short)[groups:, groups:]
-    p_values = np.minimum(p_values, _significance(model, values + step[groups:], spread, len(white)))
+    p_values = np.minimum(
+        _significance(model, values, spread, freedom), _by_innovations(model, values, runs, predicted, jacobian)
+    )
     return Corrected(model, values, intervals, p_values, at, jacobian[:, groups:], contribution)
+
+
+def _by_innovations(model: Model, values: Array, runs: Runs, predicted: Array, jacobian: Array) -> Array:
+    """P-value of each term, shape (terms,), by generalised least squares: a slow cause that is not in the model makes
+    blocks of its residual long and few."""
+    rows, (white, columns) = innovations(runs.observed - predicted, runs.run, jacobian)
+    step = np.linalg.lstsq(columns, white, rcond=None)[0]
+    own = slice(len(model.parameters.groups), None)
+    spread = covariance(columns, white - columns @ step, cut_blocks(runs.run)[rows])[own, own]
+    return _significance(model, np.clip(values + step[own], *model.bounds), spread, len(rows))
 
 
 def _significance(model: Model, values: Array, spread: Array, freedom: int) -> Array:

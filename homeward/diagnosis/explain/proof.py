@@ -212,7 +212,7 @@ class Bench:
     @cached_property
     def _innovation(self) -> Callable[[tuple[int, ...]], float]:
         def log_square(chosen: tuple[int, ...]) -> float:
-            (left,) = innovations(self._residual(chosen), self.runs.run)
+            _, (left,) = innovations(self._residual(chosen), self.runs.run)
             return float(np.log(max(float(np.mean(left**2)), 1e-300)))
 
         return cache(log_square)

@@ -42,13 +42,13 @@ def independent_windows(residual: Array, run: Index) -> float:
     return max(len(residual) / correlation_windows(residual, run), 2.0)
 
 
-def innovations(residual: Array, run: Index, *others: Array) -> list[Array]:
-    """What the windows before do not predict of a residual (autoregressive, of one process in all runs), (windows,).
+def innovations(residual: Array, run: Index, *others: Array) -> tuple[Index, list[Array]]:
+    """Windows after the first few of a run, and what those before do not predict of a residual, shape (windows,).
 
-    Others, shape (windows, ...), are filtered in the same way.
+    The residual is taken as autoregressive, one process in all runs. Others, (windows, ...), are filtered likewise.
 
     >>> steps = np.repeat([0.0, 1.0, 0.0, 1.0], 50) + np.random.default_rng(0).normal(0.0, 0.01, 200)
-    >>> (left,) = innovations(steps, np.zeros(200))
+    >>> _, (left,) = innovations(steps, np.zeros(200))
     >>> bool(np.mean(left**2) > 1.0 / 200)
     True
     """
@@ -59,7 +59,7 @@ def innovations(residual: Array, run: Index, *others: Array) -> list[Array]:
         return np.stack([values[rows - lag] for lag in range(1, _PAST + 1)], axis=-1)
 
     weights = np.linalg.lstsq(past(residual), residual[rows], rcond=None)[0]
-    return [np.asarray(one[rows] - past(one) @ weights) for one in (residual, *others)]
+    return rows, [np.asarray(one[rows] - past(one) @ weights) for one in (residual, *others)]
 
 
 @dataclass(frozen=True)

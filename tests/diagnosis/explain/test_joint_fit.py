@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from homeward import Robot, load_robot
-from homeward.diagnosis import Recording
+from homeward.diagnosis import Recording, rules
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial, relinearised
@@ -17,6 +17,7 @@ from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
 from tests.diagnosis import hills
+from tests.diagnosis.made_up import autoregressive
 
 TURNING = {"turning": {"scrub": 0.3}}
 HARD = 1.25
@@ -172,3 +173,25 @@ def test_an_effect_far_from_the_refit_explains_what_it_does_in_the_joint_fit() -
     assert again is not None
     shares = Bench(fit, (first, again), runs, setting.residual, block).shares
     assert shares[1] > 1.5 * shares[0]
+
+
+def test_an_effect_beside_a_slow_load_is_significant_by_innovations(short_runs: Runs, husky: Robot) -> None:
+    """Over blocks as long as the load lasts, its interval reaches zero."""
+    small = dataclasses.replace(husky, effects={"turning": {"scrub": 0.05}})
+    recorded = as_recorded(short_runs, small, noise_w=1.0)
+    slow_w = 60.0 * np.sin(2.0 * np.pi * np.arange(len(recorded.observed)) / 150.0)
+    slow = dataclasses.replace(recorded, observed=recorded.observed + slow_w)
+    fit = refit(slow, husky)
+    terms = [next(responses(CATALOGUE["turning"], Setting.of(fit, slow)))]
+    found = fit_model(fit, terms, slow, cut_blocks(slow.run, slow.observed - fit.predicted))
+    assert found.ci95[0][0] == 0.0 and found.p_values[0] < 1e-6
+
+
+def test_in_correlated_noise_an_effect_is_rarely_significant(short_runs: Runs, husky: Robot) -> None:
+    plain = predict(short_runs, husky)
+    count = 0
+    for seed in range(40):
+        noise = 3.0 * autoregressive(0.9, len(plain), seed)
+        found = fitted(dataclasses.replace(short_runs, observed=plain + noise), husky, "turning")
+        count += bool(found.p_values[0] <= rules.SIGNIFICANT)
+    assert count <= 7  # of 40 at 5 %: 8 or more have a probability of 0.0007
