@@ -19,7 +19,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.residual_test import independent_blocks
-from homeward.diagnosis.fit.channel_errors import meter_error
+from homeward.diagnosis.fit.channel_errors import expected_error, least_to_name, meter_error
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
@@ -43,12 +43,14 @@ def provable(case: Case) -> dict[str, bool]:
     residual = runs.observed - fit.predicted
     bench = Bench(fit, terms, runs, residual, independent_blocks(fit, runs).channels)
     least, found = max(rules.SMALLEST_GAIN_BESIDE * float(residual @ residual), meter_error(runs)), {}
+    noise = expected_error(fit, runs)
     for index, effect in enumerate(case.hidden):
         beside = bench if len(terms) == 1 else bench.with_base(1 - index)
-        share = beside.share(index)
-        named = share >= rules.SMALLEST_GAIN_TO_NAME and share * beside.squared_error(index) >= least
+        share, squared_error = beside.share(index), beside.squared_error(index)
+        enough = least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, noise)
+        named = share >= enough and share * squared_error >= least
         elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance
-        found[effect] = elsewhere or (named and beside.held_out_bic(index) >= rules.STRONG_BIC)
+        found[effect] = elsewhere or (named and beside.delta_bic(index) >= rules.STRONG_BIC)
     return found
 
 

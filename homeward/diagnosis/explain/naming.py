@@ -23,7 +23,7 @@ from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immateria
 from homeward.diagnosis.explain.motion import largest_by_motion
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.uncertainty import profiled
-from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
+from homeward.diagnosis.fit.channel_errors import channel_error, expected_error, least_to_name, meter_error
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.held_out import gain, held_out
@@ -88,7 +88,7 @@ def name_missing(
     fold = np.asarray(block % FOLDS)
     setting = Setting.of(fit, runs)
     material = holding(fit, runs, immaterial(fit, runs))
-    expected_error = channel_error(fit, runs)
+    of_channels, noise = channel_error(fit, runs), expected_error(fit, runs)
     refit_error = float(setting.residual @ setting.residual)
     named: tuple[Named, ...] = ()
     ranking: tuple[Ranked, ...] = ()
@@ -101,7 +101,7 @@ def name_missing(
         model = corrected or fit
         candidates = not_contradicted(candidates, model.jacobian, setting, block)
         candidates += _as_jointly_fitted(candidates, model, material, named, setting, block)
-        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, expected_error)
+        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, of_channels, noise)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         for found in _best(bench, rng):
@@ -111,7 +111,11 @@ def name_missing(
             if (at_work := fitted.at_work())[len(named) :].all() and not at_work.all():
                 # Backward elimination: beside what is found, an effect named before is not significant.
                 together, fitted = _fitted(material, tuple(compress(together, at_work)), runs, block)
-            if fitted.at_work().all() and _draws_energy(fitted, runs) and _replays(fitted, model, runs, fold, rng):
+            if (
+                fitted.at_work().all()
+                and _draws_energy(fitted, runs)
+                and _replays(fitted, model, runs, fold, noise, rng)
+            ):
                 break
         else:
             break  # no candidate passes with a significant size in the joint replay
@@ -163,14 +167,17 @@ def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
     return all(float(np.abs(w * runs.duration_s).sum()) >= least for one, w in terms if one.axis != "steady")
 
 
-def _replays(after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, rng: Generator) -> bool:
+def _replays(
+    after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, noise: float, rng: Generator
+) -> bool:
     """Whether a replay with the effects, not only its linearisation, predicts held-out windows better."""
     predicted = [
         held_out(lambda chosen, one=one: one.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
         for one in (before, after)
     ]
     replayed = gain(runs.observed, predicted[0], predicted[1], fold, rng)
-    return replayed.share >= rules.SMALLEST_GAIN_TO_NAME
+    squared_error = float(np.sum((runs.observed - predicted[0]) ** 2))
+    return replayed.share >= least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, noise)
 
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:
@@ -278,6 +285,7 @@ def _supported(bench: Bench, chosen: int, alone: Array, independent: float, rng:
     delta_bic = bench.delta_bic(chosen)
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
+    least = least_to_name(least, bench.squared_error(chosen), bench.noise)
     of_refit = explained / max(bench.refit_error, 1e-300)
     loose = bench.candidates[chosen].axis == "time" and not clearly_apart(bench.candidates[chosen].schedule)
     least_of_refit = rules.SMALLEST_GAIN if loose else rules.SMALLEST_GAIN_BESIDE

@@ -69,6 +69,7 @@ class Bench:
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
     refit_error: float = 0.0  # squared error that the refit leaves, without any effect
     channel_error: float = 0.0  # squared error expected from errors of the channels
+    noise: float = 0.0  # squared error expected from noise of power
 
     def with_base(self, other: int) -> Bench:
         """The same with a hypothesis in the base."""

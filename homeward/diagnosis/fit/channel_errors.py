@@ -106,11 +106,22 @@ def is_material(fit: Fitted, runs: Runs) -> bool:
     return float(residual @ residual) >= rules.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
 
 
-def times_noise(fit: Fitted, runs: Runs) -> float:
-    """Squared error of a fit over that expected from the noise of power and of the other channels."""
-    noise = channel_error(fit, runs)
+def expected_error(fit: Fitted, runs: Runs) -> float:
+    """Squared error of a fit, summed over windows, that noise of power and of the other channels explains."""
+    total = channel_error(fit, runs)
     for number, run in enumerate(runs.signals):
         here = runs.duration_s[runs.run == number]
-        noise += float((white_noise(run.observed) ** 2 * median_step_s(run.time_s) / here).sum())
+        total += float((white_noise(run.observed) ** 2 * median_step_s(run.time_s) / here).sum())
+    return total
+
+
+def times_noise(fit: Fitted, runs: Runs) -> float:
+    """Squared error of a fit over that expected from noise."""
     residual = runs.observed - fit.predicted
-    return float(residual @ residual) / max(noise, 1e-300)
+    return float(residual @ residual) / max(expected_error(fit, runs), 1e-300)
+
+
+def least_to_name(share: float, squared_error: float, noise: float) -> float:
+    """Least share of a squared error to be explained for a name: this share of what noise does not explain, and a
+    twentieth of all."""
+    return max(rules.SMALLEST_GAIN, share * (1.0 - noise / max(squared_error, 1e-300)))
